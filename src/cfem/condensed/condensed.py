@@ -1,0 +1,61 @@
+"""The value that everything after mechanics works on: compliance and free displacement in constraint space."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.condensed.rows import Rows
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """delta = W lambda + delta_free, linearised at one equilibrium (Navez, Menager et al. 2025, eq. of motion condensed).
+
+    rows:       names and order e, a, c of the n scalar rows
+    W:          (n, n) symmetric compliance, row unit per column's multiplier unit (mm/N for cables and effectors)
+    delta_free: (n,) displacement of each row with the active multipliers removed at this tangent
+    lam:        (n_a + n_c,) multipliers of the active rows at the state itself (N, or MPa for pressures)
+
+    Effector rows are displacements from their reference: the robot's own rest position unless shifted by a goal."""
+
+    rows: Rows
+    W: np.ndarray
+    delta_free: np.ndarray
+    lam: np.ndarray
+
+    @property
+    def delta(self) -> np.ndarray:
+        """(n,) displacements at the state itself."""
+        return self.W[:, self.rows.active] @ self.lam + self.delta_free
+
+    @property
+    def delta_e(self) -> np.ndarray:
+        return self.delta[self.rows.e]
+
+    @property
+    def delta_a(self) -> np.ndarray:
+        return self.delta[self.rows.a]
+
+    @property
+    def lambda_a(self) -> np.ndarray:
+        return self.lam[: self.rows.n_a]
+
+    @property
+    def W_ea(self) -> np.ndarray:
+        return self.W[self.rows.e, self.rows.a]
+
+    @property
+    def W_aa(self) -> np.ndarray:
+        return self.W[self.rows.a, self.rows.a]
+
+    @property
+    def effector_jacobian(self) -> np.ndarray:
+        """(n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
+        act = self.rows.active
+        return np.linalg.solve(self.W[act, act], self.W[act, self.rows.e]).T
+
+    def towards(self, goal: np.ndarray) -> "Condensed":
+        """Effector rows measured from `goal` (n_e,), given in the same frame as delta_e: shifts delta_free_e, nothing else."""
+        delta_free = self.delta_free.copy()
+        delta_free[self.rows.e] -= goal
+        return replace(self, delta_free=delta_free)

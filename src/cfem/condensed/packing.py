@@ -1,0 +1,29 @@
+"""Symmetric matrices as their upper triangle, row by row: W[0,0], W[0,1], ..., W[1,1], ..."""
+
+from functools import lru_cache
+
+import numpy as np
+
+
+@lru_cache(maxsize=64)
+def upper_indices(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column index of each packed entry, both (n (n + 1) / 2,)."""
+    return np.triu_indices(n)
+
+
+def pack_upper(matrix: np.ndarray) -> np.ndarray:
+    """(..., n, n) symmetric -> (..., n (n + 1) / 2)."""
+    rows, columns = upper_indices(matrix.shape[-1])
+    return matrix[..., rows, columns]
+
+
+def unpack_upper(packed: np.ndarray) -> np.ndarray:
+    """(..., n (n + 1) / 2) -> (..., n, n) symmetric."""
+    n = int((np.sqrt(8 * packed.shape[-1] + 1) - 1) / 2)
+    if n * (n + 1) // 2 != packed.shape[-1]:
+        raise ValueError(f"{packed.shape[-1]} entries are no upper triangle")
+    rows, columns = upper_indices(n)
+    matrix = np.empty((*packed.shape[:-1], n, n), dtype=packed.dtype)
+    matrix[..., rows, columns] = packed
+    matrix[..., columns, rows] = packed
+    return matrix

@@ -1,0 +1,1 @@
+"""How the outside touches a body: attachments, cables, effectors. Displacement, gradient and curvature of each."""

@@ -1,0 +1,65 @@
+"""A cable through points of the body, perhaps to a fixed pull point: delta = l0 - l, its shortening in mm.
+
+The multiplier is the tension in N, positive when the cable pulls. With d_s the vector along segment s, l_s = |d_s|:
+
+    d delta = - sum_s (d_s / l_s) . dd_s,    d2 delta = - sum_s dd_s . (1 - t t^T) / l_s . dd_s,    t = d_s / l_s"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.constraint.attachment import Attachment
+from cfem.core.errors import SpecError
+
+
+@dataclass(frozen=True)
+class Cable:
+    """nodes (k,); along (s, k): segment vectors are d = along @ x[nodes] + start; start (s, 3) mm is - pull point for the
+    first segment where there is one, else 0; rest_length mm; rest (1,) is 0."""
+
+    nodes: np.ndarray
+    along: np.ndarray
+    start: np.ndarray
+    rest_length: float
+    cliques: tuple[np.ndarray, ...]
+    rest: np.ndarray
+
+    def _segments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        d = self.along @ x[self.nodes] + self.start
+        return d, np.linalg.norm(d, axis=1)
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        return np.array([self.rest_length - self._segments(x)[1].sum()])
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        d, length = self._segments(x)
+        return -(self.along.T @ (d / length[:, None]))[None]
+
+    def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
+        d, length = self._segments(x)
+        t = d / length[:, None]
+        across = -(np.eye(3) - t[:, :, None] * t[:, None, :]) / length[:, None, None]
+        coupled = (row[row != 0.0] for row in self.along)
+        return [np.kron(np.outer(c, c), block) for c, block in zip(coupled, across, strict=True)]
+
+
+def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name: str) -> Cable:
+    """A cable through at least two points, the fixed pull point (3,) mm counted first where it is given.
+
+    Raises SpecError where there are too few points or two neighbours coincide."""
+    nodes = np.unique(np.concatenate([point.nodes for point in points])) if points else np.empty(0, dtype=int)
+    positions = np.zeros((len(points), len(nodes)))
+    for row, point in enumerate(points):
+        positions[row, np.searchsorted(nodes, point.nodes)] = point.weights
+    along, start = np.diff(positions, axis=0), np.zeros((max(len(points) - 1, 0), 3))
+    if pull_point is not None:
+        along, start = np.vstack([positions[:1], along]), np.vstack([-np.asarray(pull_point, float), start])
+    if len(along) < 1:
+        raise SpecError(f"cable '{name}' needs two points, or one and a pull point")
+    ends = ([] if pull_point is None else [np.asarray(pull_point, float)]) + [point.point for point in points]
+    lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
+    if lengths.min() < 1e-6 * max(lengths.max(), 1e-300):
+        raise SpecError(f"cable '{name}': points {lengths.argmin() + 1} and {lengths.argmin() + 2} coincide")
+    cliques = tuple(nodes[row != 0.0] for row in along)
+    return Cable(nodes, along, start, float(lengths.sum()), cliques, np.zeros(1))

@@ -1,0 +1,163 @@
+"""From a goal to an actuation: predict, solve the inverse step, repeat, until the actuators stay where they are.
+
+One algorithm for a learned model and for the FE model: both answer `at_displacement`. It is sequential quadratic
+programming on
+
+    minimise |w (e(delta_a) - goal)|^2 / 2 + |r delta_a|^2 / 2   subject to   lambda(delta_a) and delta_a within bounds
+
+Out of reach the residual stays large and Gauss-Newton (the paper's step, repeated) overshoots or zigzags: its Hessian
+lacks S = sum_i w_i^2 (e_i - goal_i) hess e_i. The model gives grad e at every state for nothing, so hess e is learned from its
+differences (Powell's symmetric Broyden update); it belongs to the robot, not to the goal, and is handed from goal to goal.
+A step that does not lower the cost plus an exact penalty on forbidden multipliers is halved."""
+
+import time
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.control.inverse import Aim, Limits, inverse_step
+from cfem.control.qp import Backend
+from cfem.core.errors import NumericalError
+
+
+class Model(Protocol):
+    """Whatever can condense the robot where its actuators stand."""
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        """Condensed at delta_a (n_a,) mm, effectors from rest. NumericalError where it has no answer."""
+        ...
+
+
+class ReachStatus(Enum):
+    """How the search ended; the value is the sentence that the user reads."""
+
+    CONVERGED = "converged"
+    ITERATIONS = "the iterations allowed were used up"
+    NO_DESCENT = "no shorter step brings the effectors closer"
+    QP_FAILED = "the inverse step has no trustworthy answer"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """iterations: inverse steps allowed a goal, 1 is the paper's; tolerance: mm, a smaller move of every actuator ends the
+    search; step: mm, the largest move of an actuator in one iteration; halvings: of a step that leads uphill."""
+
+    iterations: int = 20
+    tolerance: float = 1e-5
+    step: float = np.inf
+    halvings: int = 8
+    backend: Backend = "daqp"
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Where a search stands. condensed: the model there; hessian: (n_e, n_a, n_a) 1/mm, hess e as learned so far."""
+
+    condensed: Condensed
+    hessian: np.ndarray
+
+    @classmethod
+    def at(cls, condensed: Condensed) -> "Iterate":
+        rows = condensed.rows
+        return cls(condensed, np.zeros((rows.n_e, rows.n_a, rows.n_a)))
+
+    def moved(self, to: Condensed) -> "Iterate":
+        """The iterate at `to`, its hessian changed by as little as makes hess e s = grad e(to) - grad e(here)."""
+        s = to.delta_a - self.condensed.delta_a
+        square = float(s @ s)
+        if square == 0.0:
+            return Iterate(to, self.hessian)
+        wrong = to.effector_jacobian - self.condensed.effector_jacobian - self.hessian @ s
+        cross = wrong[:, :, None] * s / square
+        twice = (wrong @ s)[:, None, None] * np.outer(s, s) / square**2
+        return Iterate(to, self.hessian + cross + cross.swapaxes(1, 2) - twice)
+
+    def curvature(self, aim: Aim) -> np.ndarray | None:
+        """S (n_a, n_a), its positive part: the convex share, which is all of it where the goal lies outside a convex set."""
+        pull = aim.weights**2 * (self.condensed.delta_e - aim.goal)
+        values, vectors = np.linalg.eigh(np.tensordot(pull, self.hessian, 1))
+        return (vectors * np.maximum(values, 0.0)) @ vectors.T if values[-1] > 0 else None
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The actuation found for one goal, as the model sees it.
+
+    delta_a, lambda_a: (n_a,) mm, N; delta_e: (n_e,) mm from rest; distance: mm from the goal; status; iterations: inverse steps;
+    queries: of the model; softened: whether a step had to widen the course; kkt: residual of the last program;
+    seconds: of it all; iterate: to start the next goal from."""
+
+    delta_a: np.ndarray
+    lambda_a: np.ndarray
+    delta_e: np.ndarray
+    distance: float
+    status: ReachStatus
+    iterations: int
+    queries: int
+    softened: bool
+    kkt: float
+    seconds: float
+    iterate: Iterate
+
+
+def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Settings = Settings()) -> Reach:  # noqa: B008
+    """Search from `start` for the actuation that brings the effectors nearest to the goal. Never raises for a numerical
+    failure: the best state found comes back with its status."""
+    begin = time.perf_counter()
+    at, status = start, ReachStatus.ITERATIONS
+    iterations = queries = 0
+    softened, kkt = False, 0.0
+    while iterations < settings.iterations:
+        here = at.condensed.delta_a
+        try:
+            nearby = limits.within(here, settings.step)
+            step = inverse_step(at.condensed, aim, nearby, at.curvature(aim), settings.backend)
+        except NumericalError:
+            status = ReachStatus.QP_FAILED
+            break
+        iterations += 1
+        softened, kkt = softened or step.softened, step.qp.kkt.largest
+        if np.abs(step.delta_a - here).max() < settings.tolerance:
+            status = ReachStatus.CONVERGED
+            break
+        penalty = 2.0 * float(np.abs(step.qp.z).max())
+        trial, used = _descend(model, aim, limits, at, step.delta_a, penalty, settings.halvings)
+        queries += used
+        if trial is None:
+            status = ReachStatus.NO_DESCENT
+            break
+        at = at.moved(trial)
+    found = at.condensed
+    seconds = time.perf_counter() - begin
+    distance = aim.distance(found.delta_e)
+    return Reach(
+        found.delta_a, found.lambda_a, found.delta_e, distance, status, iterations, queries, softened, kkt, seconds, at
+    )
+
+
+def _descend(
+    model: Model, aim: Aim, limits: Limits, at: Iterate, target: np.ndarray, penalty: float, halvings: int
+) -> tuple[Condensed | None, int]:
+    """The model at the first of target, half way to it, ... whose merit is below the present one; None where none is."""
+    here = at.condensed.delta_a
+    merit = _merit(at.condensed, aim, limits, penalty)
+    for halving in range(halvings + 1):
+        try:
+            trial = model.at_displacement(here + 0.5**halving * (target - here))
+        except NumericalError:  # beyond what the robot or the model can do: a shorter step may be within it
+            continue
+        if _merit(trial, aim, limits, penalty) < merit:
+            return trial, halving + 1
+    return None, halvings + 1
+
+
+def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float) -> float:
+    """Cost plus the exact (l1) penalty on multipliers outside their bounds; the course is kept by every step."""
+    low, high = limits.lambda_a.T
+    outside = np.maximum(low - condensed.lam, 0.0) + np.maximum(condensed.lam - high, 0.0)
+    delta = condensed.delta
+    rows = condensed.rows
+    return aim.cost(delta[rows.e], delta[rows.a]) + penalty * float(outside.sum())

@@ -1,0 +1,1 @@
+"""What every stage shares: errors, units, specs, files, progress. No science."""

@@ -1,0 +1,60 @@
+"""One exception a documented exit code. A message says what is wrong, where, and what to do."""
+
+
+class CfemError(Exception):
+    """Base: a defect of ours unless a subclass says otherwise (exit 1)."""
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, where: str | None = None, do: str | None = None):
+        self.what, self.where, self.do = what, where, do
+        super().__init__(": ".join(part for part in (where, what) if part) + (f" ({do})" if do else ""))
+
+
+class SpecError(CfemError):
+    """Usage or spec: unknown key, wrong unit, a value out of range (exit 2)."""
+
+    exit_code = 2
+
+
+class InputError(CfemError):
+    """An input file is missing, corrupt or incompatible (exit 3)."""
+
+    exit_code = 3
+
+
+class NumericalError(CfemError):
+    """A computation failed; whatever converged is kept (exit 4)."""
+
+    exit_code = 4
+
+
+class GateError(CfemError):
+    """A stated figure is not met, or an output is stale under --check (exit 5)."""
+
+    exit_code = 5
+
+
+class OutputError(CfemError):
+    """The output exists from other inputs, or another process holds it (exit 6)."""
+
+    exit_code = 6
+
+
+class DiskError(CfemError):
+    """The disk is full or refuses to be written (exit 7)."""
+
+    exit_code = 7
+
+
+EXIT_CODES = {
+    0: "done",
+    1: "a defect of ours",
+    2: "usage or spec",
+    3: "an input file is missing, corrupt or incompatible",
+    4: "numerical failure (what converged is kept)",
+    5: "a gate is not met, or stale under --check",
+    6: "the output exists from other inputs, or is locked",
+    7: "disk full or not writable",
+    130: "interrupted (resumable)",
+}

@@ -1,0 +1,132 @@
+"""Files that are either whole or absent, and the hashes that name their content."""
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import DiskError, InputError, OutputError
+
+
+@contextmanager
+def disk_errors(path: Path) -> Iterator[None]:
+    """Turns a full or read-only disk into one sentence with its exit code."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO):
+            raise DiskError(
+                f"cannot write: {error.strerror}", where=str(path), do="free space or choose --out"
+            ) from error
+        raise
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Temporary file, fsync, rename, fsync of the folder: a reader sees the old file or the new one, never a part."""
+    with disk_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        try:
+            with open(partial, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(partial, path)
+        finally:
+            partial.unlink(missing_ok=True)
+        sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Makes renames inside `folder` survive a power cut."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def file_sha256(path: Path) -> str:
+    """Hex digest of a file's bytes; InputError where it cannot be read."""
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError:
+        raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+
+
+def content_sha256(value: Any) -> str:
+    """Hex digest of plain data and arrays: equal values, equal digest, whatever their spelling."""
+    return hashlib.sha256(json.dumps(plain(value), sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Arrays, paths, tuples and numpy numbers as what JSON knows. Floats keep all their digits."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Path):
+        return value.as_posix()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value
+
+
+def read_json(path: Path) -> dict:
+    """A JSON object; InputError where the file is missing or damaged."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"is damaged: {error}", where=str(path), do="make it anew with --force") from error
+    if not isinstance(data, dict):
+        raise InputError("is damaged: not a JSON object", where=str(path), do="make it anew with --force")
+    return data
+
+
+def write_json(path: Path, data: dict) -> None:
+    write_whole(path, (json.dumps(plain(data), indent=2, allow_nan=False) + "\n").encode())
+
+
+@contextmanager
+def locked(target: Path) -> Iterator[None]:
+    """One writer at a time for `target`; the lock ends with the process that holds it. OutputError where it is held."""
+    import fcntl
+
+    lock = target.with_name(f".{target.name}.lock")
+    with disk_errors(lock):
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise OutputError("another process is writing here", where=str(target), do="wait for it to end") from None
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+def replace_folder(new: Path, target: Path) -> None:
+    """Puts the finished folder `new` in the place of `target`, whose old content goes."""
+    old = target.with_name(f".{target.name}.{os.getpid()}.old")
+    with disk_errors(target):
+        if target.exists():
+            os.replace(target, old)
+        os.replace(new, target)
+        sync_folder(target.parent)
+    shutil.rmtree(old, ignore_errors=True)

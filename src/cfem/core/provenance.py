@@ -1,0 +1,19 @@
+"""What made a result: versions of cfem, Python and the packages that numbers depend on, and the machine."""
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+from cfem import __version__
+
+_PACKAGES = ("numpy", "scipy", "numba", "rslab", "gmsh", "torch", "onnxruntime", "daqp", "osqp", "pyarrow")
+
+
+def versions() -> dict[str, str]:
+    """Installed versions by package; absent ones are left out."""
+    found = {"cfem": __version__, "python": platform.python_version(), "machine": platform.machine()}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

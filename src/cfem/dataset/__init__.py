@@ -1,0 +1,1 @@
+"""Solved states of a robot as Parquet: one row a state, every column with its unit, readable without cfem."""

@@ -1,0 +1,84 @@
+"""A dataset in words: what is in it, in which units, and what it cost."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from cfem.core.errors import InputError
+from cfem.core.stage import artefact_file, read_manifest
+from cfem.dataset.reader import CONVERGED, column_array, read_table
+from cfem.dataset.schema import COLUMNS, metadata
+
+
+def describe(path: Path) -> str:
+    """Text for a terminal, of a dataset folder or of one of its files. Raises InputError."""
+    table = pa.concat_tables([read_table(file) for file in dataset_files(path)], promote_options="none")
+    solved = table.filter(pc.equal(table["status"], CONVERGED))
+    return "\n\n".join([_heading(table), _counts(table), _statistics(solved), _cost(table)])
+
+
+def dataset_files(path: Path) -> list[Path]:
+    """The Parquet files of a dataset folder, each checked against the manifest; a file stands for itself."""
+    if not path.is_dir():
+        return [path]
+    names = [name for name in read_manifest(path)["files"] if name.endswith(".parquet")]
+    if not names:
+        raise InputError("holds no dataset", where=str(path))
+    return [artefact_file(path, name) for name in names]
+
+
+def _heading(table: pa.Table) -> str:
+    meta = metadata(table)
+    rows = meta["rows"]
+    lines = [
+        f"dataset of {meta['scene']}: {len(table)} states",
+        f"effectors  {', '.join(rows['effectors'])}   at rest {np.round(meta['rest_e'], 6).tolist()} mm",
+        f"actuators  {', '.join(rows['actuators'])}   reach {np.asarray(meta['reach']).tolist()} mm",
+        "rows of W  effectors, then actuators; upper triangle, row by row",
+    ]
+    return "\n".join(lines)
+
+
+def _counts(table: pa.Table) -> str:
+    """Rows a split and status, and the reasons of those that failed."""
+    count = Counter(zip(table["split"].to_pylist(), table["status"].to_pylist(), table["reason"].to_pylist(), strict=True))
+    lines = [f"{'split':<10} {'status':<22} {'rows':>6}"]
+    lines += [
+        f"{split:<10} {status:<22} {number:>6}{f'  {reason}' if reason else ''}"
+        for (split, status, reason), number in sorted(count.items())
+    ]
+    return "\n".join(lines)
+
+
+def _statistics(solved: pa.Table) -> str:
+    """Least, mean and largest value of every column of numbers, over converged rows and all entries of a list."""
+    lines = [f"{'column':<16} {'shape':<7} {'unit':<5} {'min':>12} {'mean':>12} {'max':>12}"]
+    for column in COLUMNS:
+        if column.name == "id" or pa.types.is_string(column.kind) or len(solved) == 0:
+            continue
+        values = column_array(solved, column.name)
+        shape = f"[{values.shape[1]}]" if values.ndim == 2 else ""
+        numbers = "".join(f" {number:>12.5g}" for number in (values.min(), values.mean(), values.max()))
+        lines.append(f"{column.name:<16} {shape:<7} {column.unit:<5}{numbers}")
+    return "\n".join(lines)
+
+
+def _cost(table: pa.Table) -> str:
+    figures = cost(table)
+    return (
+        f"a sample cost {figures['factorizations_per_sample']:.2f} factorizations, {figures['iterations_per_sample']:.2f} "
+        f"iterations; {figures['samples_per_second_per_core']:.1f} samples/s on one core"
+    )
+
+
+def cost(table: pa.Table) -> dict[str, float]:
+    """Means over all rows, failed ones included: their cost was paid too."""
+    seconds = column_array(table, "seconds").sum()
+    return {
+        "factorizations_per_sample": float(column_array(table, "factorizations").mean()),
+        "iterations_per_sample": float(column_array(table, "iterations").mean()),
+        "samples_per_second_per_core": float(len(table) / seconds) if seconds > 0 else 0.0,
+    }

@@ -1,0 +1,28 @@
+"""Rows to a Parquet file that is whole or absent, every page with its checksum."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cfem.core.files import content_sha256, write_whole
+from cfem.dataset.schema import content
+
+
+def write_rows(path: Path, records: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
+    """One mapping a row, column name -> value (None where a failed row has none)."""
+    write_table(path, pa.Table.from_pylist(list(records), schema=schema))
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Made in memory and put in place by one rename. Raises DiskError."""
+    buffer = pa.BufferOutputStream()
+    pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
+    write_whole(path, buffer.getvalue().to_pybytes())
+
+
+def content_hash(tables: Mapping[str, pa.Table]) -> str:
+    """SHA-256 of what the splits hold: equal for equal states, whoever solved them, where and how fast."""
+    return content_sha256({split: content(table) for split, table in tables.items()})

@@ -1,0 +1,47 @@
+"""What is prescribed to the actuators: displacements, forces, or a mixture, in one form.
+
+lambda_a = offset + C^T mu      and      C delta_a = target
+
+with C (m, n_a) and unknown mu (m,). C = 1 prescribes every displacement; m = 0 prescribes every force; C = the unit
+rows of the taut cables leaves the others slack (offset 0); C = one row u^T pulls all cables in proportion u until the
+weighted displacement reaches its target, which stays well posed wherever the robot can be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """C: (m, n_a) rows, dimensionless; target: (m,) mm; offset: (n_a,) N (or MPa for pressures, mm^3 for their volume)."""
+
+    C: np.ndarray
+    target: np.ndarray
+    offset: np.ndarray
+
+    @property
+    def n_a(self) -> int:
+        return len(self.offset)
+
+
+def displacement(delta_a: np.ndarray) -> Actuation:
+    """Every actuator displacement prescribed, (n_a,) mm."""
+    delta_a = np.asarray(delta_a, dtype=float)
+    return Actuation(np.eye(len(delta_a)), delta_a, np.zeros(len(delta_a)))
+
+
+def force(lambda_a: np.ndarray) -> Actuation:
+    """Every multiplier prescribed, (n_a,) N."""
+    lambda_a = np.asarray(lambda_a, dtype=float)
+    return Actuation(np.zeros((0, len(lambda_a))), np.zeros(0), lambda_a)
+
+
+def pull(share: np.ndarray, reach: np.ndarray) -> Actuation:
+    """Pull in the proportion `share` (n_a,) in [0, 1] until the share-weighted displacement, in units of `reach` (n_a,)
+    mm, equals |share|: lambda_a = mu C^T with C = share / (|share| reach), C delta_a = |share|. Every point of the domain
+    lambda_a >= 0 is one share; a single cable at share s is pulled by s * reach."""
+    share, reach = np.asarray(share, dtype=float), np.asarray(reach, dtype=float)
+    size = float(np.linalg.norm(share))
+    if size == 0.0:
+        return force(np.zeros(len(share)))
+    return Actuation((share / (size * reach))[None, :], np.array([size]), np.zeros(len(share)))

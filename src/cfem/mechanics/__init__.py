@@ -1,0 +1,1 @@
+"""Bodies: meshes, elements, materials, assembly and sparse factorisation. NumPy and numba only."""

@@ -1,0 +1,63 @@
+"""A tetrahedral mesh as a value: nodes, cells, boundary facets, named sets."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+# Edges of a tetrahedron and of a triangle in the order of their mid-edge nodes (VTK quadratic cells).
+TET_EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
+TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+# Faces of a positively oriented tetrahedron, normals outward.
+TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """X: (n, 3) mm; cells: (m, 4) or (m, 10), mid-edge nodes at the middle of straight edges; facets: (k, 3) or (k, 6)
+    boundary triangles, normals outward; node_sets and facet_sets: name -> indices of nodes or of facets."""
+
+    X: np.ndarray
+    cells: np.ndarray
+    facets: np.ndarray
+    node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    facet_sets: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def order(self) -> int:
+        """1 for linear, 2 for quadratic tetrahedra."""
+        return 1 if self.cells.shape[1] == 4 else 2
+
+    @property
+    def volumes(self) -> np.ndarray:
+        """(m,) mm^3, negative where a cell is inverted."""
+        return tet_volumes(self.X, self.cells)
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the bounding box, mm."""
+        return float(np.linalg.norm(np.ptp(self.X, axis=0)))
+
+
+def tet_volumes(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) signed volumes of straight-edged tetrahedra from their corners."""
+    a, b, c, d = (X[cells[:, corner]] for corner in range(4))
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+
+
+def boundary_facets(cells: np.ndarray) -> np.ndarray:
+    """(k, 3) faces that belong to one cell only, normals outward, in a fixed order."""
+    faces = cells[:, :4][:, TET_FACES].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[np.sort(first[count == 1])]
+
+
+def quadratic(X: np.ndarray, cells: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Linear tetrahedra and facets with a node put in the middle of every edge: (X, cells (m, 10), facets (k, 6))."""
+    edges = np.sort(cells[:, TET_EDGES].reshape(-1, 2), axis=1)
+    unique, index = np.unique(edges, axis=0, return_inverse=True)
+    number = len(X) + index.reshape(len(cells), 6)
+    keys = unique[:, 0] * len(X) + unique[:, 1]
+    facet_edges = np.sort(facets[:, TRIANGLE_EDGES].reshape(-1, 2), axis=1)
+    facet_number = len(X) + np.searchsorted(keys, facet_edges[:, 0] * len(X) + facet_edges[:, 1]).reshape(-1, 3)
+    middle = X[unique].mean(axis=1)
+    return np.vstack([X, middle]), np.hstack([cells, number]), np.hstack([facets, facet_number])

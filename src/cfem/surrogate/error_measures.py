@@ -1,0 +1,60 @@
+"""How good a model is: the paper's loss, and errors in the units that a user cares about."""
+
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed import Rows, pack_upper
+
+CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
+
+
+def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
+    """All measures of a prediction W (m, n, n), delta_free (m, n) at the states of `dataset`, as plain data.
+
+    tip: distance between predicted and true effector at the state's own delta_a; force: of the multipliers there."""
+    rows, length = dataset.rows, float(dataset.meta["length"])
+    lambda_a, delta_e = state(rows, W, delta_free, dataset.delta_a)
+    distance = np.linalg.norm((delta_e - dataset.delta_e).reshape(len(W), -1, 3), axis=2)  # (m, effectors) mm
+    names = [name.rsplit(".", 1)[0] for name in rows.effectors[::3]]
+    return {
+        "states": len(W),
+        **paper_loss(dataset.W, dataset.delta_free, W, delta_free),
+        "tip_mm": _statistics(distance),
+        "tip_percent_of_length": _statistics(100 * distance / length),
+        "effectors_mm": {name: _statistics(distance[:, i]) for i, name in enumerate(names)},
+        "force_N": _statistics(np.abs(lambda_a - dataset.lambda_a)),
+        "actuators_N": {name: _statistics(np.abs(lambda_a - dataset.lambda_a)[:, i]) for i, name in enumerate(rows.actuators)},
+    }
+
+
+def state(rows: Rows, W: np.ndarray, delta_free: np.ndarray, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """lambda_a = W_aa^-1 (delta_a - delta_free_a) (m, n_a) and delta_e = W_ea lambda_a + delta_free_e (m, n_e)."""
+    e, a = rows.e, rows.a
+    lambda_a = np.linalg.solve(W[:, a, a], (delta_a - delta_free[:, a])[..., None])
+    return lambda_a[..., 0], (W[:, e, a] @ lambda_a)[..., 0] + delta_free[:, e]
+
+
+def paper_loss(W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray) -> dict[str, Any]:
+    """Mean squared error of the entries of W (upper triangle) and delta_free, standardised by the mean and standard
+    deviation of the true ones; entries constant to rounding are left out and counted."""
+    varying, errors = [], []
+    for true, model in ((pack_upper(W), pack_upper(W_model)), (delta_free, delta_free_model)):
+        deviation = true.std(axis=0)
+        varies = deviation > CONSTANT * np.abs(true).max()
+        varying.append(varies)
+        errors.append((model - true)[:, varies] / deviation[varies])
+    varying = np.concatenate(varying)
+    return {
+        "loss": float(np.mean(np.hstack(errors) ** 2)) if varying.any() else 0.0,
+        "entries": int(varying.sum()),
+        "constant_entries": int((~varying).sum()),
+    }
+
+
+def _statistics(values: np.ndarray) -> dict[str, float]:
+    return {
+        "max": float(values.max()),
+        "mean": float(values.mean()),
+        "rms": float(np.sqrt(np.mean(values**2))),
+    }

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+from tests.control.synthetic import LENGTH, REACH, ArcRobot
+
+from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+
+RIDGE = ridge_of(1e-9, REACH, LENGTH)
+PULLING = Limits.of(REACH, np.array([True, True]))
+
+
+def aim_at(goal, weights=(1.0, 1.0, 1.0)):
+    return Aim(np.asarray(goal, float), np.asarray(weights), RIDGE)
+
+
+def test_a_goal_on_the_linearisation_is_met_and_the_program_agrees():
+    now = ArcRobot().at_displacement(np.array([5.0, 4.0]))
+    lam = now.lambda_a + [0.3, 0.1]
+    goal = now.W_ea @ lam + now.delta_free[now.rows.e]
+    step = inverse_step(now, aim_at(goal), PULLING)
+    np.testing.assert_allclose(step.lambda_a, lam, atol=1e-5)
+    np.testing.assert_allclose(step.delta_a, now.W_aa @ lam + now.delta_free[now.rows.a], atol=1e-5)
+    assert step.qp.kkt.largest < 1e-9
+
+
+def test_cables_do_not_push_and_stay_within_reach():
+    now = ArcRobot().at_displacement(np.array([1.0, 1.0]))
+    backwards = inverse_step(now, aim_at([0.0, -50.0, 0.0]), PULLING)
+    np.testing.assert_allclose(backwards.lambda_a, 0.0, atol=1e-9)
+    far = inverse_step(now, aim_at([0.0, 500.0, 500.0]), PULLING)
+    assert far.delta_a.max() == pytest.approx(20.0)
+
+
+def test_rows_of_weight_zero_do_not_matter():
+    now = ArcRobot().at_displacement(np.array([6.0, 6.0]))
+    goal = now.delta_e + [3.0, 0.0, 0.0]
+    step = inverse_step(now, aim_at(goal, (0.0, 1.0, 0.0)), PULLING)
+    np.testing.assert_allclose(step.delta_a, [6.0, 6.0], atol=1e-4)
+
+
+def test_a_course_that_no_allowed_force_keeps_is_widened_by_the_least():
+    now = ArcRobot().at_displacement(np.array([2.0, 2.0]))
+    behind = Limits(PULLING.lambda_a, np.array([[-9.0, -5.0], [-9.0, -5.0]]))
+    step = inverse_step(now, aim_at([0.0, 40.0, 20.0]), behind)
+    assert step.softened
+    assert (step.lambda_a >= -1e-9).all()
+    # Pulling nothing is the nearest to a pushed course.
+    np.testing.assert_allclose(step.delta_a, now.delta_free[now.rows.a], atol=1e-4)
+
+
+def test_backends_agree():
+    now = ArcRobot().at_displacement(np.array([5.0, 1.0]))
+    steps = [inverse_step(now, aim_at([8.0, 30.0, 20.0]), PULLING, backend=backend) for backend in ("daqp", "osqp")]
+    np.testing.assert_allclose(steps[0].delta_a, steps[1].delta_a, atol=1e-6)

@@ -1,0 +1,91 @@
+"""The identities that hold to round-off with the consistent tangent: each is judged by whole equilibrium solves."""
+
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.equilibrium import actuation
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+
+EXACT = Settings(tolerance=1e-12)
+
+
+@pytest.fixture(scope="module", params=[("tet4", "corotational", 0.3), ("tet10p0", "neo-hookean", 0.49)], ids=str)
+def problem(request):
+    element, law, poisson = request.param
+    return Problem(bar(element, law, poisson=poisson, divisions=(5, 1, 2)))
+
+
+def solved(problem, how, **options):
+    state = solve(problem, how, settings=EXACT, **options)
+    assert state.converged, state.status.value
+    return state
+
+
+def test_W_is_the_derivative_of_delta_by_lambda(problem):
+    base = solved(problem, actuation.displacement([3.0, 2.5]))
+    rows, h = problem.robot.rows, 1e-3
+    for j in range(rows.n_a):
+        step = h * np.eye(rows.n_a)[j] * np.abs(base.state.lambda_a).max()
+        up, down = (
+            solve(problem, actuation.force(base.state.lambda_a + sign * step), base.state, EXACT) for sign in (1, -1)
+        )
+        slope = (np.concatenate([up.delta_e, up.delta_a]) - np.concatenate([down.delta_e, down.delta_a])) / (
+            2 * step[j]
+        )
+        column = base.condensed.W[:, rows.n_e + j]
+        np.testing.assert_allclose(column, slope, rtol=0, atol=1e-6 * np.abs(column).max())
+
+
+def test_energy_has_gradient_lambda_and_hessian_W_inverse(problem):
+    at = np.array([3.0, 2.5])
+    base = solved(problem, actuation.displacement(at))
+    h = 1e-3
+    for j in range(2):
+        up, down = (
+            solve(problem, actuation.displacement(at + s * h * np.eye(2)[j]), base.state, EXACT) for s in (1, -1)
+        )
+        force = (up.energy - down.energy) / (2 * h)
+        assert force == pytest.approx(base.state.lambda_a[j], rel=1e-6)
+        stiffness = (up.state.lambda_a - down.state.lambda_a) / (2 * h)
+        np.testing.assert_allclose(stiffness, np.linalg.inv(base.condensed.W_aa)[:, j], rtol=1e-5)
+        moved = (up.delta_e - down.delta_e) / (2 * h)
+        np.testing.assert_allclose(
+            base.condensed.effector_jacobian[:, j], moved, rtol=0, atol=1e-6 * np.abs(moved).max()
+        )
+
+
+def test_W_is_symmetric_positive_definite_and_delta_is_consistent(problem):
+    state = solved(problem, actuation.displacement([5.0, 4.0]))
+    W = state.condensed.W
+    assert np.abs(W - W.T).max() <= 1e-12 * np.abs(W).max()
+    assert np.linalg.eigvalsh(W).min() > 0
+    np.testing.assert_allclose(state.condensed.delta_a, state.delta_a, atol=1e-12)
+    np.testing.assert_allclose(state.condensed.delta_e, state.delta_e, atol=1e-12)
+
+
+def test_W_from_a_nearby_factor_equals_W_from_a_fresh_one(problem):
+    """The variational W of a chord solve, against a solve that starts (and so factors) at the answer."""
+    first = solved(problem, actuation.displacement([3.0, 2.5]))
+    again = solve(problem, actuation.displacement([3.0, 2.5]), first.state, EXACT)
+    assert again.factorizations == 1 and again.iterations <= 1
+    np.testing.assert_allclose(
+        first.condensed.W, again.condensed.W, rtol=0, atol=1e-11 * np.abs(again.condensed.W).max()
+    )
+
+
+def test_young_modulus_scales_out():
+    soft, stiff = (Problem(bar(young=young, divisions=(4, 1, 1))) for young in (1.0, 1000.0))
+    a, b = (solved(problem, actuation.displacement([3.0, 3.0])) for problem in (soft, stiff))
+    np.testing.assert_allclose(b.condensed.W * 1000, a.condensed.W, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(b.state.lambda_a / 1000, a.state.lambda_a, rtol=1e-9)
+    np.testing.assert_allclose(b.condensed.delta_free, a.condensed.delta_free, atol=1e-8)
+
+
+def test_rest_is_an_equilibrium_without_force(problem):
+    rest = solved(problem, actuation.force(np.zeros(2)))
+    assert rest.energy == 0.0
+    assert np.abs(rest.delta_e).max() < 1e-12
+    assert rest.iterations == 0

@@ -1,0 +1,153 @@
+"""Robustness, honesty and cost of the solver."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+from support.blocks import bar, block
+
+from cfem.condensed import Rows
+from cfem.constraint.attachment import attach
+from cfem.constraint.cable import make_cable
+from cfem.constraint.effector import make_effector
+from cfem.equilibrium import actuation
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import State, Status
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.solid import make_solid
+from cfem.robot.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return Problem(bar(divisions=(6, 1, 1)))
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize("law", LAWS)
+def test_large_bending_converges_for_every_element_and_law(element, law):
+    state = solve(Problem(bar(element, law, poisson=0.45, divisions=(6, 1, 1))), actuation.displacement([7.0, 5.0]))
+    assert state.converged and state.residual < 1e-8
+    np.testing.assert_allclose(state.delta_a, [7.0, 5.0], atol=1e-9)
+
+
+def test_factorizations_do_not_grow_as_the_material_becomes_incompressible():
+    counts = [
+        solve(Problem(bar(poisson=poisson, divisions=(6, 1, 1))), actuation.displacement([6.0, 3.0])).factorizations
+        for poisson in (0.3, 0.49, 0.4999)
+    ]
+    assert max(counts) <= min(counts) + 6, counts
+
+
+def test_W_does_not_lock_as_the_material_becomes_incompressible():
+    tip = {
+        element: [
+            solve(
+                Problem(bar(element, poisson=poisson, divisions=(6, 1, 1))), actuation.force(np.zeros(2))
+            ).condensed.W[1, 1]
+            for poisson in (0.45, 0.4999)
+        ]
+        for element in ("tet4", "tet10p0")
+    }
+    assert tip["tet10p0"][1] > 0.85 * tip["tet10p0"][0]
+    assert tip["tet4"][1] < 0.4 * tip["tet4"][0]
+
+
+@pytest.mark.parametrize(
+    "how",
+    [actuation.displacement([4.0, 3.0]), actuation.force([1.5, 1.0]), actuation.pull([0.5, 0.3], [8.0, 8.0])],
+)
+def test_every_kind_of_actuation_is_met(problem, how):
+    state = solve(problem, how)
+    assert state.converged
+    np.testing.assert_allclose(how.C @ state.delta_a, how.target, atol=1e-9)
+    mu = np.linalg.lstsq(how.C.T, state.state.lambda_a - how.offset, rcond=None)[0]
+    np.testing.assert_allclose(how.offset + how.C.T @ mu, state.state.lambda_a, atol=1e-12)
+
+
+def test_pull_in_proportion_covers_the_pulling_states(problem):
+    reach = np.array([8.0, 8.0])
+    single = solve(problem, actuation.pull([1.0, 0.0], reach))
+    assert single.delta_a[0] == pytest.approx(8.0) and single.state.lambda_a[1] == 0.0 and single.slack[1]
+    both = solve(problem, actuation.pull([0.6, 0.6], reach))
+    assert both.state.lambda_a[0] == pytest.approx(both.state.lambda_a[1])
+
+
+def test_a_cable_that_would_push_goes_slack(problem):
+    state = solve(problem, actuation.displacement([7.0, -8.0]))
+    assert state.converged and state.slack.tolist() == [False, True]
+    assert state.state.lambda_a[1] == 0.0 and state.delta_a[1] > -8.0
+    bilateral = solve(problem, actuation.displacement([7.0, -8.0]), slack=False)
+    assert bilateral.state.lambda_a[1] < 0.0 and not bilateral.slack.any()
+
+
+def test_warm_start_next_door_costs_one_factorization(problem):
+    here = solve(problem, actuation.displacement([4.0, 3.0]))
+    near = here.state.x + here.dx_dlambda @ np.linalg.solve(here.condensed.W_aa, [0.05, 0.05])
+    start = State(near, np.empty(0), here.state.lambda_a)
+    assert solve(problem, actuation.displacement([4.05, 3.05]), start).factorizations == 1
+
+
+def test_failure_is_a_status_and_never_a_nan(problem):
+    beyond = solve(problem, actuation.displacement([59.0, 59.0]))
+    assert not beyond.converged and beyond.condensed is None
+    assert np.isfinite(beyond.state.x).all()
+    assert solve(problem, actuation.displacement([np.nan, 0.0])).status is Status.NOT_FINITE
+
+
+def test_a_body_that_nothing_holds_is_singular():
+    robot = bar(divisions=(3, 1, 1))
+    free = Robot(**{**robot.__dict__, "fixed": np.array([], dtype=int)})
+    assert solve(Problem(free), actuation.force(np.zeros(2))).status is Status.SINGULAR
+
+
+def test_bar_without_an_axis_of_contacts_pays_for_its_own_rows_only(problem):
+    state = solve(problem, actuation.force(np.zeros(2)))
+    assert state.condensed.W.shape == (5, 5)
+    assert problem.robot.rows.n_c == 0
+
+
+def elastica_tip(load: float) -> np.ndarray:
+    """Tip (x, y) / L of a cantilever under a dead end load of P L^2 / (E I) = load, across its axis at rest."""
+    answer = solve_bvp(
+        lambda s, y: np.stack([y[1], -load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])]),
+        lambda a, b: np.array([a[0], b[1], a[2], a[3]]),
+        np.linspace(0, 1, 50),
+        np.zeros((4, 50)),
+        tol=1e-10,
+    )
+    return answer.y[2:, -1]
+
+
+def cantilever_tip(divisions: int, load: float) -> np.ndarray:
+    """The same by finite elements, loaded by a cable so long that its direction does not turn."""
+    length, side, young = 100.0, 2.0, 1000.0
+    mesh = block((length, side, side), (divisions, 1, 1), order=2)
+    end = attach(mesh, np.array([length, side / 2, side / 2]), 1.5, "end")
+    robot = Robot(
+        name="cantilever",
+        body=make_solid(mesh, ELEMENTS["tet10p0"], LAWS["neo-hookean"], young, 0.0),
+        fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
+        actuators=(make_cable([end], np.array([length, 1e7, side / 2]), "load"),),
+        effectors=(make_effector(mesh, end.point, 1.5, 5.0, "tip"),),
+        rows=Rows(("x", "y", "z"), ("load",)),
+        reach=np.array([[0.0, 100.0]]),
+        unilateral=np.array([True]),
+        length=length,
+    )
+    force = load * young * side**4 / 12 / length**2
+    state = solve(Problem(robot), actuation.force([force]), settings=Settings(tolerance=1e-8))
+    assert state.converged, state.status.value
+    return (state.delta_e[:2] + [length, 0.0]) / length
+
+
+def test_slender_cantilever_against_the_elastica():
+    load = 3.0
+    coarse, fine = cantilever_tip(16, load), cantilever_tip(32, load)
+    expected = elastica_tip(load)
+    extrapolated = fine + (fine - coarse) / 3  # second order in the element length
+    assert expected[1] > 0.55
+    np.testing.assert_allclose(extrapolated, expected, atol=0.01 * expected[1])
+    assert np.abs(fine - expected).max() < np.abs(coarse - expected).max()

@@ -1,0 +1,125 @@
+"""Elements and laws together: derivatives, patch test, rigid motion, an independent code, the elastica."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.blocks import block
+
+from cfem.mechanics.assembly import make_pattern, symmetric_product
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.material.law import stress
+from cfem.mechanics.solid import make_solid, response, tangent
+
+every_element = pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS.keys())
+every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+
+
+def solid(element, law, poisson=0.45, divisions=(2, 1, 1), distort=0.0):
+    return make_solid(block((2, 1, 1), divisions, element.order, distort), element, law, 3.0, poisson)
+
+
+def bent(body, size=0.05, seed=0):
+    return body.mesh.X + size * np.random.default_rng(seed).standard_normal(body.mesh.X.shape)
+
+
+@every_element
+@every_law
+def test_force_is_the_gradient_of_the_energy(element, law):
+    body = solid(element, law)
+    x = bent(body)
+    direction = np.random.default_rng(1).standard_normal(x.shape)
+    h = 1e-5
+    slope = (response(body, x + h * direction).energy - response(body, x - h * direction).energy) / (2 * h)
+    assert (response(body, x).force * direction).sum() == pytest.approx(slope, rel=1e-8)
+
+
+@every_element
+@every_law
+def test_tangent_is_the_gradient_of_the_force(element, law):
+    body = solid(element, law)
+    x = bent(body)
+    pattern = make_pattern(len(x), body.mesh.cells, np.array([], dtype=int))
+    data = np.zeros(pattern.nnz)
+    tangent(body, response(body, x), pattern.cells, data)
+    direction = np.random.default_rng(1).standard_normal(x.shape)
+    h = 1e-5
+    slope = (response(body, x + h * direction).force - response(body, x - h * direction).force) / (2 * h)
+    product = symmetric_product(pattern, data, direction.reshape(-1, 1)).reshape(-1, 3)
+    np.testing.assert_allclose(product, slope, atol=1e-6 * np.abs(slope).max())
+
+
+@every_element
+@every_law
+def test_patch_test_on_a_distorted_mesh(element, law):
+    """An affine motion gives the same stress everywhere: interior nodes feel no force (Irons)."""
+    body = solid(element, law, divisions=(4, 3, 3), distort=0.3)
+    F = np.array([[1.1, 0.2, 0.0], [-0.1, 0.95, 0.1], [0.05, 0.0, 1.05]])
+    at = response(body, body.mesh.X @ F.T)
+    interior = np.setdiff1d(np.arange(len(body.mesh.X)), body.mesh.facets)
+    edge_force = np.abs(stress(law, F[None], 3.0, 0.45)).max() * 0.25
+    assert len(interior) > 8
+    assert np.abs(at.force[interior]).max() < 1e-12 * edge_force
+    np.testing.assert_allclose(at.D, np.broadcast_to(F - np.eye(3), at.D.shape), atol=1e-12)
+
+
+@every_element
+@every_law
+def test_rigid_motion_costs_nothing(element, law):
+    body = solid(element, law)
+    x = body.mesh.X @ Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix().T + [5.0, -3.0, 1.0]
+    at = response(body, x)
+    assert at.energy < 1e-12 * 3.0 * 2.0
+    assert np.abs(at.force).max() < 1e-12 * 3.0
+
+
+@every_element
+def test_internal_forces_balance_in_force_and_moment(element):
+    body = solid(element, LAWS["neo-hookean"])
+    x = bent(body)
+    force = response(body, x).force
+    size = np.abs(force).sum()
+    assert np.abs(force.sum(axis=0)).max() < 1e-12 * size
+    assert np.abs(np.cross(x, force).sum(axis=0)).max() < 1e-12 * size * 2
+
+
+@every_element
+def test_inversion_and_nan_are_seen(element):
+    body = solid(element, LAWS["neo-hookean"])
+    mirrored = body.mesh.X * [-1.0, 1.0, 1.0]
+    assert response(body, mirrored).min_J == pytest.approx(-1.0)
+    assert not response(body, mirrored * np.nan).min_J > 0.0
+
+
+@pytest.mark.parametrize("element", [ELEMENTS["tet4"], ELEMENTS["tet10"]], ids=["tet4", "tet10"])
+def test_small_strain_stiffness_against_scikit_fem(element):
+    """Same mesh, same law, other code: linear elasticity of scikit-fem at rest."""
+    import skfem
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    young, poisson = 3.0, 0.3
+    body = solid(element, LAWS["neo-hookean"], poisson, distort=0.2)
+    X, cells = body.mesh.X, body.mesh.cells
+    corners = np.unique(cells[:, :4])
+    mesh = skfem.MeshTet(X[corners].T.copy(), np.searchsorted(corners, cells[:, :4]).T.copy())
+    kind = skfem.ElementTetP1() if element.order == 1 else skfem.ElementTetP2()
+    basis = skfem.Basis(mesh, skfem.ElementVector(kind), intorder=2)
+    K = linear_elasticity(*lame_parameters(young, poisson)).assemble(basis)
+
+    def u_of(P):
+        return np.stack([P[:, 0] ** 2, P[:, 1] * P[:, 2], P[:, 0] * P[:, 1] - P[:, 2] ** 2], axis=1)
+
+    theirs = np.empty(basis.N)
+    for component in range(3):
+        dofs = np.concatenate(
+            [
+                basis.dofs.nodal_dofs[component],
+                *([basis.dofs.edge_dofs[component]] if element.order == 2 else []),
+            ]
+        )
+        theirs[dofs] = u_of(basis.doflocs[:, dofs].T)[:, component]
+    pattern = make_pattern(len(X), cells, np.array([], dtype=int))
+    data = np.zeros(pattern.nnz)
+    tangent(body, response(body, X), pattern.cells, data)
+    ours = u_of(X).reshape(-1, 1)
+    assert (ours.T @ symmetric_product(pattern, data, ours)).item() == pytest.approx(theirs @ (K @ theirs), rel=1e-10)

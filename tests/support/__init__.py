@@ -1,0 +1,1 @@
+"""Small exact building blocks that several test packages share."""

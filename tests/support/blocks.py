@@ -1,0 +1,62 @@
+"""Structured blocks of tetrahedra, and robots made of them, without a mesh generator."""
+
+import itertools
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.constraint.attachment import attach
+from cfem.constraint.cable import make_cable
+from cfem.constraint.effector import make_effector
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.mesh import Mesh, boundary_facets, quadratic, tet_volumes
+from cfem.mechanics.solid import make_solid
+from cfem.robot.robot import Robot
+
+
+def block(size, divisions, order=1, distort=0.0, seed=0) -> Mesh:
+    """A box [0, size] of divisions[0] x [1] x [2] cubes, each cut into six tetrahedra (Kuhn); interior nodes may be moved
+    by `distort` of a cube's edge."""
+    size, divisions = np.asarray(size, float), np.asarray(divisions)
+    axes = [np.linspace(0, s, n + 1) for s, n in zip(size, divisions, strict=True)]
+    X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    inside = ((X > 1e-9) & (size - 1e-9 > X)).all(axis=1)
+    X[inside] += distort * (size / divisions) * np.random.default_rng(seed).uniform(-1, 1, (inside.sum(), 3))
+    strides = np.array([(divisions[1] + 1) * (divisions[2] + 1), divisions[2] + 1, 1])
+    corner = np.stack(np.meshgrid(*(np.arange(n) for n in divisions), indexing="ij"), axis=-1).reshape(-1, 3) @ strides
+    cells = []
+    for order_of_axes in itertools.permutations(range(3)):
+        path = np.concatenate([[0], np.cumsum(strides[list(order_of_axes)])])
+        cells.append(corner[:, None] + path)
+    cells = np.concatenate(cells)
+    inverted = tet_volumes(X, cells) < 0
+    cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
+    facets = boundary_facets(cells)
+    if order == 2:
+        X, cells, facets = quadratic(X, cells, facets)
+    return Mesh(X, cells, facets)
+
+
+def bar(
+    element="tet10p0", law="neo-hookean", young=1.0, poisson=0.45, divisions=(8, 2, 2), radius=2.0, cables=2
+) -> Robot:
+    """A 60 x 10 x 10 mm bar along x, held at x = 0, with cables along its lower and upper sides, watched at its end."""
+    mesh = block((60, 10, 10), divisions, ELEMENTS[element].order)
+    solid = make_solid(mesh, ELEMENTS[element], LAWS[law], young, poisson)
+    actuators = []
+    for index, (y, z) in enumerate([(5.0, 1.0), (3.0, 9.0), (8.0, 8.0)][:cables]):
+        points = [attach(mesh, np.array([x, y, z]), radius, f"cable {index}") for x in (15.0, 35.0, 55.0)]
+        actuators.append(make_cable(points, np.array([0.0, y, z]), f"cable {index}"))
+    effector = make_effector(mesh, np.array([60.0, 5.0, 5.0]), radius, 10.0, "tip")
+    return Robot(
+        name="bar",
+        body=solid,
+        fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
+        actuators=tuple(actuators),
+        effectors=(effector,),
+        rows=Rows(("tip.x", "tip.y", "tip.z"), tuple(f"cable {i}" for i in range(cables))),
+        reach=np.tile([0.0, 8.0], (cables, 1)),
+        unilateral=np.ones(cables, dtype=bool),
+        length=60.0,
+    )
