@@ -1,7 +1,9 @@
-"""A two-cable robot in closed form: an arc of 120 mm that bends in y-z, with all identities between W and its energy exact.
+"""A two-cable robot in closed form: an arc of 120 mm that bends in y-z, with all identities between W and its
+energy exact.
 
 s = (d_left + d_right) / 2 bends it by s / 20 rad, d_left - d_right moves its tip in x.
-Psi = k s^2 / 2 + q s^4 / 4 + h (1 + g s) d^2 / 2; lambda = grad Psi; W_aa = (hess Psi)^-1; W_ea = grad e W_aa."""
+Psi = k s^2 / 2 + q s^4 / 4 + h (1 + g s) d^2 / 2; lambda = grad Psi; W_aa = (hess Psi)^-1; W_ea = grad e
+W_aa."""
 
 import numpy as np
 
@@ -20,7 +22,9 @@ def tip(delta_a: np.ndarray) -> np.ndarray:
     """(3,) mm from rest."""
     s, d = _TO_SD @ delta_a
     theta = max(s, 1e-9) / 20 if s >= 0 else min(s, -1e-9) / 20
-    return np.array([0.8 * d * (1 + 0.02 * s), LENGTH * (1 - np.cos(theta)) / theta, LENGTH * (1 - np.sin(theta) / theta)])
+    return np.array(
+        [0.8 * d * (1 + 0.02 * s), LENGTH * (1 - np.cos(theta)) / theta, LENGTH * (1 - np.sin(theta) / theta)]
+    )
 
 
 def gradient(delta_a: np.ndarray) -> np.ndarray:

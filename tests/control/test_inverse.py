@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from tests.control.synthetic import LENGTH, REACH, ArcRobot
+from control.synthetic import LENGTH, REACH, ArcRobot
 
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 
@@ -14,7 +14,7 @@ def aim_at(goal, weights=(1.0, 1.0, 1.0)):
 
 def test_a_goal_on_the_linearisation_is_met_and_the_program_agrees():
     now = ArcRobot().at_displacement(np.array([5.0, 4.0]))
-    lam = now.lambda_a + [0.3, 0.1]
+    lam = now.lambda_a + np.array([0.3, 0.1])
     goal = now.W_ea @ lam + now.delta_free[now.rows.e]
     step = inverse_step(now, aim_at(goal), PULLING)
     np.testing.assert_allclose(step.lambda_a, lam, atol=1e-5)
@@ -32,7 +32,7 @@ def test_cables_do_not_push_and_stay_within_reach():
 
 def test_rows_of_weight_zero_do_not_matter():
     now = ArcRobot().at_displacement(np.array([6.0, 6.0]))
-    goal = now.delta_e + [3.0, 0.0, 0.0]
+    goal = now.delta_e + np.array([3.0, 0.0, 0.0])
     step = inverse_step(now, aim_at(goal, (0.0, 1.0, 0.0)), PULLING)
     np.testing.assert_allclose(step.delta_a, [6.0, 6.0], atol=1e-4)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from control.synthetic import LENGTH, REACH, ArcRobot, tip
 from scipy.optimize import minimize
-from tests.control.synthetic import LENGTH, REACH, ArcRobot, tip
 
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
@@ -44,7 +44,9 @@ def test_reachable_goals_are_reached_from_rest(where):
     assert found.iterations <= 9
 
 
-@pytest.mark.parametrize("goal", [[0, 150.0, 60.0], [0, 60.0, -40.0], [40.0, 100.0, 20.0], [0, 170.0, 140.0], [0.0, -30.0, 10.0]])
+@pytest.mark.parametrize(
+    "goal", [[0, 150.0, 60.0], [0, 60.0, -40.0], [40.0, 100.0, 20.0], [0, 170.0, 140.0], [0.0, -30.0, 10.0]]
+)
 def test_unreachable_goals_end_at_the_nearest_reachable_point(goal):
     model = ArcRobot()
     found = reach(model, aim_at(goal), PULLING, rest(model), Settings(iterations=40))

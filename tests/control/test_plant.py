@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from tests.control.synthetic import REST_E, ArcRobot, tip
+from control.synthetic import REST_E, ArcRobot, tip
 
 from cfem.control.plant import ModelPlant
 

@@ -59,7 +59,12 @@ def test_daqp_finds_what_enumeration_finds(seed, n, m, spread):
     H, f, A, lower, upper, box = data
     norm = np.linalg.norm(A * scale, axis=1)
     expected = enumerate_active_sets(
-        H * np.outer(scale, scale), f * scale, A * scale / norm[:, None], lower / norm, upper / norm, box / scale[:, None]
+        H * np.outer(scale, scale),
+        f * scale,
+        A * scale / norm[:, None],
+        lower / norm,
+        upper / norm,
+        box / scale[:, None],
     )
     np.testing.assert_allclose(solution.x / scale, expected, atol=1e-7)
 
@@ -79,7 +84,9 @@ def test_multipliers_satisfy_the_conditions_in_the_users_units(backend, seed):
 @pytest.mark.parametrize("backend", ["daqp", "osqp"])
 def test_bounds_that_exclude_each_other_are_reported(backend):
     row = np.array([[1.0, 1.0]])
-    solution = solve_qp(np.eye(2), np.zeros(2), row, np.array([3.0]), np.array([4.0]), np.array([[0.0, 1.0]] * 2), backend)
+    solution = solve_qp(
+        np.eye(2), np.zeros(2), row, np.array([3.0]), np.array([4.0]), np.array([[0.0, 1.0]] * 2), backend
+    )
     assert solution.status is QpStatus.INFEASIBLE
     assert np.isnan(solution.x).all()
 
@@ -94,7 +101,9 @@ def test_open_box_and_singular_hessian(backend):
 
 
 def test_nan_is_named_not_solved():
-    solution = solve_qp(np.eye(1), np.array([np.nan]), np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.array([[0.0, 1.0]]))
+    solution = solve_qp(
+        np.eye(1), np.array([np.nan]), np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.array([[0.0, 1.0]])
+    )
     assert solution.status is QpStatus.NOT_FINITE
 
 

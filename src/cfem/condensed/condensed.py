@@ -9,7 +9,7 @@ from cfem.condensed.rows import Rows
 
 @dataclass(frozen=True)
 class Condensed:
-    """delta = W lambda + delta_free, linearised at one equilibrium (Navez, Menager et al. 2025, eq. of motion condensed).
+    """delta = W lambda + delta_free, linearised at one equilibrium (Navez, Menager et al. 2025).
 
     rows:       names and order e, a, c of the n scalar rows
     W:          (n, n) symmetric compliance, row unit per column's multiplier unit (mm/N for cables and effectors)
@@ -55,7 +55,7 @@ class Condensed:
         return np.linalg.solve(self.W[act, act], self.W[act, self.rows.e]).T
 
     def towards(self, goal: np.ndarray) -> "Condensed":
-        """Effector rows measured from `goal` (n_e,), given in the same frame as delta_e: shifts delta_free_e, nothing else."""
+        """Effector rows measured from `goal` (n_e,), in the frame of delta_e: shifts delta_free_e, nothing else."""
         delta_free = self.delta_free.copy()
         delta_free[self.rows.e] -= goal
         return replace(self, delta_free=delta_free)

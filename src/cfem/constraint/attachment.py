@@ -88,7 +88,7 @@ def _ball() -> np.ndarray:
 
 
 def _moving_least_squares(offset: np.ndarray, bump: np.ndarray) -> np.ndarray:
-    """(k,) weights bump * (a + b . offset) with sum 1 and first moment 0; the smallest such where the samples are flat."""
+    """(k,) weights bump * (a + b . offset) with sum 1 and first moment 0, the smallest such."""
     basis = np.hstack([np.ones((len(offset), 1)), offset])
     moment = basis.T @ (bump[:, None] * basis)
     return bump * (basis @ np.linalg.lstsq(moment, np.array([1.0, 0, 0, 0]), rcond=1e-12)[0])

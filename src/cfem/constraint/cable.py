@@ -15,8 +15,8 @@ from cfem.core.errors import SpecError
 
 @dataclass(frozen=True)
 class Cable:
-    """nodes (k,); along (s, k): segment vectors are d = along @ x[nodes] + start; start (s, 3) mm is - pull point for the
-    first segment where there is one, else 0; rest_length mm; rest (1,) is 0."""
+    """nodes (k,); along (s, k): segment vectors are d = along @ x[nodes] + start; start (s, 3) mm is minus the pull
+    point for the first segment where there is one, else 0; rest_length mm; rest (1,) is 0."""
 
     nodes: np.ndarray
     along: np.ndarray

@@ -65,9 +65,11 @@ class CarriedEffector:
         return U @ handed @ Vt, Vt.T @ (s[:, None] * handed) @ Vt
 
 
-def make_effector(mesh: Mesh, point: np.ndarray, radius: float, carrier_radius: float, name: str):
-    """An effector at `point` (3,) mm: through its own region where it lies in the body, else carried by the nodes within
-    `carrier_radius` mm. Raises SpecError where fewer than four nodes are near."""
+def make_effector(
+    mesh: Mesh, point: np.ndarray, radius: float, carrier_radius: float, name: str
+) -> PointEffector | CarriedEffector:
+    """An effector at `point` (3,) mm: through its own region where it lies in the body, else carried by the nodes
+    within `carrier_radius` mm. Raises SpecError where fewer than four nodes are near."""
     point = np.asarray(point, dtype=float)
     cells, _ = locate(mesh, point[None, :], within=1e-9)
     if cells[0] >= 0:

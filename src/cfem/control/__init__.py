@@ -1,1 +1,2 @@
-"""Inverse control: from a goal of the effectors to what the actuators must do, by condensed models of any origin."""
+"""Inverse control: from a goal of the effectors to what the actuators must do, by condensed models of any
+origin."""

@@ -1,11 +1,13 @@
-"""The inverse step: which actuation, by the condensed model at the present state, brings the effectors to their goal.
+"""The inverse step: which actuation, by the condensed model at the present state, brings the effectors to
+their goal.
 
     minimise over lambda   |w (W_ea lambda + delta_free_e - goal)|^2 / 2 + |r delta_a|^2 / 2
                            + (delta_a - delta_now)^T S (delta_a - delta_now) / 2
     subject to             bounds of lambda, bounds of delta_a = W_aa lambda + delta_free_a
 
-after Navez, Menager et al. 2025. w selects and weighs effector rows, r is a small regularisation that decides where the
-effectors do not, and S, absent from the paper, is the curvature of the effectors' map (see `loop`)."""
+after Navez, Menager et al. 2025. w selects and weighs effector rows, r is a small regularisation that decides
+where the effectors do not, and S, absent from the paper, is the curvature of the effectors' map (see
+`loop`)."""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +20,8 @@ from cfem.core.errors import NumericalError
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds (n_a, 2), low and high, +-inf where there is none. lambda_a: N; delta_a: mm, the course of the actuators."""
+    """Bounds (n_a, 2), low and high, +-inf where there is none. lambda_a: N; delta_a: mm, the course of the
+    actuators."""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray
@@ -56,15 +59,16 @@ class Aim:
 
 
 def ridge_of(regularisation: float, reach: np.ndarray, length: float) -> np.ndarray:
-    """(n_a,) weights such that full course (reach (n_a, 2) mm) costs `regularisation` times what missing by `length` mm
-    costs."""
+    """(n_a,) weights such that full course (reach (n_a, 2) mm) costs `regularisation` times what missing by
+    `length` mm costs."""
     return np.sqrt(regularisation) * length / np.abs(reach).max(axis=1)
 
 
 @dataclass(frozen=True)
 class InverseStep:
-    """lambda_a (n_a,) N and delta_a (n_a,) mm that the linearisation asks for; `softened` where no lambda within its
-    bounds keeps the course, which was then widened by as little as possible; qp: the program's own account."""
+    """lambda_a (n_a,) N and delta_a (n_a,) mm that the linearisation asks for; `softened` where no lambda
+    within its bounds keeps the course, which was then widened by as little as possible; qp: the program's own
+    account."""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray
@@ -75,7 +79,8 @@ class InverseStep:
 def inverse_step(
     now: Condensed, aim: Aim, limits: Limits, curvature: np.ndarray | None = None, backend: Backend = "daqp"
 ) -> InverseStep:
-    """now: the condensed model at the present state, effectors from rest; curvature: S (n_a, n_a) positive semidefinite.
+    """now: the condensed model at the present state, effectors from rest; curvature: S (n_a, n_a) positive
+    semidefinite.
 
     Raises NumericalError where the program has no trustworthy answer."""
     W_aa, free_a = now.W_aa, now.delta_free[now.rows.a]
@@ -100,15 +105,21 @@ def inverse_step(
 
 
 def _nearest(W_aa: np.ndarray, low: np.ndarray, high: np.ndarray, box: np.ndarray, backend: Backend) -> np.ndarray:
-    """(n_a,) W_aa lambda, lambda in its box, that leaves [low, high] by the least: one program in lambda and the place s
-    in the course, minimising |W_aa lambda - s|^2."""
+    """(n_a,) W_aa lambda, lambda in its box, that leaves [low, high] by the least: one program in lambda and
+    the place s in the course, minimising |W_aa lambda - s|^2."""
     n = len(low)
     apart = np.hstack([W_aa, -np.eye(n)])
     H = apart.T @ apart
     # Any s with its lambda is as good: a trace of curvature picks one.
     H += 1e-10 * np.diag(np.concatenate([np.diag(H)[:n], np.ones(n)]))
     qp = solve_qp(
-        H, np.zeros(2 * n), np.zeros((0, 2 * n)), np.zeros(0), np.zeros(0), np.vstack([box, np.column_stack([low, high])]), backend
+        H,
+        np.zeros(2 * n),
+        np.zeros((0, 2 * n)),
+        np.zeros(0),
+        np.zeros(0),
+        np.vstack([box, np.column_stack([low, high])]),
+        backend,
     )
     _demand(qp)
     return W_aa @ qp.x[:n]

@@ -1,14 +1,17 @@
-"""From a goal to an actuation: predict, solve the inverse step, repeat, until the actuators stay where they are.
+"""From a goal to an actuation: predict, solve the inverse step, repeat, until the actuators stay where they
+are.
 
-One algorithm for a learned model and for the FE model: both answer `at_displacement`. It is sequential quadratic
-programming on
+One algorithm for a learned model and for the FE model: both answer `at_displacement`. It is sequential
+quadratic programming on
 
-    minimise |w (e(delta_a) - goal)|^2 / 2 + |r delta_a|^2 / 2   subject to   lambda(delta_a) and delta_a within bounds
+    minimise |w (e(delta_a) - goal)|^2 / 2 + |r delta_a|^2 / 2   subject to   lambda(delta_a) and delta_a
+    within bounds
 
-Out of reach the residual stays large and Gauss-Newton (the paper's step, repeated) overshoots or zigzags: its Hessian
-lacks S = sum_i w_i^2 (e_i - goal_i) hess e_i. The model gives grad e at every state for nothing, so hess e is learned from its
-differences (Powell's symmetric Broyden update); it belongs to the robot, not to the goal, and is handed from goal to goal.
-A step that does not lower the cost plus an exact penalty on forbidden multipliers is halved."""
+Out of reach the residual stays large and Gauss-Newton (the paper's step, repeated) overshoots or zigzags: its
+Hessian lacks S = sum_i w_i^2 (e_i - goal_i) hess e_i. The model gives grad e at every state for nothing, so
+hess e is learned from its differences (Powell's symmetric Broyden update); it belongs to the robot, not to the
+goal, and is handed from goal to goal. A step that does not lower the cost plus an exact penalty on forbidden
+multipliers is halved."""
 
 import time
 from dataclasses import dataclass
@@ -42,8 +45,9 @@ class ReachStatus(Enum):
 
 @dataclass(frozen=True)
 class Settings:
-    """iterations: inverse steps allowed a goal, 1 is the paper's; tolerance: mm, a smaller move of every actuator ends the
-    search; step: mm, the largest move of an actuator in one iteration; halvings: of a step that leads uphill."""
+    """iterations: inverse steps allowed a goal, 1 is the paper's; tolerance: mm, a smaller move of every
+    actuator ends the search; step: mm, the largest move of an actuator in one iteration; halvings: of a step
+    that leads uphill."""
 
     iterations: int = 20
     tolerance: float = 1e-5
@@ -54,7 +58,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Where a search stands. condensed: the model there; hessian: (n_e, n_a, n_a) 1/mm, hess e as learned so far."""
+    """Where a search stands. condensed: the model there; hessian: (n_e, n_a, n_a) 1/mm, hess e as learned so
+    far."""
 
     condensed: Condensed
     hessian: np.ndarray
@@ -65,7 +70,8 @@ class Iterate:
         return cls(condensed, np.zeros((rows.n_e, rows.n_a, rows.n_a)))
 
     def moved(self, to: Condensed) -> "Iterate":
-        """The iterate at `to`, its hessian changed by as little as makes hess e s = grad e(to) - grad e(here)."""
+        """The iterate at `to`, its hessian changed by as little as makes hess e s = grad e(to) - grad
+        e(here)."""
         s = to.delta_a - self.condensed.delta_a
         square = float(s @ s)
         if square == 0.0:
@@ -76,7 +82,8 @@ class Iterate:
         return Iterate(to, self.hessian + cross + cross.swapaxes(1, 2) - twice)
 
     def curvature(self, aim: Aim) -> np.ndarray | None:
-        """S (n_a, n_a), its positive part: the convex share, which is all of it where the goal lies outside a convex set."""
+        """S (n_a, n_a), its positive part: the convex share, which is all of it where the goal lies outside a
+        convex set."""
         pull = aim.weights**2 * (self.condensed.delta_e - aim.goal)
         values, vectors = np.linalg.eigh(np.tensordot(pull, self.hessian, 1))
         return (vectors * np.maximum(values, 0.0)) @ vectors.T if values[-1] > 0 else None
@@ -86,9 +93,9 @@ class Iterate:
 class Reach:
     """The actuation found for one goal, as the model sees it.
 
-    delta_a, lambda_a: (n_a,) mm, N; delta_e: (n_e,) mm from rest; distance: mm from the goal; status; iterations: inverse steps;
-    queries: of the model; softened: whether a step had to widen the course; kkt: residual of the last program;
-    seconds: of it all; iterate: to start the next goal from."""
+    delta_a, lambda_a: (n_a,) mm, N; delta_e: (n_e,) mm from rest; distance: mm from the goal; status;
+    iterations: inverse steps; queries: of the model; softened: whether a step had to widen the course; kkt:
+    residual of the last program; seconds: of it all; iterate: to start the next goal from."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -103,9 +110,9 @@ class Reach:
     iterate: Iterate
 
 
-def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Settings = Settings()) -> Reach:  # noqa: B008
-    """Search from `start` for the actuation that brings the effectors nearest to the goal. Never raises for a numerical
-    failure: the best state found comes back with its status."""
+def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Settings = Settings()) -> Reach:
+    """Search from `start` for the actuation that brings the effectors nearest to the goal. Never raises for a
+    numerical failure: the best state found comes back with its status."""
     begin = time.perf_counter()
     at, status = start, ReachStatus.ITERATIONS
     iterations = queries = 0
@@ -141,7 +148,8 @@ def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Sett
 def _descend(
     model: Model, aim: Aim, limits: Limits, at: Iterate, target: np.ndarray, penalty: float, halvings: int
 ) -> tuple[Condensed | None, int]:
-    """The model at the first of target, half way to it, ... whose merit is below the present one; None where none is."""
+    """The model at the first of target, half way to it, ... whose merit is below the present one; None where
+    none is."""
     here = at.condensed.delta_a
     merit = _merit(at.condensed, aim, limits, penalty)
     for halving in range(halvings + 1):
@@ -155,7 +163,8 @@ def _descend(
 
 
 def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float) -> float:
-    """Cost plus the exact (l1) penalty on multipliers outside their bounds; the course is kept by every step."""
+    """Cost plus the exact (l1) penalty on multipliers outside their bounds; the course is kept by every
+    step."""
     low, high = limits.lambda_a.T
     outside = np.maximum(low - condensed.lam, 0.0) + np.maximum(condensed.lam - high, 0.0)
     delta = condensed.delta

@@ -13,8 +13,9 @@ Command = Literal["displacement", "force"]
 
 @dataclass(frozen=True)
 class Measurement:
-    """x_e: (n_e,) mm absolute positions of the effectors; delta_a (n_a,) mm and lambda_a (n_a,) N, None where no sensor
-    gives them; t: number of the step; status: 'converged', or the sentence that says why not (numbers are then NaN)."""
+    """x_e: (n_e,) mm absolute positions of the effectors; delta_a (n_a,) mm and lambda_a (n_a,) N, None where
+    no sensor gives them; t: number of the step; status: 'converged', or the sentence that says why not
+    (numbers are then NaN)."""
 
     x_e: np.ndarray
     delta_a: np.ndarray | None

@@ -2,9 +2,9 @@
 
     minimise  x^T H x / 2 + f^T x    subject to   lower <= A x <= upper,   box[:, 0] <= x <= box[:, 1]
 
-Problems are normalised first: variables by the width of their box, rows to unit norm, the objective to unit curvature.
-Bounds of +-inf are no bounds. Multipliers are positive where an upper bound holds and negative where a lower one does:
-H x + f + A^T y + z = 0."""
+Problems are normalised first: variables by the width of their box, rows to unit norm, the objective to unit
+curvature. Bounds of +-inf are no bounds. Multipliers are positive where an upper bound holds and negative
+where a lower one does: H x + f + A^T y + z = 0."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -46,7 +46,8 @@ class Kkt:
 
 @dataclass(frozen=True)
 class QpSolution:
-    """x (n,), y (m,) multipliers of the rows, z (n,) of the box, all in the user's units; NaN where there is no answer."""
+    """x (n,), y (m,) multipliers of the rows, z (n,) of the box, all in the user's units; NaN where there is
+    no answer."""
 
     x: np.ndarray
     y: np.ndarray
@@ -78,8 +79,8 @@ def solve_qp(
 ) -> QpSolution:
     """H (n, n) symmetric positive semidefinite, f (n,), A (m, n), lower and upper (m,), box (n, 2).
 
-    `daqp`: dual active set, exact and the fastest measured; its set-up costs so little that no workspace is kept.
-    `osqp`: operator splitting with polish, a second opinion that costs a hundred times as much."""
+    `daqp`: dual active set, exact and the fastest measured; its set-up costs so little that no workspace is
+    kept. `osqp`: operator splitting with polish, a second opinion that costs a hundred times as much."""
     m, n = A.shape
     if not (np.isfinite(H).all() and np.isfinite(f).all() and np.isfinite(A).all()) or np.isnan(box).any():
         return _no_answer(m, n, QpStatus.NOT_FINITE, 0)
@@ -121,7 +122,8 @@ def _widths(H: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _kkt(problem: _Problem, x: np.ndarray, multipliers: np.ndarray) -> Kkt:
-    """Residuals in the max norm. The gap is zero where stationarity and complementarity are, and says so on its own."""
+    """Residuals in the max norm. The gap is zero where stationarity and complementarity are, and says so on
+    its own."""
     n = len(x)
     curved = problem.H @ x
     forces = multipliers[:n] + problem.A.T @ multipliers[n:]
@@ -181,7 +183,7 @@ def _osqp(problem: _Problem) -> tuple[np.ndarray, np.ndarray, bool, int]:
         verbose=False,
     )
     with redirect_stdout(StringIO()):  # the polish talks even when told to be quiet
-        result = solver.solve()
+        result = solver.solve(raise_error=False)
     infeasible = result.info.status.startswith("primal infeasible")
     return result.x, result.y, infeasible, int(result.info.iter)
 

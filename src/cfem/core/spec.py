@@ -1,4 +1,4 @@
-"""Specs: what the user writes. One frozen pydantic model a YAML file; unknown keys are errors with line and suggestion."""
+"""Specs: what the user writes. One frozen model a YAML file; unknown keys are errors with line and suggestion."""
 
 import difflib
 from collections.abc import Iterable
@@ -41,10 +41,7 @@ def _set(data: dict, lines: dict, override: str) -> None:
     node: Any = data
     try:
         for part in parents:
-            if isinstance(node, dict):
-                node = node.setdefault(part, {})
-            else:
-                node = node[part]
+            node = node.setdefault(part, {}) if isinstance(node, dict) else node[part]
         node[last] = parse_value(text)
     except (IndexError, TypeError, KeyError):
         raise SpecError(f"no place '{key}' in the spec", where="--set", do="check the key path") from None

@@ -141,10 +141,8 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
         mark.write_text(made_from)
     start = time.perf_counter()
     results = dict(work(partial))
-    mark.unlink()
-    files = {
-        path.relative_to(partial).as_posix(): file_sha256(path) for path in sorted(partial.rglob("*")) if path.is_file()
-    }
+    made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path not in (mark, partial / MANIFEST)]
+    files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
     manifest = {
         "stage": stage.name,
         "made_from": made_from,
@@ -158,4 +156,5 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
     }
     write_json(partial / MANIFEST, manifest)
     replace_folder(partial, stage.out)
+    (stage.out / mark.name).unlink()  # last: until the folder is in its place, an interrupted run can go on
     return {**manifest, "status": "done"}

@@ -51,7 +51,7 @@ def parse_quantity(text: Any, system_unit: str) -> float:
         number, unit = float(parts[0]), parts[1]
     except (IndexError, ValueError):
         raise ValueError(
-            f"expected a {_DIMENSION[system_unit]}: a number, a space and a unit, such as '1 {system_unit}'; got '{text}'"
+            f"expected a {_DIMENSION[system_unit]}: number, space and unit, such as '1 {system_unit}'; got '{text}'"
         ) from None
     value = number * _factor(unit, system_unit)
     if not np.isfinite(value):

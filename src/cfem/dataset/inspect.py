@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 from cfem.core.errors import InputError
 from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import CONVERGED, column_array, read_table
-from cfem.dataset.schema import COLUMNS, metadata
+from cfem.dataset.schema import COLUMNS, metadata, rows_of
 
 
 def describe(path: Path) -> str:
@@ -44,7 +44,9 @@ def _heading(table: pa.Table) -> str:
 
 def _counts(table: pa.Table) -> str:
     """Rows a split and status, and the reasons of those that failed."""
-    count = Counter(zip(table["split"].to_pylist(), table["status"].to_pylist(), table["reason"].to_pylist(), strict=True))
+    count = Counter(
+        zip(table["split"].to_pylist(), table["status"].to_pylist(), table["reason"].to_pylist(), strict=True)
+    )
     lines = [f"{'split':<10} {'status':<22} {'rows':>6}"]
     lines += [
         f"{split:<10} {status:<22} {number:>6}{f'  {reason}' if reason else ''}"
@@ -54,23 +56,26 @@ def _counts(table: pa.Table) -> str:
 
 
 def _statistics(solved: pa.Table) -> str:
-    """Least, mean and largest value of every column of numbers, over converged rows and all entries of a list."""
-    lines = [f"{'column':<16} {'shape':<7} {'unit':<5} {'min':>12} {'mean':>12} {'max':>12}"]
+    """Least, mean and largest value of every number of the converged rows; of W over all its entries."""
+    rows = rows_of(metadata(solved))
+    names = {"actuators": rows.actuators, "effectors": rows.effectors, "rows": rows.names}
+    lines = [f"{'column':<12} {'row':<12} {'unit':<5} {'min':>12} {'mean':>12} {'max':>12}"]
     for column in COLUMNS:
         if column.name == "id" or pa.types.is_string(column.kind) or len(solved) == 0:
             continue
-        values = column_array(solved, column.name)
-        shape = f"[{values.shape[1]}]" if values.ndim == 2 else ""
-        numbers = "".join(f" {number:>12.5g}" for number in (values.min(), values.mean(), values.max()))
-        lines.append(f"{column.name:<16} {shape:<7} {column.unit:<5}{numbers}")
+        values = column_array(solved, column.name).astype(float)
+        for row, entries in zip(names.get(column.size, ("",)), np.atleast_2d(values.T), strict=False):
+            entries = values if column.size == "upper triangle" else entries
+            numbers = "".join(f" {number:>12.5g}" for number in (entries.min(), entries.mean(), entries.max()))
+            lines.append(f"{column.name:<12} {row:<12} {column.unit:<5}{numbers}")
     return "\n".join(lines)
 
 
 def _cost(table: pa.Table) -> str:
     figures = cost(table)
     return (
-        f"a sample cost {figures['factorizations_per_sample']:.2f} factorizations, {figures['iterations_per_sample']:.2f} "
-        f"iterations; {figures['samples_per_second_per_core']:.1f} samples/s on one core"
+        f"a sample took {figures['factorizations_per_sample']:.2f} factorizations and "
+        f"{figures['iterations_per_sample']:.2f} iterations; {figures['samples_per_second_per_core']:.1f} samples/s/core"
     )
 
 

@@ -20,10 +20,10 @@ CONVERGED = "converged"
 class Dataset:
     """Converged states of one robot, m of them, in the order of their plan.
 
-    id (m,) number of the row in its plan; u (m, n_a) its place in the unit cube; delta_a (m, n_a) mm; delta_e (m, n_e) mm
-    from the rest position; lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`;
+    id (m,) number of the row in its plan; u (m, n_a) its place in the unit cube; delta_a (m, n_a) mm; delta_e (m, n_e)
+    mm from the rest position; lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`;
     energy (m,) N mm; slack (m, n_a) actuators that carry nothing; cost: iterations, factorizations, steps, residual and
-    seconds by name, (m,) each; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, units ..."""
+    seconds by name, (m,) each; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ..."""
 
     rows: Rows
     id: np.ndarray
@@ -55,7 +55,9 @@ def read_dataset(path: Path) -> Dataset:
         W=unpack_upper(column_array(good, "W")),
         energy=column_array(good, "energy"),
         slack=column_array(good, "slack"),
-        cost={name: column_array(good, name) for name in ("iterations", "factorizations", "steps", "residual", "seconds")},
+        cost={
+            name: column_array(good, name) for name in ("iterations", "factorizations", "steps", "residual", "seconds")
+        },
         failed=table.filter(pc.invert(solved)),
         meta=meta,
     )
@@ -69,7 +71,9 @@ def read_table(path: Path) -> pa.Table:
         raise InputError("no such file", where=str(path), do="run cfem simulate-sample") from None
     except (OSError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"is damaged: {reason}", where=str(path), do="make it anew with cfem simulate-sample --force") from None
+        raise InputError(
+            f"is damaged: {reason}", where=str(path), do="make it anew with cfem simulate-sample --force"
+        ) from None
     if KEY not in (table.schema.metadata or {}) or set(table.column_names) != {column.name for column in COLUMNS}:
         raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
     if metadata(table)["format"] != FORMAT:

@@ -53,7 +53,9 @@ def schema(rows: Rows, meta: dict[str, Any]) -> pa.Schema:
     key 'cfem', with the format's version, the names of the rows and the unit of each column."""
     sizes = {"actuators": rows.n_a, "effectors": rows.n_e, "rows": rows.n, "upper triangle": rows.n * (rows.n + 1) // 2}
     fields = [
-        pa.field(column.name, column.kind if column.size is None else pa.list_(column.kind, sizes[column.size]), column.state)
+        pa.field(
+            column.name, column.kind if column.size is None else pa.list_(column.kind, sizes[column.size]), column.state
+        )
         for column in COLUMNS
     ]
     units = {column.name: column.unit for column in COLUMNS if column.unit}

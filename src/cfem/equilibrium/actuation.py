@@ -13,7 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Actuation:
-    """C: (m, n_a) rows, dimensionless; target: (m,) mm; offset: (n_a,) N (or MPa for pressures, mm^3 for their volume)."""
+    """C: (m, n_a) rows, dimensionless; target: (m,) mm; offset: (n_a,) N."""
 
     C: np.ndarray
     target: np.ndarray
@@ -38,8 +38,8 @@ def force(lambda_a: np.ndarray) -> Actuation:
 
 def pull(share: np.ndarray, reach: np.ndarray) -> Actuation:
     """Pull in the proportion `share` (n_a,) in [0, 1] until the share-weighted displacement, in units of `reach` (n_a,)
-    mm, equals |share|: lambda_a = mu C^T with C = share / (|share| reach), C delta_a = |share|. Every point of the domain
-    lambda_a >= 0 is one share; a single cable at share s is pulled by s * reach."""
+    mm, equals |share|: lambda_a = mu C^T with C = share / (|share| reach), C delta_a = |share|. Every point of the
+    domain lambda_a >= 0 is one share; a single cable at share s is pulled by s * reach."""
     share, reach = np.asarray(share, dtype=float), np.asarray(reach, dtype=float)
     size = float(np.linalg.norm(share))
     if size == 0.0:

@@ -21,16 +21,16 @@ class Settings:
     """tolerance:      of the relative residual
     rounding_tolerance: residual that is accepted where corrections have sunk to the rounding of positions
     max_iterations: of one load step
-    slow:           contraction above which the tangent is factored anew
+    slow:           contraction above which the tangent is factored anew (0.4: fewest seconds on the finger)
     smallest_step:  fraction of the whole load at which continuation gives up
     first_step:     fraction that a cold start tries first"""
 
     tolerance: float = 1e-10
     rounding_tolerance: float = 1e-8
     max_iterations: int = 30
-    slow: float = 0.25
+    slow: float = 0.4
     smallest_step: float = 1e-3
-    first_step: float = 0.25
+    first_step: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def _correct(
     actuation: Actuation,
     ZC: np.ndarray,
 ):
-    """The (chord) Newton correction at `at` with the factor of `tangent`, where ZC = A^-1 H C^T belongs to that factor."""
+    """The (chord) Newton correction at `at` with the factor of `tangent`; ZC = A^-1 H C^T belongs to that factor."""
     C = actuation.C
     imbalance = at.residual(lambda_a) + problem.pressure_residual(at, tangent)
     free = -tangent.factor.solve(imbalance[:, None])[:, 0]

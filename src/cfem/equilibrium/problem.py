@@ -50,7 +50,7 @@ class Tangent:
 
 
 class Problem:
-    """Sparsity pattern and symbolic factorisation of a robot, found once; everything else is recomputed from arguments."""
+    """Sparsity pattern and symbolic factorisation of a robot, found once; all else is recomputed from arguments."""
 
     def __init__(self, robot: Robot):
         self.robot = robot

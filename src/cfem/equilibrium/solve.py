@@ -16,6 +16,8 @@ from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 from cfem.mechanics.solid import response
 
+DEFAULT = Settings()
+
 
 def rest_state(problem: Problem) -> State:
     """The undeformed robot, unloaded."""
@@ -26,7 +28,7 @@ def solve(
     problem: Problem,
     actuation: Actuation,
     start: State | None = None,
-    settings: Settings = Settings(),
+    settings: Settings = DEFAULT,
     condense: bool = True,
     slack: bool = True,
 ) -> Equilibrium:

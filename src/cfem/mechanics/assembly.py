@@ -60,7 +60,7 @@ def make_pattern(n_nodes: int, cells: np.ndarray, fixed: np.ndarray, cliques: Se
 
 
 def _keys(groups: np.ndarray, n: int) -> np.ndarray:
-    """(m, k, k) column * n + row of the nodal block (row a, column b), -1 above the diagonal or where a node is held."""
+    """(m, k, k) column * n + row of the nodal block (row a, column b), -1 above the diagonal or at held nodes."""
     row, column = groups[:, :, None], groups[:, None, :]
     return np.where((row >= column) & (column >= 0), column * n + row, -1)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cfem.mechanics.mesh import TET_EDGES
 
-# Centroid, and the symmetric four-point rule of degree 2 (Zienkiewicz and Taylor, The Finite Element Method, table 6.3).
+# Centroid, and the symmetric four-point rule of degree 2 (Zienkiewicz and Taylor, The Finite Element Method, 6.3).
 _CENTROID = np.full((1, 4), 0.25)
 _A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
 _FOUR = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
@@ -14,7 +14,7 @@ _FOUR = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
 
 @dataclass(frozen=True)
 class Element:
-    """name as in specs; order 1 or 2; points (q, 4) barycentric, equal weights; pressure: one independent value an element."""
+    """name as in specs; order 1 or 2; points (q, 4) barycentric, of equal weight; pressure: one value an element."""
 
     name: str
     order: int

@@ -1,7 +1,7 @@
 """Sparse symmetric factorisation A = L D L^T behind one small function: analysed once, refactored many times.
 
-rslab (MIT, a plain wheel on all platforms) keeps the symbolic phase and gives the inertia; its factors are bit-identical
-for any number of threads. A singular or non-finite matrix is reported, never silently solved."""
+rslab (MIT, a plain wheel on all platforms) keeps the symbolic phase and gives the inertia; its factors are the same
+bits for any number of threads. A singular or non-finite matrix is reported, never silently solved."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

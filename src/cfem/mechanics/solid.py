@@ -71,7 +71,7 @@ def make_solid(mesh: Mesh, element: Element, law: Law, young: float, poisson: fl
 
 
 def response(solid: Solid, x: np.ndarray, pressure: np.ndarray | None = None) -> Response:
-    """Energy and internal force at positions x (n, 3) mm. pressure (m,) MPa; None or empty: the one that x itself demands."""
+    """Energy and internal force at positions x (n, 3) mm; pressure (m,) MPa, by default what x itself demands."""
     D, min_J = _displacement_gradients(x - solid.mesh.X, solid.mesh.cells, solid.gradients)
     k = len(D)
     psi, theta, P, g = np.empty(k), np.empty(k), np.empty((k, 3, 3)), np.empty((k, 3, 3))

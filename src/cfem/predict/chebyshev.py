@@ -19,9 +19,9 @@ def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
 
 
 def basis(z: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """(..., M) basis functions at z (..., n); indices (M, n), the degree of each function in each coordinate."""
-    table = polynomials(np.moveaxis(z, -1, 0), int(indices.max(initial=0)))  # (K, n, ...)
+    """(B, M) or (M,) basis functions at z (B, n) or (n,); indices (M, n), the degree of each function in each coordinate."""
+    table = polynomials(z.T, int(indices.max(initial=0)))  # (K, n, B) or (K, n)
     product = table[indices[:, 0], 0]
     for axis in range(1, indices.shape[1]):
         product = product * table[indices[:, axis], axis]
-    return np.moveaxis(product, 0, -1)
+    return product.T

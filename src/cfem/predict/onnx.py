@@ -21,7 +21,9 @@ class OnnxPredictor(Predictor):
         try:
             self._session = ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # ONNX Runtime's own exceptions share no base class of their own
-            raise InputError(f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it anew with --force") from error
+            raise InputError(
+                f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it anew with --force"
+            ) from error
 
     def evaluate(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         W, delta_free = self._session.run(["W", "delta_free"], {"delta_a": delta_a})

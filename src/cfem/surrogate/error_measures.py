@@ -24,7 +24,9 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
         "tip_percent_of_length": _statistics(100 * distance / length),
         "effectors_mm": {name: _statistics(distance[:, i]) for i, name in enumerate(names)},
         "force_N": _statistics(np.abs(lambda_a - dataset.lambda_a)),
-        "actuators_N": {name: _statistics(np.abs(lambda_a - dataset.lambda_a)[:, i]) for i, name in enumerate(rows.actuators)},
+        "actuators_N": {
+            name: _statistics(np.abs(lambda_a - dataset.lambda_a)[:, i]) for i, name in enumerate(rows.actuators)
+        },
     }
 
 
@@ -35,7 +37,9 @@ def state(rows: Rows, W: np.ndarray, delta_free: np.ndarray, delta_a: np.ndarray
     return lambda_a[..., 0], (W[:, e, a] @ lambda_a)[..., 0] + delta_free[:, e]
 
 
-def paper_loss(W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray) -> dict[str, Any]:
+def paper_loss(
+    W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray
+) -> dict[str, Any]:
     """Mean squared error of the entries of W (upper triangle) and delta_free, standardised by the mean and standard
     deviation of the true ones; entries constant to rounding are left out and counted."""
     varying, errors = [], []

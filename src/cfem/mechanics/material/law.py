@@ -36,7 +36,7 @@ def lame(young: float, poisson: float) -> tuple[float, float]:
 def energy_density(law: Law, F: np.ndarray, young: float, poisson: float) -> np.ndarray:
     """(k,) MPa: psi at deformation gradients F (k, 3, 3)."""
     shear, bulk = law.moduli(young, poisson)
-    psi, theta, P, g = response(law, F - np.eye(3), shear)
+    psi, theta, _P, _g = response(law, F - np.eye(3), shear)
     return psi + bulk / 2 * theta**2
 
 

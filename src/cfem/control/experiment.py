@@ -1,0 +1,89 @@
+"""Open-loop tracking: controllers plan with their model, the plant carries out what they command, both are
+recorded."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.control.inverse import Aim, Limits
+from cfem.control.loop import Iterate, Model, Reach, Settings, reach
+from cfem.control.plant import Measurement, Plant
+
+
+@dataclass(frozen=True)
+class Controller:
+    """One way to find actuations: a model and how hard to search with it."""
+
+    name: str
+    model: Model
+    settings: Settings
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """One goal, absolute (n_e,) mm, by one controller: what it planned, what the plant did, whether the plan
+    stayed inside the model's domain."""
+
+    controller: str
+    index: int
+    goal: np.ndarray
+    plan: Reach
+    measured: Measurement
+    inside: bool
+
+    @property
+    def error(self) -> float:
+        """mm between the effectors that the plant reached and the goal; NaN where the plant failed."""
+        return float(np.linalg.norm(self.measured.x_e - self.goal))
+
+
+class Tracker:
+    """A controller on its way along a trajectory: each goal is searched from where the last one ended."""
+
+    def __init__(
+        self, controller: Controller, limits: Limits, weights: np.ndarray, ridge: np.ndarray, rest_e: np.ndarray
+    ):
+        self._controller, self._limits, self._weights, self._ridge = controller, limits, weights, ridge
+        self._rest_e = rest_e
+        self._at = Iterate.at(controller.model.at_displacement(np.zeros(len(ridge))))
+
+    def towards(self, goal: np.ndarray) -> Reach:
+        """goal: (n_e,) mm, absolute."""
+        aim = Aim(goal - self._rest_e, self._weights, self._ridge)
+        found = reach(self._controller.model, aim, self._limits, self._at, self._controller.settings)
+        self._at = found.iterate
+        return found
+
+
+def follow(
+    goals: np.ndarray,
+    reference: Controller | None,
+    learned: Sequence[Controller],
+    plant: Plant,
+    tracker: Callable[[Controller], Tracker],
+    after: Callable[[int], None] = lambda index: None,
+) -> list[Tracked]:
+    """Every goal (m, n_e) mm by every controller, each command in the plant.
+
+    reference: a controller whose model is the plant itself (FE-based control); it goes first at each goal, so
+    that the plant stands near where the learned controllers send it. Learned controllers plan all goals
+    beforehand, undisturbed, as their step is timed. after(index): called when the plant has carried out the
+    first controller's command for that goal."""
+    plans = {}
+    for controller in learned:
+        way = tracker(controller)
+        plans[controller.name] = [way.towards(goal) for goal in goals]
+    way = tracker(reference) if reference else None
+    tracked = []
+    for index, goal in enumerate(goals):
+        turn = [(reference, way.towards(goal))] if reference else []
+        turn += [(controller, plans[controller.name][index]) for controller in learned]
+        for place, (controller, plan) in enumerate(turn):
+            measured = plant.step(plan.delta_a)
+            inside = getattr(controller.model, "inside", None)
+            within = bool(inside(plan.delta_a)) if inside else True
+            tracked.append(Tracked(controller.name, index, goal, plan, measured, within))
+            if place == 0:
+                after(index)
+    return tracked

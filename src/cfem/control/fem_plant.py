@@ -1,0 +1,85 @@
+"""The FE robot as a model and as a plant: the reference that learned control is compared with, and what it
+acts on."""
+
+import time
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.control.plant import Command, Measurement
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.actuation import displacement, force, pull
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solve import solve
+from cfem.robot.robot import Robot
+
+
+class FemPlant:
+    """Both protocols, `Model` and `Plant`, on one FE robot. Every solve starts from the state that the last
+    one ended in; a step to where the robot stands already costs nothing.
+
+    solves, seconds: what it has cost; x: (n, 3) mm nodes now"""
+
+    def __init__(self, robot: Robot, settings: Settings = Settings()):
+        self._problem, self._settings = Problem(robot), settings
+        self._last: Equilibrium | None = None
+        self._t = 0
+        self.solves, self.seconds = 0, 0.0
+
+    @property
+    def x(self) -> np.ndarray:
+        return self._problem.rest if self._last is None else self._last.state.x
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        """Condensed FE at delta_a (n_a,) mm, all actuators bilateral, as the linearisation of the inverse step
+        sees them."""
+        delta_a = np.asarray(delta_a, float)
+        if not (self._stands_at(delta_a) and self._last.condensed is not None):
+            self._solve(displacement(delta_a), condense=True, slack=False)
+        return self._last.condensed
+
+    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Actuators that would have to push go slack."""
+        self._t += 1
+        u = np.asarray(u, float)
+        try:
+            if kind == "force":
+                self._solve(force(u), condense=False, slack=True)
+            elif not self._stands_at(u) or self._pushes():
+                self._solve(displacement(u), condense=False, slack=True)
+        except NumericalError as error:
+            nothing = np.full(len(u), np.nan)
+            rest = self._problem.robot.rest_e
+            return Measurement(np.full(len(rest), np.nan), nothing, nothing, self._t, str(error))
+        return self._measurement()
+
+    def pull(self, share: np.ndarray) -> Measurement:
+        """The state of one point of the pulling cube [0, 1]^n_a. NumericalError where it is out of reach."""
+        reach_max = self._problem.robot.reach[:, 1]
+        self._t += 1
+        self._solve(pull(share, reach_max), condense=False, slack=True)
+        return self._measurement()
+
+    def _solve(self, actuation, condense: bool, slack: bool) -> None:
+        begin = time.perf_counter()
+        start: State | None = None if self._last is None else self._last.state
+        found = solve(self._problem, actuation, start, self._settings, condense=condense, slack=slack)
+        self.solves += 1
+        self.seconds += time.perf_counter() - begin
+        if not found.converged:
+            raise NumericalError(f"FE robot: {found.status.value}")
+        self._last = found
+
+    def _stands_at(self, delta_a: np.ndarray) -> bool:
+        return self._last is not None and bool(np.abs(self._last.delta_a - delta_a).max() < 1e-9)
+
+    def _pushes(self) -> bool:
+        lam = self._last.state.lambda_a
+        return bool((self._problem.robot.unilateral & (lam < -1e-9 * np.abs(lam).max())).any())
+
+    def _measurement(self) -> Measurement:
+        last = self._last
+        x_e = self._problem.robot.rest_e + last.delta_e
+        return Measurement(x_e, last.delta_a, last.state.lambda_a, self._t, "converged")

@@ -1,0 +1,93 @@
+"""What `control.yaml` says: which models follow which trajectories, against what."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PositiveInt, model_validator
+
+from cfem.core.spec import Spec
+from cfem.core.units import Angle, Force, Length, LengthMatrix, LengthVector
+
+
+class ArcSpec(Spec):
+    """Goals on an arc of a circle, whether the robot can reach them or not."""
+
+    kind: Literal["arc"]
+    centre: LengthVector
+    radius: Length
+    start: Angle
+    end: Angle
+    plane: Literal["xy", "yz", "zx"]
+    goals: PositiveInt
+
+
+class GoalsSpec(Spec):
+    """Goals one by one."""
+
+    kind: Literal["goals"]
+    points: LengthMatrix
+
+
+class ImageSpec(Spec):
+    """The image by FE of a closed curve in the pulling cube [0, 1]^n_a: an ellipse for two actuators.
+    Reachable."""
+
+    kind: Literal["image"]
+    centre: list[float]
+    radii: list[float]
+    goals: PositiveInt
+
+    @model_validator(mode="after")
+    def _inside_the_cube(self):
+        if len(self.centre) != len(self.radii):
+            raise ValueError("centre and radii need one number an actuator each")
+        if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in zip(self.centre, self.radii, strict=True)):
+            raise ValueError("the curve leaves the pulling cube [0, 1]")
+        return self
+
+
+TrajectorySpec = Annotated[ArcSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]
+
+
+class SearchSpec(Spec):
+    """iterations: inverse steps a goal; tolerance: a smaller move of every actuator ends them; step: largest
+    move in one; regularisation: what full course costs relative to missing by the robot's length; weights: of
+    effector rows."""
+
+    iterations: PositiveInt = 20
+    tolerance: Length = 1e-5
+    step: Length = 5.0
+    regularisation: float = Field(1e-10, ge=0)
+    weights: list[Annotated[float, Field(ge=0)]] | None = None
+    largest_force: Force | None = None
+    qp: Literal["daqp", "osqp"] = "daqp"
+
+
+class ControlSpec(Spec):
+    """scene, mesh: the robot; models: export folders by name; out: artefact to make; plant: what the commands
+    act on, `fem` or `model` (the first model grades itself: for trying out); runtime: of the models; fe_based:
+    whether the same control also runs on FE matrices, to fe_tolerance; fewer_iterations: also follow with the
+    first model and so few inverse steps a goal, to see what a shorter step costs; pictures: deformed shapes
+    kept of each trajectory; reached: a goal counts as reachable where the search ends nearer than this."""
+
+    scene: Path
+    mesh: Path
+    models: dict[str, Path] = Field(min_length=1)
+    out: Path
+    plant: Literal["fem", "model"] = "fem"
+    runtime: Literal["arrays", "onnx"] = "arrays"
+    fe_based: bool = True
+    fe_tolerance: Length = 1e-3
+    trajectories: dict[str, TrajectorySpec] = Field(min_length=1)
+    search: SearchSpec = SearchSpec()
+    reached: Length = 0.1
+    fewer_iterations: list[PositiveInt] = Field(default=[])
+    pictures: PositiveInt = 5
+
+    @model_validator(mode="after")
+    def _fe_needs_fe(self):
+        if self.plant == "model" and self.fe_based:
+            raise ValueError("fe_based needs plant: fem; with plant: model set it to false")
+        if self.plant == "model" and any(t.kind == "image" for t in self.trajectories.values()):
+            raise ValueError("an image trajectory needs plant: fem")
+        return self

@@ -1,0 +1,194 @@
+"""`cfem control`: follows the trajectories with learned models and with FE matrices, and judges both in the
+plant."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, TrajectorySpec
+from cfem.core.errors import SpecError
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, run_stage
+
+VERSION = 1
+
+
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The manifest. Results: per trajectory and controller, see `summary.summarise`."""
+    spec = load_spec(spec_path, ControlSpec, overrides)
+    base = spec_path.parent
+    models = {name: base / path for name, path in spec.models.items()}
+    inputs = {"scene": base / spec.scene, "mesh": base / spec.mesh} | {
+        f"model {name}": path for name, path in models.items()
+    }
+    stage = Stage(
+        name="control",
+        version=VERSION,
+        spec=spec,
+        inputs=inputs,
+        out=out or base / spec.out,
+        paths=("scene", "mesh", "models", "out"),
+    )
+    return run_stage(stage, lambda folder: _work(folder, spec, inputs, models, options), options)
+
+
+def _work(folder: Path, spec: ControlSpec, inputs: dict[str, Path], models: dict[str, Path], options: Options) -> dict:
+    from cfem.control.fem_plant import FemPlant
+    from cfem.control.plant import ModelPlant
+    from cfem.core.progress import progress
+    from cfem.predict.load import load_model
+    from cfem.robot.build import build_robot
+    from cfem.robot.load import load_scene_and_mesh
+
+    robot = build_robot(*load_scene_and_mesh(inputs["scene"], inputs["mesh"]))
+    predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
+    _demand_same_rows(robot, predictors, models)
+    fem = FemPlant(robot) if spec.plant == "fem" else None
+    plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
+    goals = {name: _goals(name, trajectory, robot, fem) for name, trajectory in spec.trajectories.items()}
+
+    records, states, results = [], {"X": robot.body.mesh.X, "facets": robot.body.mesh.facets}, {}
+    with progress("control", sum(map(len, goals.values())), quiet=options.quiet) as advance:
+        for name, points in goals.items():
+            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, advance)
+            records += rows
+            states |= pictures
+            results[name] = _summary(rows, robot.length)
+    np.savez_compressed(folder / "states.npz", **states)
+    _write_table(folder / "trajectories.parquet", records, robot)
+    cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
+    return {
+        "plant": spec.plant,
+        "trajectories": results,
+        "length": robot.length,
+        "fe_cost": cost,
+        "nodes": len(robot.body.mesh.X),
+    }
+
+
+def _goals(name: str, trajectory: TrajectorySpec, robot, fem) -> np.ndarray:
+    """(m, n_e) mm absolute."""
+    from cfem.control.trajectory import arc, loop_of_shares
+
+    if isinstance(trajectory, ArcSpec):
+        return _fit(
+            name,
+            arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals"))),
+            robot,
+        )
+    if isinstance(trajectory, GoalsSpec):
+        return _fit(name, trajectory.points, robot)
+    if len(trajectory.centre) != robot.rows.n_a:
+        raise SpecError(
+            f"centre has {len(trajectory.centre)} numbers, the robot {robot.rows.n_a} actuators",
+            where=f"trajectories.{name}",
+        )
+    shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals)
+    return np.array([fem.pull(share).x_e for share in shares])
+
+
+def _fit(name: str, goals: np.ndarray, robot) -> np.ndarray:
+    if goals.shape[1] != robot.rows.n_e:
+        raise SpecError(
+            f"a goal has {goals.shape[1]} numbers, the robot {robot.rows.n_e} effector rows",
+            where=f"trajectories.{name}",
+        )
+    return goals
+
+
+def _demand_same_rows(robot, predictors, models) -> None:
+    from cfem.core.errors import InputError
+
+    for name, predictor in predictors.items():
+        if predictor.rows != robot.rows:
+            raise InputError(f"has rows {predictor.rows.names}, the scene {robot.rows.names}", where=str(models[name]))
+
+
+def _follow(
+    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, advance
+) -> tuple[list, dict]:
+    """Records of one trajectory, and the deformed nodes of a few of its goals."""
+    from cfem.control.experiment import Controller, Tracker, follow
+    from cfem.control.inverse import ridge_of
+    from cfem.control.summary import FE_BASED, record
+
+    limits, settings = _limits(spec, robot), _settings(spec)
+    weights = np.ones(robot.rows.n_e) if spec.search.weights is None else np.array(spec.search.weights)
+    if len(weights) != robot.rows.n_e:
+        raise SpecError(f"{len(weights)} weights for {robot.rows.n_e} effector rows", where="search.weights")
+    ridge = ridge_of(spec.search.regularisation, robot.reach, robot.length)
+    learned = [Controller(model, predictor, settings) for model, predictor in predictors.items()]
+    first, predictor = next(iter(predictors.items()))
+    learned += [Controller(f"{first}@{n}", predictor, replace(settings, iterations=n)) for n in spec.fewer_iterations]
+    reference = Controller(FE_BASED, fem, replace(settings, tolerance=spec.fe_tolerance)) if spec.fe_based else None
+
+    chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
+    shapes: dict[int, np.ndarray] = {}
+
+    def after(index: int) -> None:
+        if fem and index in chosen:
+            shapes[index] = fem.x.copy()
+        advance(1)
+
+    tracked = follow(
+        goals, reference, learned, plant, lambda one: Tracker(one, limits, weights, ridge, robot.rest_e), after
+    )
+    fe = {one.index: one for one in tracked if one.controller == FE_BASED}
+    rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]
+    pictures = {f"{name}/index": np.array(sorted(shapes)), f"{name}/x": np.array([shapes[i] for i in sorted(shapes)])}
+    return rows, pictures if shapes else {}
+
+
+def _limits(spec: ControlSpec, robot):
+    from cfem.control.inverse import Limits
+
+    limits = Limits.of(robot.reach, robot.unilateral)
+    if spec.search.largest_force is None:
+        return limits
+    bound = spec.search.largest_force
+    return replace(limits, lambda_a=np.clip(limits.lambda_a, -bound, bound))
+
+
+def _settings(spec: ControlSpec):
+    from cfem.control.loop import Settings
+
+    search = spec.search
+    return Settings(search.iterations, search.tolerance, search.step, backend=search.qp)
+
+
+def _summary(rows: list[dict], length: float) -> dict:
+    from cfem.control.summary import summarise
+
+    return summarise(rows, length)
+
+
+def _write_table(path: Path, records: list[dict], robot) -> None:
+    import json
+
+    import pyarrow as pa
+
+    from cfem.dataset.writer import write_table
+
+    vectors = {"goal", "x_e", "delta_a", "lambda_a", "predicted_e"}
+    columns = {key: [row[key] for row in records] for key in records[0]}
+    arrays = {
+        key: pa.FixedSizeListArray.from_arrays(pa.array(np.concatenate(values)), len(values[0]))
+        if key in vectors
+        else pa.array(values)
+        for key, values in columns.items()
+    }
+    units = {
+        "error": "mm",
+        "goal": "mm",
+        "x_e": "mm",
+        "delta_a": "mm",
+        "lambda_a": "N",
+        "predicted_e": "mm",
+        "step_us": "us",
+        "seconds": "s",
+    }
+    meta = {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "length": robot.length, "units": units}
+    write_table(path, pa.table(arrays).replace_schema_metadata({"cfem": json.dumps(meta)}))

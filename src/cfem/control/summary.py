@@ -1,0 +1,84 @@
+"""Tracked goals to rows of a table and to the numbers of the headline."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cfem.control.experiment import Tracked
+
+FE_BASED = "fe-based"
+
+
+def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None) -> dict:
+    """One row of `trajectories.parquet`; lengths mm, forces N. fe: what FE-based control did at the same
+    goal."""
+    plan, measured = tracked.plan, tracked.measured
+    return {
+        "trajectory": trajectory,
+        "controller": tracked.controller,
+        "goal_index": tracked.index,
+        "goal": tracked.goal,
+        "x_e": measured.x_e,
+        "error": tracked.error,
+        "error_to_fe_based": float(np.linalg.norm(measured.x_e - fe.measured.x_e)) if fe else float("nan"),
+        "delta_a": plan.delta_a,
+        "lambda_a": plan.lambda_a,
+        "predicted_e": plan.delta_e,
+        "predicted_distance": plan.distance,
+        "reachable": plan.distance < reached,
+        "inside": tracked.inside,
+        "status": plan.status.value,
+        "plant_status": measured.status,
+        "iterations": plan.iterations,
+        "queries": plan.queries,
+        "softened": plan.softened,
+        "kkt": plan.kkt,
+        "seconds": plan.seconds,
+        "step_us": 1e6 * plan.seconds / max(plan.iterations, 1),
+    }
+
+
+def summarise(records: Sequence[dict], length: float) -> dict:
+    """Headline of one trajectory: per controller, distances in mm and % of length, step times in us, shares.
+
+    A goal counts as reachable where FE-based control finds it so, or the controller itself where FE-based did
+    not run."""
+    by_controller: dict[str, list[dict]] = {}
+    for row in records:
+        by_controller.setdefault(row["controller"], []).append(row)
+    judge = by_controller.get(FE_BASED)
+    found = {}
+    for name, rows in by_controller.items():
+        reachable = [row["reachable"] for row in (judge or rows)]
+        near = [row["error"] for row, can in zip(rows, reachable, strict=True) if can]
+        far = [row["error"] for row, can in zip(rows, reachable, strict=True) if not can]
+        found[name] = {
+            "goals": len(rows),
+            "reachable": sum(reachable),
+            "converged": sum(row["status"] == "converged" for row in rows),
+            "plant_converged": sum(row["plant_status"] == "converged" for row in rows),
+            "inside": sum(row["inside"] for row in rows),
+            "softened": sum(row["softened"] for row in rows),
+            "distance_to_reachable_goals": _spread(near, length),
+            "distance_to_unreachable_goals": _spread(far, length),
+            "distance_to_fe_based": None
+            if name == FE_BASED
+            else _spread([row["error_to_fe_based"] for row in rows], length),
+            "iterations_mean": float(np.mean([row["iterations"] for row in rows])),
+            "step_us": {
+                "median": float(np.median([row["step_us"] for row in rows])),
+                "p99": float(np.percentile([row["step_us"] for row in rows], 99)),
+            },
+            "kkt_max": max(row["kkt"] for row in rows),
+        }
+    return found
+
+
+def _spread(values: Sequence[float], length: float) -> dict | None:
+    """Mean and largest in mm and in % of length; None where there are none, failed plant steps (NaN) left
+    out."""
+    known = np.array([value for value in values if np.isfinite(value)])
+    if not len(known):
+        return None
+    mean, largest = float(known.mean()), float(known.max())
+    return {"mean": mean, "max": largest, "mean_percent": 100 * mean / length, "max_percent": 100 * largest / length}

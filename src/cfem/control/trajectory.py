@@ -1,0 +1,23 @@
+"""Goals: where the effector should be, one point a row, absolute positions in mm. Pure functions of numbers."""
+
+import numpy as np
+
+PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
+
+
+def arc(centre: np.ndarray, radius: float, start: float, end: float, plane: str, goals: int) -> np.ndarray:
+    """(goals, 3) mm, evenly spaced on a circle about centre (3,) mm, both ends included. start, end: rad from
+    the plane's first axis towards its second; in 'yz', -pi/2 is straight down and 0 towards +y."""
+    first, second = PLANES[plane]
+    angle = np.linspace(start, end, goals)
+    points = np.tile(np.asarray(centre, float), (goals, 1))
+    points[:, first] += radius * np.cos(angle)
+    points[:, second] += radius * np.sin(angle)
+    return points
+
+
+def loop_of_shares(centre: np.ndarray, radii: np.ndarray, goals: int) -> np.ndarray:
+    """(goals, n_a) a closed curve in the pulling cube [0, 1]^n_a, an ellipse for two actuators: each share
+    follows the one before by a quarter turn. Its image by FE is a curve that the robot can follow."""
+    turn = np.arange(goals)[:, None] * 2 * np.pi / goals - np.arange(len(centre)) * np.pi / 2
+    return np.asarray(centre) + np.asarray(radii) * np.cos(turn)

@@ -1,0 +1,16 @@
+"""export.yaml: which trained model, in which formats."""
+
+from pathlib import Path
+from typing import Literal
+
+from cfem.core.spec import Spec
+
+Format = Literal["arrays", "onnx", "torchscript"]
+
+
+class ExportSpec(Spec):
+    """model: folder of `cfem train`."""
+
+    model: Path
+    out: Path
+    formats: list[Format] = ["arrays", "onnx", "torchscript"]

@@ -1,0 +1,91 @@
+"""`cfem export`: a trained model to a folder that control runs from, parity with the trained model measured."""
+
+import shutil
+import warnings
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.files import write_json, write_whole
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.export.spec import ExportSpec
+from cfem.predict.load import build, read_arrays, read_meta
+from cfem.surrogate.model_card import random_states
+
+PARITY_STATES = 500
+FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts"}
+
+
+def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The export's manifest; results: largest relative difference from the trained model and size, by format."""
+    spec = load_spec(spec_path, ExportSpec, overrides)
+    model = spec_path.parent / spec.model
+    stage = Stage(
+        name="export",
+        version=1,
+        spec=spec,
+        inputs={"model": model},
+        out=out or spec_path.parent / spec.out,
+        paths=("model", "out"),
+    )
+    return run_stage(stage, partial(work, spec=spec, model_folder=model), options)
+
+
+def work(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, Any]:
+    """Writes every format, runs each from its file, compares."""
+    meta, arrays = read_meta(model_folder), read_arrays(model_folder)
+    if "arrays" in spec.formats:
+        shutil.copyfile(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
+    if {"onnx", "torchscript"} & set(spec.formats):
+        write_graphs(folder, spec, meta, arrays)
+    states = random_states(np.asarray(meta["domain"]["delta_a"]), PARITY_STATES)
+    reference = build(meta, arrays).evaluate(states)
+    parity = {
+        name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, states))) for name in spec.formats
+    }
+    write_json(folder / "model.json", {**meta, "parity": parity})
+    sizes = {name: (folder / FILES[name]).stat().st_size for name in spec.formats}
+    return {"kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
+
+
+def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:
+    from cfem.export.onnx import example, onnx_bytes
+    from cfem.export.torchscript import torchscript_bytes
+    from cfem.surrogate.torch_model import module_of
+
+    model = module_of(meta, arrays)
+    if "onnx" in spec.formats:
+        write_whole(folder / FILES["onnx"], onnx_bytes(model, meta))
+    if "torchscript" in spec.formats:
+        write_whole(folder / FILES["torchscript"], torchscript_bytes(model, example(meta)))
+
+
+def difference(reference: np.ndarray, found: np.ndarray) -> float:
+    """Largest difference, relative to the largest entry."""
+    return float(np.abs(found - reference).max() / np.abs(reference).max())
+
+
+def _run_arrays(path: Path, meta: dict, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    with np.load(path, allow_pickle=False) as arrays:
+        return build(meta, dict(arrays)).evaluate(states)
+
+
+def _run_onnx(path: Path, meta: dict, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    from cfem.predict.onnx import OnnxPredictor
+
+    return OnnxPredictor(meta, path).evaluate(states)
+
+
+def _run_torchscript(path: Path, meta: dict, states: np.ndarray) -> tuple[np.ndarray, ...]:
+    import torch
+
+    with warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")
+        return tuple(out.numpy() for out in torch.jit.load(path)(torch.as_tensor(states)))
+
+
+RUNNERS = {"arrays": _run_arrays, "onnx": _run_onnx, "torchscript": _run_torchscript}

@@ -1,0 +1,1 @@
+"""What the robot is: spec, CAD, mesh, bodies and constraints."""

@@ -1,0 +1,68 @@
+"""Solid geometry as data: a small tree of primitives and Boolean operations, in mm, which needs no CAD kernel to write."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Box:
+    """Between two opposite corners."""
+
+    low: Point
+    high: Point
+
+
+@dataclass(frozen=True)
+class Prism:
+    """A polygon ((y, z), ...) extruded along x from x_low to x_high."""
+
+    polygon: tuple[tuple[float, float], ...]
+    x_low: float
+    x_high: float
+
+
+@dataclass(frozen=True)
+class Frustum:
+    """A cone from radius r0 at `base` to radius r1 at base + axis."""
+
+    base: Point
+    axis: Point
+    r0: float
+    r1: float
+
+
+@dataclass(frozen=True)
+class Union:
+    parts: tuple["Solid", ...]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """`whole` without `parts`."""
+
+    whole: "Solid"
+    parts: tuple["Solid", ...]
+
+
+@dataclass(frozen=True)
+class File:
+    """A STEP solid, or the volume that a closed STL surface bounds. unit: size in mm of its numbers (STL has none)."""
+
+    path: str
+    unit: float = 1.0
+
+
+Solid = Box | Prism | Frustum | Union | Difference | File
+
+
+def as_data(solid: Solid) -> dict[str, Any]:
+    """Plain data for the mesher's process: {'kind': class name, field: value, ...}."""
+
+    def convert(value: Any) -> Any:
+        if isinstance(value, Solid):
+            return as_data(value)
+        return [convert(item) for item in value] if isinstance(value, tuple) else value
+
+    return {"kind": type(solid).__name__, **{item.name: convert(getattr(solid, item.name)) for item in fields(solid)}}

@@ -1,0 +1,122 @@
+"""The one place that touches gmsh (GPL), which it runs in its own process: `python -m cfem.robot.gmsh_process OUT.npz`.
+
+A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}]}.
+The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3. One thread and fixed algorithms: the same job
+gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry cannot be built or meshed; the cause on stderr."""
+
+import json
+import math
+import sys
+
+import numpy as np
+
+
+def build(occ, node: dict) -> list[tuple[int, int]]:
+    """OpenCASCADE entities (3, tag) of a tree of solids."""
+    kind = node["kind"]
+    if kind == "Box":
+        size = [high - low for low, high in zip(node["low"], node["high"], strict=True)]
+        return [(3, occ.addBox(*node["low"], *size))]
+    if kind == "Prism":
+        points = [occ.addPoint(node["x_low"], y, z) for y, z in node["polygon"]]
+        lines = [occ.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+        face = occ.addPlaneSurface([occ.addCurveLoop(lines)])
+        swept = occ.extrude([(2, face)], node["x_high"] - node["x_low"], 0, 0)
+        return [entity for entity in swept if entity[0] == 3]
+    if kind == "Frustum":
+        return [(3, occ.addCone(*node["base"], *node["axis"], node["r0"], node["r1"]))]
+    if kind == "Union":
+        first, *others = [build(occ, part) for part in node["parts"]]
+        rest = [entity for part in others for entity in part]
+        return occ.fuse(first, rest)[0] if rest else first
+    if kind == "Difference":
+        parts = [entity for part in node["parts"] for entity in build(occ, part)]
+        return occ.cut(build(occ, node["whole"]), parts)[0]
+    return [entity for entity in occ.importShapes(node["path"]) if entity[0] == 3]
+
+
+def surface_volume(gmsh, path: str, unit: float) -> float:
+    """Makes the volume that a closed STL surface bounds; its own volume by the divergence theorem."""
+    gmsh.merge(path)
+    gmsh.model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
+    gmsh.model.mesh.removeDuplicateNodes()
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    X = np.zeros((int(tags.max()) + 1, 3))
+    X[tags.astype(int)] = coordinates.reshape(-1, 3)
+    triangles = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3).astype(int)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    if len(triangles) == 0 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
+        raise ValueError("the surface is not closed: every edge must belong to two triangles")
+    a, b, c = (X[triangles[:, corner]] for corner in range(3))
+    gmsh.model.mesh.classifySurfaces(math.radians(40), True, True, math.pi)
+    gmsh.model.mesh.createGeometry()
+    loop = gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])
+    gmsh.model.geo.addVolume([loop])
+    gmsh.model.geo.synchronize()
+    return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
+
+
+def mesh(gmsh, job: dict) -> tuple[np.ndarray, np.ndarray, float]:
+    """X (n, 3), cells (m, 4), CAD volume."""
+    solid = job["solid"]
+    if solid["kind"] == "File" and solid["path"].lower().endswith(".stl"):
+        volume = surface_volume(gmsh, solid["path"], solid["unit"])
+    else:
+        occ = gmsh.model.occ
+        bodies = build(occ, solid)
+        occ.synchronize()
+        if len(bodies) != 1:
+            raise ValueError(f"the geometry is {len(bodies)} separate bodies, not one")
+        volume = occ.getMass(*bodies[0])
+    _sizes(gmsh, job)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.optimize("Netgen")
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    cells = gmsh.model.mesh.getElementsByType(4)[1].reshape(-1, 4)
+    if len(cells) == 0:
+        raise ValueError("gmsh made no tetrahedra: the surface may not enclose a volume")
+    used, cells = np.unique(cells, return_inverse=True)
+    order = np.argsort(tags)
+    X = coordinates.reshape(-1, 3)[order][np.searchsorted(tags[order], used)]
+    return X, cells.reshape(-1, 4), volume
+
+
+def _sizes(gmsh, job: dict) -> None:
+    for option, value in (("MeshSizeMax", job["size"]), ("MeshSizeExtendFromBoundary", 0), ("MeshSizeFromPoints", 0)):
+        gmsh.option.setNumber(f"Mesh.{option}", value)
+    fields = []
+    for part in job["refine"]:
+        field = gmsh.model.mesh.field.add("Box")
+        sides = zip(("XMin", "YMin", "ZMin", "XMax", "YMax", "ZMax"), part["low"] + part["high"], strict=True)
+        values = {"VIn": part["size"], "VOut": job["size"], "Thickness": part["blend"], **dict(sides)}
+        for name, value in values.items():
+            gmsh.model.mesh.field.setNumber(field, name, value)
+        fields.append(field)
+    if fields:
+        smallest = gmsh.model.mesh.field.add("Min")
+        gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
+        gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
+
+
+def main() -> int:
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 10
+    gmsh.initialize(["gmsh", "-nt", "1"], interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.RandomSeed", 1)
+        X, cells, volume = mesh(gmsh, json.load(sys.stdin))
+    except Exception as error:  # gmsh raises bare Exception
+        print(error, file=sys.stderr)
+        return 11
+    finally:
+        gmsh.finalize()
+    np.savez(sys.argv[1], X=X, cells=cells, volume=volume)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

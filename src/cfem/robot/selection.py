@@ -1,0 +1,80 @@
+"""Which part of a mesh is meant: boxes, balls, half spaces, or sets that the mesh file names."""
+
+from typing import Literal
+
+import numpy as np
+
+from cfem.core.errors import SpecError
+from cfem.core.spec import Spec
+from cfem.core.units import Length, LengthMatrix, LengthVector
+from cfem.mechanics.mesh import Mesh
+
+
+class Box(Spec):
+    """All points between two opposite corners."""
+
+    kind: Literal["box"]
+    corners: LengthMatrix
+
+
+class Sphere(Spec):
+    """All points within a ball."""
+
+    kind: Literal["sphere"]
+    centre: LengthVector
+    radius: Length
+
+
+class Plane(Spec):
+    """All points on or beyond a plane, on the side that `normal` points to."""
+
+    kind: Literal["plane"]
+    point: LengthVector
+    normal: list[float]
+
+
+class Named(Spec):
+    """A node or facet set (physical group) of the mesh file."""
+
+    kind: Literal["name"]
+    name: str
+
+
+Selection = Box | Sphere | Plane | Named
+
+
+def select_nodes(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
+    """Indices of the nodes meant, ascending. SpecError, naming `where`, if there are none."""
+    nodes = np.flatnonzero(_chosen(mesh, selection, where))
+    if len(nodes) == 0:
+        raise SpecError(f"{where}: the {selection.kind} selects no node of the mesh", do="check its coordinates and units")
+    return nodes
+
+
+def _chosen(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
+    slack = 1e-6 * mesh.size
+    if isinstance(selection, Box):
+        low, high = _rows(selection.corners, (2, 3), where).min(axis=0), selection.corners.max(axis=0)
+        return ((mesh.X >= low - slack) & (mesh.X <= high + slack)).all(axis=1)
+    if isinstance(selection, Sphere):
+        centre = _rows(selection.centre, (3,), where)
+        return np.linalg.norm(mesh.X - centre, axis=1) <= selection.radius + slack
+    if isinstance(selection, Plane):
+        normal = _rows(np.asarray(selection.normal, float), (3,), where)
+        height = (mesh.X - _rows(selection.point, (3,), where)) @ (normal / np.linalg.norm(normal))
+        return height >= -slack
+    chosen = np.zeros(len(mesh.X), dtype=bool)
+    if selection.name in mesh.node_sets:
+        chosen[mesh.node_sets[selection.name]] = True
+    elif selection.name in mesh.facet_sets:
+        chosen[mesh.facets[mesh.facet_sets[selection.name]]] = True
+    else:
+        known = sorted({*mesh.node_sets, *mesh.facet_sets})
+        raise SpecError(f"{where}: the mesh has no set '{selection.name}'", do=f"it has {known}")
+    return chosen
+
+
+def _rows(array: np.ndarray, shape: tuple[int, ...], where: str) -> np.ndarray:
+    if array.shape != shape:
+        raise SpecError(f"{where}: expected numbers of shape {shape}, got {array.shape}")
+    return array

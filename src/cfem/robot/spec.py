@@ -1,0 +1,142 @@
+"""scene.yaml: what the robot is. Geometry, mesh, material, what holds it, what drives it, what is watched."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from cfem.core.spec import Spec
+from cfem.core.units import Angle, Length, LengthMatrix, LengthVector, Stress
+from cfem.robot.selection import Selection
+
+
+class SoftFinger(Spec):
+    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025); defaults are the paper's."""
+
+    kind: Literal["soft-finger"]
+    segment_length: Length = 40.0
+    height: Length = 20.0
+    joint_height: Length = 6.0
+    thickness: Length = 17.5
+    slope: Angle = float(np.pi / 4)
+
+
+class Bar(Spec):
+    """A bar along x from the origin, centred on the x axis."""
+
+    kind: Literal["bar"]
+    length: Length = 60.0
+    width: Length = 10.0
+    height: Length = 10.0
+
+
+class MeshFile(Spec):
+    """A tetrahedral mesh (.vtu, .vtk, .msh) or a closed surface (.stl) of the user's own; `unit` is that of its numbers."""
+
+    kind: Literal["mesh-file"]
+    path: Path
+    unit: Length = 1.0
+
+
+class StepFile(Spec):
+    """A solid in a STEP file, whose units it states itself."""
+
+    kind: Literal["step"]
+    path: Path
+
+
+Geometry = Annotated[SoftFinger | Bar | MeshFile | StepFile, Field(discriminator="kind")]
+
+
+class Refinement(Spec):
+    """A finer mesh size within a box, blending into the rest over `blend`."""
+
+    corners: LengthMatrix
+    size: Length = Field(gt=0)
+    blend: Length = Field(default=6.0, ge=0)
+
+
+class Meshing(Spec):
+    """element: linear (tet4), quadratic (tet10), or quadratic with one pressure an element (tet10p0), which does not lock."""
+
+    size: Length = Field(gt=0)
+    refine: list[Refinement] = []
+    element: Literal["tet4", "tet10", "tet10p0"] = "tet10p0"
+
+
+class Material(Spec):
+    """One homogeneous hyperelastic material."""
+
+    law: Literal["neo-hookean", "corotational"] = "neo-hookean"
+    young: Stress = Field(gt=0)
+    poisson: float = Field(ge=0)
+
+    @field_validator("poisson")
+    @classmethod
+    def _compressible(cls, value: float) -> float:
+        if not value < 0.5:
+            raise ValueError("an incompressible material has no finite bulk modulus: use at most 0.4999")
+        return value
+
+
+class Cable(Spec):
+    """A cable through points of the body, from a fixed pull point where one is given. reach: its smallest and largest
+    shortening. radius: of the region through which each point acts; 0 for a mathematical point. unilateral: it can only pull."""
+
+    kind: Literal["cable"]
+    name: str = Field(min_length=1)
+    points: LengthMatrix
+    pull_point: LengthVector | None = None
+    radius: Length = Field(default=2.0, ge=0)
+    reach: LengthVector
+    unilateral: bool = True
+
+    @model_validator(mode="after")
+    def _shapes(self):
+        if self.points.shape[1] != 3:
+            raise ValueError(f"cable '{self.name}': points must have three coordinates each")
+        if self.pull_point is not None and self.pull_point.shape != (3,):
+            raise ValueError(f"cable '{self.name}': pull_point must have three coordinates")
+        if self.reach.shape != (2,) or not self.reach[0] < self.reach[1]:
+            raise ValueError(f"cable '{self.name}': reach must be two numbers, the smaller first")
+        return self
+
+
+class Effector(Spec):
+    """A watched point. One that lies outside the body is carried by the best-fit rigid motion of what lies within
+    carrier_radius of it."""
+
+    name: str = Field(min_length=1)
+    point: LengthVector
+    radius: Length = Field(default=2.0, ge=0)
+    carrier_radius: Length = Field(default=10.0, gt=0)
+
+    @field_validator("point")
+    @classmethod
+    def _shape(cls, value: np.ndarray) -> np.ndarray:
+        if value.shape != (3,):
+            raise ValueError("point must have three coordinates")
+        return value
+
+
+class SceneSpec(Spec):
+    """The whole robot. length: what '% of length' refers to. out: the mesh artefact folder."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
+    out: Path
+    length: Length = Field(gt=0)
+    geometry: Geometry
+    mesh: Meshing
+    material: Material
+    fixed: list[Annotated[Selection, Field(discriminator="kind")]] = Field(min_length=1)
+    actuators: list[Cable] = Field(min_length=1)
+    effectors: list[Effector] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _names(self):
+        for family in (self.actuators, self.effectors):
+            names = [item.name for item in family]
+            if len(set(names)) < len(names):
+                raise ValueError(f"names must differ, got {names}")
+        return self

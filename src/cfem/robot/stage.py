@@ -1,0 +1,47 @@
+"""`cfem mesh`: scene.yaml to a mesh folder."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cfem.core.errors import InputError
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.spec import MeshFile, SceneSpec, StepFile
+
+MESH = "mesh.vtu"
+
+
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """Make (or find up to date) the mesh of a scene; returns the manifest."""
+    scene = load_spec(spec_path, SceneSpec, overrides)
+    folder = spec_path.parent
+    geometry = scene.geometry
+    source = {"geometry": folder / geometry.path} if isinstance(geometry, MeshFile | StepFile) else {}
+    stage = Stage("mesh", 1, scene, source, out or folder / scene.out, paths=("out",))
+    return run_stage(stage, lambda target: _work(scene, folder, target), options)
+
+
+def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
+    from cfem.robot.build import build_robot
+    from cfem.robot.mesh_file import write_mesh
+    from cfem.robot.meshing import make_mesh
+    from cfem.robot.quality import quality
+
+    mesh, volume = make_mesh(scene, folder)
+    figures = quality(mesh, volume)
+    if figures.inverted:
+        raise InputError(f"{figures.inverted} tetrahedra are inverted", where=scene.name, do="mesh it anew")
+    robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
+    mesh = Mesh(mesh.X, mesh.cells, mesh.facets, {**mesh.node_sets, "fixed": robot.fixed}, mesh.facet_sets)
+    write_mesh(target / MESH, mesh)
+    return figures.as_dict()
+
+
+def load_scene(scene_path: Path, mesh_folder: Path | None = None) -> tuple[SceneSpec, Mesh]:
+    """A scene and the mesh made of it (from its `out` unless `mesh_folder` is given). InputError where one is missing."""
+    from cfem.robot.mesh_file import read_mesh
+
+    scene = load_spec(scene_path, SceneSpec)
+    return scene, read_mesh(artefact_file(mesh_folder or scene_path.parent / scene.out, MESH))

@@ -1,0 +1,51 @@
+"""The files of a dataset folder and what its manifest says of them."""
+
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from cfem.core.errors import NumericalError
+from cfem.dataset.inspect import cost
+from cfem.dataset.reader import CONVERGED, read_table
+from cfem.dataset.writer import content_hash, write_table
+from cfem.sample.pool import worker_pool
+from cfem.sample.runner import sample
+from cfem.sample.solver import SolverFactory
+from cfem.sample.spec import SampleSpec
+
+
+def fill(
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: int | None
+) -> dict[str, Any]:
+    """Writes one Parquet file a split into `folder`; results for the manifest."""
+    begin = time.perf_counter()
+    files = {split: folder / f"{split}.parquet" for split in spec.splits}
+    shards = folder / "shards"
+    if all(file.exists() for file in files.values()):
+        tables = {split: read_table(file) for split, file in files.items()}
+    else:
+        with worker_pool(workers) as executor:
+            tables = sample(spec, factory, shards, executor, made_from, quiet)
+        for split, table in tables.items():
+            write_table(files[split], table)
+    shutil.rmtree(shards, ignore_errors=True)
+    return {**results(tables), "wall_seconds": time.perf_counter() - begin, "content": content_hash(tables)}
+
+
+def results(tables: dict[str, pa.Table]) -> dict[str, Any]:
+    """What the sampling gave and cost. Raises NumericalError where no row of a split converged."""
+    for split, table in tables.items():
+        if not pc.any(pc.equal(table["status"], CONVERGED)).as_py():
+            raise NumericalError(f"no row of '{split}' converged: {table['reason'][0]}", where="simulate-sample")
+    table = pa.concat_tables(tables.values())
+    solved = table.filter(pc.equal(table["status"], CONVERGED))
+    return {
+        "rows": {split: len(table) for split, table in tables.items()},
+        "failed": len(table) - len(solved),
+        **cost(table),
+        "residual_max": pc.max(solved["residual"]).as_py(),
+    }

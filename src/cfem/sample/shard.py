@@ -1,0 +1,138 @@
+"""One unit of work: rows solved one after the other, each started from those before it and from the skeleton."""
+
+import io
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from cfem.condensed import pack_upper
+from cfem.core.errors import NumericalError
+from cfem.core.files import write_whole
+from cfem.dataset.writer import write_rows
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.solution import Equilibrium, State
+from cfem.sample.plan import actuation
+from cfem.sample.predictor import Knot, knot, predict
+from cfem.sample.solver import Facts, Solver, SolverFactory
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that a worker needs, picklable.
+
+    u: (m, n_a) rows of all splits; split, id: (m,) where each row belongs; schema: of the files; folder: for them"""
+
+    factory: SolverFactory
+    space: str
+    u: np.ndarray
+    split: tuple[str, ...]
+    id: tuple[int, ...]
+    schema: pa.Schema
+    folder: Path
+
+    @property
+    def skeleton_states(self) -> Path:
+        return self.folder / "skeleton.npz"
+
+    @property
+    def skeleton_rows(self) -> Path:
+        return self.folder / "skeleton.parquet"
+
+    def shard_rows(self, number: int) -> Path:
+        return self.folder / f"shard-{number:05d}.parquet"
+
+
+@lru_cache(maxsize=1)
+def _solver(factory: SolverFactory) -> Solver:
+    """The robot of this process: its symbolic factorisation is worth keeping from shard to shard."""
+    return factory()
+
+
+def facts(factory: SolverFactory) -> Facts:
+    return _solver(factory).facts
+
+
+def solve_skeleton(job: Job, indices: np.ndarray) -> None:
+    """Writes the skeleton's rows, and before them its states."""
+    records, knots = _solve_rows(job, indices, [])
+    _write_knots(job.skeleton_states, knots)
+    write_rows(job.skeleton_rows, records, job.schema)
+
+
+def solve_shard(job: Job, number: int, indices: np.ndarray) -> int:
+    """Writes the rows of one shard; how many they are."""
+    records, _ = _solve_rows(job, indices, read_knots(job.skeleton_states))
+    write_rows(job.shard_rows(number), records, job.schema)
+    return len(records)
+
+
+def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tuple[list[dict[str, Any]], list[Knot]]:
+    """Records of the rows, and the states that are known after them."""
+    solver, knots, records = _solver(job.factory), list(known), []
+    for index in indices:
+        begin = time.perf_counter()
+        u = job.u[index]
+        asked = actuation(job.space, u, solver.facts.reach)
+        solved = solve_row(solver, asked, predict(knots, u, asked))
+        if solved.converged:
+            knots.append(knot(u, solved))
+        records.append(_record(job, index, replace(solved, seconds=time.perf_counter() - begin)))
+    return records, knots
+
+
+def solve_row(solver: Solver, asked: Actuation, start: State | None) -> Equilibrium:
+    """From the start given; failing that once more from rest, with the cost of both."""
+    first = solver.solve(asked, start)
+    if first.converged or start is None:
+        return first
+    second = solver.solve(asked, None)
+    counts = {name: getattr(first, name) + getattr(second, name) for name in ("iterations", "factorizations", "steps")}
+    return replace(second, **counts)
+
+
+def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
+    """One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
+    row: dict[str, Any] = {
+        "id": job.id[index],
+        "split": job.split[index],
+        "status": solved.status.name.lower(),
+        "reason": "" if solved.converged else solved.status.value,
+        "u": job.u[index],
+        "iterations": solved.iterations,
+        "factorizations": solved.factorizations,
+        "steps": solved.steps,
+        "residual": solved.residual,
+        "seconds": solved.seconds,
+    }
+    if solved.converged:
+        row |= {
+            "delta_a": solved.delta_a,
+            "delta_e": solved.delta_e,
+            "lambda_a": solved.state.lambda_a,
+            "W": pack_upper(solved.condensed.W),
+            "delta_free": solved.condensed.delta_free,
+            "energy": solved.energy,
+            "slack": solved.slack,
+        }
+    return row
+
+
+def _write_knots(path: Path, knots: Sequence[Knot]) -> None:
+    if not knots:
+        raise NumericalError("none of the states solved first converged", do="check the scene, its reach first")
+    stacked = {name: np.stack([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__}
+    buffer = io.BytesIO()
+    np.savez(buffer, **stacked)
+    write_whole(path, buffer.getvalue())
+
+
+def read_knots(path: Path) -> list[Knot]:
+    with np.load(path) as stacked:
+        arrays = {name: stacked[name] for name in Knot.__dataclass_fields__}
+    return [Knot(*row) for row in zip(*arrays.values(), strict=True)]

@@ -1,0 +1,40 @@
+"""The order of work: a skeleton spread over the plan, then compact shards through which one walks from row to row.
+
+All depends on the plan alone, so that what a state is started from never depends on who solves it."""
+
+import numpy as np
+
+
+def skeleton(u: np.ndarray, count: int) -> np.ndarray:
+    """Farthest-point selection: `count` (or all) indices into u (m, n_a), the row nearest to rest (u = 0) first, each
+    next one the farthest from those before."""
+    chosen = [int(np.argmin((u**2).sum(axis=1)))]
+    distance = ((u - u[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < min(count, len(u)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, ((u - u[chosen[-1]]) ** 2).sum(axis=1))
+    return np.array(chosen)
+
+
+def shards(u: np.ndarray, indices: np.ndarray, size: int) -> list[np.ndarray]:
+    """The rows `indices` of u in boxes of at most `size` rows, the rows of each in the order of a walk. Boxes come from
+    halving at the median of the widest side."""
+    if len(indices) == 0:
+        return []
+    if len(indices) <= size:
+        return [walk(u, indices)]
+    side = int(np.argmax(np.ptp(u[indices], axis=0)))
+    ordered = indices[np.argsort(u[indices, side], kind="stable")]
+    middle = len(ordered) // 2
+    return shards(u, ordered[:middle], size) + shards(u, ordered[middle:], size)
+
+
+def walk(u: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """`indices` from the row nearest to rest on, always to the nearest row not yet visited."""
+    left = list(indices)
+    step = int(np.argmin((u[left] ** 2).sum(axis=1)))
+    path = [left.pop(step)]
+    while left:
+        step = int(np.argmin(((u[left] - u[path[-1]]) ** 2).sum(axis=1)))
+        path.append(left.pop(step))
+    return np.array(path)

@@ -1,0 +1,33 @@
+"""The description is for people: it names rows, units, failures and cost."""
+
+import pytest
+from dataset.test_reader import META, ROWS, record
+
+from cfem.core.errors import InputError
+from cfem.dataset.inspect import describe
+from cfem.dataset.schema import schema
+from cfem.dataset.writer import write_rows
+
+
+def test_it_counts_rows_and_reasons_and_states_units_and_cost(tmp_path):
+    path = tmp_path / "train.parquet"
+    write_rows(path, [record(0), record(1, converged=False), record(2)], schema(ROWS, META))
+    text = describe(path)
+    assert "made-up: 3 states" in text
+    assert "1  the tangent is singular" in text
+    lines = {tuple(line.split()[:2]): line.split() for line in text.splitlines() if line.strip()}
+    low, high = sorted(record(i)["delta_e"][1] for i in (0, 2))
+    unit, least, _, largest = lines["delta_e", "tip.y"][2:]
+    assert unit == "mm" and float(least) == pytest.approx(low, rel=1e-4) and float(largest) == pytest.approx(high, rel=1e-4)
+    assert "1.00 factorizations and 3.00 iterations; 10.0 samples/s" in text
+
+
+def test_a_dataset_of_failures_can_be_described(tmp_path):
+    path = tmp_path / "train.parquet"
+    write_rows(path, [record(1, converged=False)], schema(ROWS, META))
+    assert "singular" in describe(path)
+
+
+def test_a_folder_without_a_dataset_is_an_error(tmp_path):
+    with pytest.raises(InputError, match="manifest"):
+        describe(tmp_path)

@@ -1,0 +1,98 @@
+"""Orders of convergence on a robot known in closed form, and exactness where the map is a polynomial."""
+
+import numpy as np
+import pytest
+from sample.synthetic import FACTS, SyntheticSolver
+from surrogate.synthetic import energy
+
+from cfem.equilibrium.actuation import displacement, force
+from cfem.sample import predictor
+from cfem.sample.plan import actuation
+from cfem.sample.predictor import Knot, knot, predict
+
+SOLVER = SyntheticSolver()
+
+
+def solved(u):
+    return knot(u, SOLVER.solve(actuation("pulling", u, FACTS.reach), None))
+
+
+def error(knots, u):
+    asked = actuation("pulling", u, FACTS.reach)
+    return float(np.abs(predict(knots, u, asked).x - SOLVER.solve(asked, None).state.x).max())
+
+
+@pytest.mark.parametrize(("count", "order"), [(1, 2), (3, 3), (5, 4), (10, 5), (14, 7)])
+def test_the_error_falls_with_the_power_of_the_distance_that_the_neighbours_allow(count, order):
+    centre = np.array([0.55, 0.5])
+    around = np.random.default_rng(0).uniform(-1, 1, (count, 2))
+    sizes = np.array([0.2, 0.1, 0.05])
+    errors = [error([solved(centre + h * step) for step in around], centre) for h in sizes]
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(sizes))
+    assert slopes.min() > order - 0.6
+    assert error([solved(centre + 0.2 * step) for step in around], centre) < 0.5
+
+
+def test_the_degree_follows_the_number_of_equations():
+    assert [predictor._degree(count, 2) for count in (1, 2, 3, 5, 8, 11, 14, 20)] == [1, 1, 2, 3, 4, 5, 6, 6]
+    assert predictor._degree(20, 6) == 2
+
+
+def test_a_quadratic_map_is_met_exactly_from_scattered_states():
+    rng = np.random.default_rng(1)
+    K = np.array([[3.0, 1.0], [1.0, 2.0]])
+    bend = rng.normal(size=(5, 3, 2, 2))
+
+    def at(delta):
+        x = np.einsum("nipq,p,q->ni", bend, delta, delta)
+        dx = np.einsum("nipq,q->nip", bend + bend.swapaxes(2, 3), delta)
+        return Knot(delta, delta, K @ delta, K, x, dx)
+
+    knots = [at(delta) for delta in rng.random((6, 2))]
+    target = np.array([0.4, 0.6])
+    start = predict(knots, target, displacement(target))
+    np.testing.assert_allclose(start.x, at(target).x, atol=1e-11)
+    np.testing.assert_allclose(start.lambda_a, K @ target, atol=1e-11)
+
+
+def test_the_predicted_state_meets_what_is_asked():
+    u = np.array([0.45, 0.6])
+    knots = [solved(u + 0.1 * step) for step in np.random.default_rng(2).uniform(-1, 1, (8, 2))]
+    asked = actuation("pulling", u, FACTS.reach)
+    start = predict(knots, u, asked)
+    assert np.linalg.norm(np.cross(start.lambda_a, asked.C[0])) < 1e-8
+    assert asked.C @ start.x[0, :2] == pytest.approx(asked.target, abs=1e-8)
+    assert len(start.pressure) == 0
+
+
+def test_prescribed_forces_are_met_too():
+    u = np.array([0.5, 0.5])
+    knots = [solved(u + 0.05 * step) for step in np.random.default_rng(2).uniform(-1, 1, (14, 2))]
+    wanted = solved(u)
+    start = predict(knots, u, force(wanted.lambda_a))
+    np.testing.assert_allclose(start.x, wanted.x, atol=1e-4)
+
+
+def test_far_from_all_that_is_known_the_start_stays_finite():
+    knots = [solved(u) for u in 0.02 * np.random.default_rng(3).random((12, 2)) + 0.01]
+    start = predict(knots, np.array([1.0, 1.0]), actuation("pulling", np.ones(2), FACTS.reach))
+    assert np.isfinite(start.x).all() and np.abs(start.x).max() < 1e4
+
+
+def test_nothing_known_nothing_predicted():
+    assert predict([], np.ones(2), displacement(np.ones(2))) is None
+
+
+def test_repeated_knots_do_no_harm():
+    u = np.array([0.5, 0.4])
+    assert error([solved(u + 0.01)] * 6, u) < 0.05
+
+
+def test_tangents_are_those_of_the_map():
+    u, h = np.array([0.5, 0.4]), 1e-5
+    here = solved(u)
+    for axis in range(2):
+        step = h * np.eye(2)[axis]
+        ahead, behind = (SOLVER.solve(displacement(here.delta_a + sign * step), None).state.x for sign in (1, -1))
+        np.testing.assert_allclose(here.dx[..., axis], (ahead - behind) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(here.stiffness, energy(here.delta_a[None])[2][0], rtol=1e-10)
