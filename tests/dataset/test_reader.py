@@ -12,7 +12,13 @@ from cfem.dataset.schema import schema
 from cfem.dataset.writer import content_hash, write_rows
 
 ROWS = Rows(("tip.x", "tip.y", "tip.z"), ("left", "right"))
-META = {"scene": "made-up", "rest_e": [0.0, 1.0, 2.0], "reach": [[0.0, 1.0]] * 2, "length": 10.0, "versions": {"cfem": "0"}}
+META = {
+    "scene": "made-up",
+    "rest_e": [0.0, 1.0, 2.0],
+    "reach": [[0.0, 1.0]] * 2,
+    "length": 10.0,
+    "versions": {"cfem": "0"},
+}
 
 
 def record(i: int, converged: bool = True, seconds: float = 0.1) -> dict:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
+from scipy.stats import qmc
 
 from cfem.core.errors import SpecError
 from cfem.sample.plan import actuation, unit_rows
@@ -19,7 +20,9 @@ def split(method, rows, seed=0):
 @given(seed=st.integers(0, 2**63 - 1), n_a=st.integers(1, 6), few=st.integers(1, 20), more=st.integers(1, 60))
 def test_more_rows_extend_a_plan(method, seed, n_a, few, more):
     few, more = sorted((few, more))
-    np.testing.assert_array_equal(unit_rows(split(method, few, seed), n_a), unit_rows(split(method, more, seed), n_a)[:few])
+    np.testing.assert_array_equal(
+        unit_rows(split(method, few, seed), n_a), unit_rows(split(method, more, seed), n_a)[:few]
+    )
 
 
 @pytest.mark.parametrize("method", ["scrambled-halton", "random", "latin-hypercube", "grid"])
@@ -37,8 +40,6 @@ def test_seeds_differ(method):
 
 
 def test_halton_is_more_even_than_random():
-    from scipy.stats import qmc
-
     halton, random = (qmc.discrepancy(unit_rows(split(method, 256, 1), 2)) for method in ("scrambled-halton", "random"))
     assert halton < random / 5
 

@@ -22,20 +22,18 @@ def error(knots, u):
     return float(np.abs(predict(knots, u, asked).x - SOLVER.solve(asked, None).state.x).max())
 
 
-@pytest.mark.parametrize(("count", "order"), [(1, 2), (3, 3), (5, 4), (10, 5), (14, 7)])
-def test_the_error_falls_with_the_power_of_the_distance_that_the_neighbours_allow(count, order):
+@pytest.mark.parametrize(("count", "order", "h"), [(1, 2, 0.02), (3, 3, 0.1), (5, 4, 0.1), (10, 5, 0.1), (14, 7, 0.2)])
+def test_the_error_falls_with_the_power_of_the_distance_that_the_neighbours_allow(count, order, h):
     centre = np.array([0.55, 0.5])
     around = np.random.default_rng(0).uniform(-1, 1, (count, 2))
-    sizes = np.array([0.2, 0.1, 0.05])
-    errors = [error([solved(centre + h * step) for step in around], centre) for h in sizes]
-    slopes = np.diff(np.log(errors)) / np.diff(np.log(sizes))
-    assert slopes.min() > order - 0.6
-    assert error([solved(centre + 0.2 * step) for step in around], centre) < 0.5
+    errors = [error([solved(centre + size * step) for step in around], centre) for size in (h, h / 4)]
+    assert np.log(errors[0] / errors[1]) / np.log(4) > order - 0.4
+    assert errors[0] < 0.1
 
 
 def test_the_degree_follows_the_number_of_equations():
     assert [predictor._degree(count, 2) for count in (1, 2, 3, 5, 8, 11, 14, 20)] == [1, 1, 2, 3, 4, 5, 6, 6]
-    assert predictor._degree(20, 6) == 2
+    assert predictor._degree(20, 6) == 3
 
 
 def test_a_quadratic_map_is_met_exactly_from_scattered_states():
@@ -60,7 +58,7 @@ def test_the_predicted_state_meets_what_is_asked():
     knots = [solved(u + 0.1 * step) for step in np.random.default_rng(2).uniform(-1, 1, (8, 2))]
     asked = actuation("pulling", u, FACTS.reach)
     start = predict(knots, u, asked)
-    assert np.linalg.norm(np.cross(start.lambda_a, asked.C[0])) < 1e-8
+    np.testing.assert_allclose(start.lambda_a / asked.C[0], start.lambda_a[0] / asked.C[0, 0], rtol=1e-8)
     assert asked.C @ start.x[0, :2] == pytest.approx(asked.target, abs=1e-8)
     assert len(start.pressure) == 0
 

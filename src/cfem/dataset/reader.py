@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from cfem.condensed import Rows, unpack_upper
 from cfem.core.errors import InputError
-from cfem.dataset.schema import COLUMNS, FORMAT, KEY, metadata, rows_of
+from cfem.dataset.schema import COLUMNS, FORMAT, metadata, rows_of
 
 CONVERGED = "converged"
 
@@ -67,17 +67,17 @@ def read_table(path: Path) -> pa.Table:
     """The file as it is, its page checksums verified. Raises InputError."""
     try:
         table = pq.ParquetFile(path, page_checksum_verification=True).read()
+        meta = metadata(table)
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="run cfem simulate-sample") from None
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"is damaged: {reason}", where=str(path), do="make it anew with cfem simulate-sample --force"
-        ) from None
-    if KEY not in (table.schema.metadata or {}) or set(table.column_names) != {column.name for column in COLUMNS}:
+        do = "make it anew with cfem simulate-sample --force"
+        raise InputError(f"is damaged: {reason}", where=str(path), do=do) from None
+    if set(table.column_names) != {column.name for column in COLUMNS} or not {"format", "rows", "units"} <= set(meta):
         raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
-    if metadata(table)["format"] != FORMAT:
-        raise InputError(f"has format {metadata(table)['format']}; this cfem reads {FORMAT}", where=str(path))
+    if meta["format"] != FORMAT:
+        raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path))
     return table
 
 

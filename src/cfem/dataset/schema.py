@@ -64,8 +64,8 @@ def schema(rows: Rows, meta: dict[str, Any]) -> pa.Schema:
 
 
 def metadata(table: pa.Table) -> dict[str, Any]:
-    """What `schema` put into a file."""
-    return json.loads(table.schema.metadata[KEY])
+    """What `schema` put into a file; empty in a file of others. Raises ValueError where it is damaged."""
+    return json.loads((table.schema.metadata or {}).get(KEY, b"{}"))
 
 
 def rows_of(meta: dict[str, Any]) -> Rows:

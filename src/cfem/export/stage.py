@@ -1,4 +1,4 @@
-"""`cfem export`: a trained model to a folder that control runs from, parity with the trained model measured."""
+"""`cfem export`: a trained model to a folder that control runs from, each format compared with the trained model."""
 
 import shutil
 import warnings
@@ -14,9 +14,7 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.spec import ExportSpec
 from cfem.predict.load import build, read_arrays, read_meta
-from cfem.surrogate.model_card import random_states
 
-PARITY_STATES = 500
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts"}
 
 
@@ -42,10 +40,11 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, Any]:
         shutil.copyfile(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
     if {"onnx", "torchscript"} & set(spec.formats):
         write_graphs(folder, spec, meta, arrays)
-    states = random_states(np.asarray(meta["domain"]["delta_a"]), PARITY_STATES)
-    reference = build(meta, arrays).evaluate(states)
+    vectors = read_arrays(model_folder, "test_vectors.npz")
+    reference = vectors["W"], vectors["delta_free"]
     parity = {
-        name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, states))) for name in spec.formats
+        name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["delta_a"])))
+        for name in spec.formats
     }
     write_json(folder / "model.json", {**meta, "parity": parity})
     sizes = {name: (folder / FILES[name]).stat().st_size for name in spec.formats}
@@ -84,7 +83,7 @@ def _run_torchscript(path: Path, meta: dict, states: np.ndarray) -> tuple[np.nda
     import torch
 
     with warnings.catch_warnings(), torch.no_grad():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore", DeprecationWarning)
         return tuple(out.numpy() for out in torch.jit.load(path)(torch.as_tensor(states)))
 
 

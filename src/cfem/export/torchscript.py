@@ -12,6 +12,6 @@ def torchscript_bytes(model: nn.Module, example: torch.Tensor) -> bytes:
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         # torch calls its script format deprecated; it is what libtorch reads.
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore", DeprecationWarning)
         torch.jit.save(torch.jit.trace(model, (example,)), buffer)
     return buffer.getvalue()

@@ -46,9 +46,9 @@ def read_meta(folder: Path) -> dict:
     return meta
 
 
-def read_arrays(folder: Path) -> dict[str, np.ndarray]:
-    """weights.npz, no pickles."""
-    path = artefact_file(folder, "weights.npz")
+def read_arrays(folder: Path, name: str = "weights.npz") -> dict[str, np.ndarray]:
+    """The arrays of a .npz file of the folder, no pickles."""
+    path = artefact_file(folder, name)
     try:
         with np.load(path, allow_pickle=False) as file:
             return dict(file)

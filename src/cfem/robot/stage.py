@@ -6,7 +6,7 @@ from typing import Any
 
 from cfem.core.errors import InputError
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.core.stage import Options, Stage, run_stage
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.spec import MeshFile, SceneSpec, StepFile
 
@@ -37,11 +37,3 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     mesh = Mesh(mesh.X, mesh.cells, mesh.facets, {**mesh.node_sets, "fixed": robot.fixed}, mesh.facet_sets)
     write_mesh(target / MESH, mesh)
     return figures.as_dict()
-
-
-def load_scene(scene_path: Path, mesh_folder: Path | None = None) -> tuple[SceneSpec, Mesh]:
-    """A scene and the mesh made of it (from its `out` unless `mesh_folder` is given). InputError where one is missing."""
-    from cfem.robot.mesh_file import read_mesh
-
-    scene = load_spec(scene_path, SceneSpec)
-    return scene, read_mesh(artefact_file(mesh_folder or scene_path.parent / scene.out, MESH))

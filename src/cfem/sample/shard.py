@@ -61,7 +61,7 @@ def facts(factory: SolverFactory) -> Facts:
 def solve_skeleton(job: Job, indices: np.ndarray) -> None:
     """Writes the skeleton's rows, and before them its states."""
     records, knots = _solve_rows(job, indices, [])
-    _write_knots(job.skeleton_states, knots)
+    write_knots(job.skeleton_states, knots)
     write_rows(job.skeleton_rows, records, job.schema)
 
 
@@ -123,7 +123,8 @@ def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
     return row
 
 
-def _write_knots(path: Path, knots: Sequence[Knot]) -> None:
+def write_knots(path: Path, knots: Sequence[Knot]) -> None:
+    """One array a field, the knots along its first axis. Raises NumericalError where there is none."""
     if not knots:
         raise NumericalError("none of the states solved first converged", do="check the scene, its reach first")
     stacked = {name: np.stack([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__}

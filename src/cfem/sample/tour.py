@@ -8,11 +8,13 @@ import numpy as np
 def skeleton(u: np.ndarray, count: int) -> np.ndarray:
     """Farthest-point selection: `count` (or all) indices into u (m, n_a), the row nearest to rest (u = 0) first, each
     next one the farthest from those before."""
-    chosen = [int(np.argmin((u**2).sum(axis=1)))]
-    distance = ((u - u[chosen[0]]) ** 2).sum(axis=1)
-    while len(chosen) < min(count, len(u)):
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, ((u - u[chosen[-1]]) ** 2).sum(axis=1))
+    chosen: list[int] = []
+    distance, latest = np.full(len(u), np.inf), int(np.argmin((u**2).sum(axis=1)))
+    for _ in range(min(count, len(u))):
+        chosen.append(latest)
+        distance = np.minimum(distance, ((u - u[latest]) ** 2).sum(axis=1))
+        distance[latest] = -1.0  # chosen once, even where rows are equal
+        latest = int(np.argmax(distance))
     return np.array(chosen)
 
 

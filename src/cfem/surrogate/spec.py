@@ -27,7 +27,7 @@ class MlpSpec(Spec):
     learning_rate: PositiveFloat = 1e-3
     schedule: Literal["plateau", "cosine"] = "cosine"
     batch_size: PositiveInt = 64
-    epochs: PositiveInt = 2000
+    epochs: PositiveInt = 1500
     patience: PositiveInt = 500
     seed: NonNegativeInt = 0
 

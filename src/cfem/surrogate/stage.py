@@ -1,4 +1,7 @@
-"""`cfem train`: a dataset to a model folder {weights.npz, model.json}. Test rows judge, and do nothing else."""
+"""`cfem train`: a dataset to a model folder. Test rows judge, and do nothing else.
+
+weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs delta_a with the W and
+delta_free that the model gives there, so that every other form of it can be compared."""
 
 import io
 import time
@@ -53,6 +56,8 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     data = {"content": artefact_content(dataset_folder), "samples": len(training.delta_a)}
     write_json(folder / "model.json", {**meta, "dataset": data})
     write_arrays(folder / "weights.npz", arrays)
+    W, delta_free = build(meta, arrays).evaluate(test.delta_a)
+    write_arrays(folder / "test_vectors.npz", {"delta_a": test.delta_a, "W": W, "delta_free": delta_free})
     return results
 
 
@@ -137,7 +142,7 @@ def first_rows(dataset: Any, samples: int | None) -> Any:
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """weights.npz, whole or absent; equal arrays, equal bytes (np.savez stamps no time)."""
+    """A .npz file, whole or absent; equal arrays, equal bytes (np.savez stamps no time)."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
     write_whole(path, buffer.getvalue())

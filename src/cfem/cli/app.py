@@ -1,0 +1,124 @@
+"""`cfem`: one command a stage, each reading its YAML spec and making one artefact folder."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cfem import __version__
+from cfem.cli.run import run_command
+from cfem.core.errors import EXIT_CODES
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Condensed finite-element models of soft robots: mesh, sample, train, export, control, report.",
+    epilog="Exit codes: " + "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES.items()) + ".",
+)
+
+Spec = Annotated[Path, typer.Argument(help="The stage's YAML spec.")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY.SUB=VALUE", help="Override a value of the spec.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Artefact folder, in place of the spec's.")]
+Force = Annotated[bool, typer.Option("--force", help="Run even if up to date, and replace what is there.")]
+Check = Annotated[bool, typer.Option("--check", help="Run nothing; exit 5 if the output is stale.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Local processes; default: one a core.")]
+
+
+def _stage_command(package: str, summary: str, *names: str, hidden: tuple[str, ...] = ()) -> None:
+    """Registers `cfem NAME SPEC ...` for the stage of a package, under every name."""
+
+    def command(
+        spec: Spec,
+        set_: Set = None,
+        out: Out = None,
+        force: Force = False,
+        check: Check = False,
+        json: Json = False,
+        quiet: Quiet = False,
+    ) -> None:
+        run_command(lambda o: _stage(package)(spec, set_ or [], out, o), force, check, json, quiet)
+
+    for name in names:
+        app.command(name, help=summary, hidden=name in hidden)(command)
+
+
+def _stage(package: str):
+    return import_module(f"cfem.{package}.stage").run
+
+
+def simulate_sample(
+    spec: Spec,
+    set_: Set = None,
+    out: Out = None,
+    force: Force = False,
+    check: Check = False,
+    json: Json = False,
+    quiet: Quiet = False,
+    workers: Workers = None,
+) -> None:
+    """Solve the planned equilibria: FE states with W and delta_free, to Parquet. Resumes what was interrupted."""
+    run_command(lambda o: _stage("sample")(spec, set_ or [], out, o, workers=workers), force, check, json, quiet)
+
+
+_stage_command("robot", "Make the mesh of a scene, with named sets and quality figures.", "mesh")
+app.command("simulate-sample")(simulate_sample)
+app.command("sample", help="The same as simulate-sample.")(simulate_sample)
+_stage_command("surrogate", "Fit a condensed model to a dataset; errors on its test set.", "train")
+_stage_command("export", "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
+_stage_command("control", "Follow trajectories by inverse control, in the FE plant.", "control")
+_stage_command("report", "One self-contained HTML page: pictures, errors against run time, provenance.", "report")
+
+
+@app.command()
+def inspect(
+    artefact: Annotated[Path, typer.Argument(help="A mesh, dataset, model, control or report folder.")],
+    json: Json = False,
+) -> None:
+    """Print what an artefact holds: origin, rows, units, statistics, errors."""
+    from cfem.cli.inspect import describe
+
+    run_command(lambda _: describe(artefact, json), as_json=json)
+
+
+@app.command()
+def schema(
+    out: Annotated[Path, typer.Option("--out", help="Folder for one <stage>.json each.")] = Path("schemas"),
+    check: Annotated[bool, typer.Option("--check", help="Exit 5 if the files differ from the specs.")] = False,
+) -> None:
+    """Write the JSON Schemas (draft-07) of all specs, for editors."""
+    from cfem.cli.schemas import write_schemas
+
+    run_command(lambda _: write_schemas(out, check))
+
+
+@app.command()
+def summary(
+    folders: Annotated[list[Path], typer.Argument(help="Artefact folders, in the order to be listed.")],
+) -> None:
+    """One line an artefact: its stage, seconds and main figures."""
+    from cfem.cli.inspect import summarise
+
+    run_command(lambda _: summarise(folders))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point of the `cfem` script."""
+    app()

@@ -1,0 +1,53 @@
+"""What an artefact holds, in lines that a person reads."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from cfem.core.stage import read_manifest
+
+
+def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
+    """Origin, figures and, for a dataset, statistics of every column. InputError where it is no artefact."""
+    manifest = read_manifest(artefact)
+    if as_json:
+        return manifest
+    lines = [
+        f"{artefact}: made by cfem {manifest['stage']} {manifest['versions']['cfem']} in {manifest['seconds']:.1f} s",
+        f"  content   {manifest['content']}",
+        f"  made from {manifest['made_from']}",
+        *(f"  input     {name}: {path}" for name, path in manifest["inputs"].items()),
+        *(f"  file      {name}" for name in manifest["files"]),
+        *figures(manifest["results"]),
+    ]
+    if manifest["stage"] == "simulate-sample":
+        from cfem.dataset.inspect import describe as describe_dataset
+
+        lines.append(describe_dataset(artefact))
+    return "\n".join(lines)
+
+
+def figures(results: dict[str, Any]) -> list[str]:
+    """One aligned line a number or short text; tables and long lists stay in the manifest."""
+    rows = list(_flat(results, ""))
+    width = max((len(name) for name, _ in rows), default=0)
+    return [f"  {name:<{width}}  {value}" for name, value in rows]
+
+
+def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
+    for key, value in node.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{key}.")
+        elif isinstance(value, bool | int | str):
+            yield prefix + key, str(value)
+        elif isinstance(value, float):
+            yield prefix + key, f"{value:.6g}"
+        elif isinstance(value, list) and len(value) <= 6 and all(isinstance(item, int | float) for item in value):
+            yield prefix + key, " ".join(f"{item:.6g}" for item in value)
+
+
+def summarise(folders: Sequence[Path]) -> str:
+    """Seconds of every stage and their sum."""
+    manifests = [read_manifest(folder) for folder in folders]
+    rows = [f"  {m['stage']:<16} {m['seconds']:7.1f} s   {folder}" for m, folder in zip(manifests, folders, strict=True)]
+    return "\n".join([*rows, f"  {'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s"])

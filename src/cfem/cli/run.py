@@ -1,0 +1,63 @@
+"""From a stage's outcome to what a person or a program reads, and to the documented exit code."""
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from cfem.core.errors import CfemError
+from cfem.core.stage import Options
+
+
+def run_command(
+    work: Callable[[Options], dict[str, Any] | str],
+    force: bool = False,
+    check: bool = False,
+    as_json: bool = False,
+    quiet: bool = False,
+) -> None:
+    """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        outcome = work(Options(force=force, check=check, quiet=quiet or as_json))
+    except CfemError as error:
+        _fail(str(error), error.exit_code)
+    except KeyboardInterrupt:
+        _fail("interrupted; run the same command again to go on", 130)
+    except BrokenPipeError:
+        sys.exit(1)
+    except Exception as error:
+        if os.environ.get("CFEM_DEBUG"):
+            raise
+        _fail(f"a defect of cfem: {type(error).__name__}: {error}; please report it (CFEM_DEBUG=1 shows where)", 1)
+    else:
+        print(_json(outcome) if as_json else _text(outcome))
+
+
+def _interrupt(number: int, frame: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"cfem: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _json(outcome: dict[str, Any] | str) -> str:
+    from cfem.core.files import plain
+
+    keys = ("stage", "status", "made_from", "content", "results", "seconds")
+    if isinstance(outcome, dict) and "results" in outcome:
+        outcome = {key: outcome[key] for key in keys if key in outcome}
+    return json.dumps(plain(outcome) if isinstance(outcome, dict) else {"text": outcome}, allow_nan=False)
+
+
+def _text(outcome: dict[str, Any] | str) -> str:
+    if isinstance(outcome, str):
+        return outcome
+    from cfem.cli.inspect import figures
+
+    took = "" if outcome["status"] == "up to date" else f" in {outcome['seconds']:.1f} s"
+    return "\n".join([f"{outcome['stage']}: {outcome['status']}{took}", *figures(outcome["results"])])

@@ -1,0 +1,16 @@
+"""A scene and the mesh that was made of it."""
+
+from pathlib import Path
+
+from cfem.core.spec import load_spec
+from cfem.core.stage import artefact_file
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.mesh_file import read_mesh
+from cfem.robot.spec import SceneSpec
+from cfem.robot.stage import MESH
+
+
+def load_scene_and_mesh(scene_path: Path, mesh_folder: Path | None = None) -> tuple[SceneSpec, Mesh]:
+    """The mesh is that of the scene's own `out` unless `mesh_folder` is given. InputError where one is missing."""
+    scene = load_spec(scene_path, SceneSpec)
+    return scene, read_mesh(artefact_file(mesh_folder or scene_path.parent / scene.out, MESH))

@@ -1,0 +1,58 @@
+"""A failed start is tried once from rest, a failed row is kept as a row, and states outlive the file between."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sample.synthetic import FACTS, Factory, SyntheticSolver
+
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.solution import Status
+from cfem.sample.plan import actuation
+from cfem.sample.predictor import knot
+from cfem.sample.runner import sample
+from cfem.sample.shard import read_knots, solve_row, write_knots
+from cfem.sample.spec import SampleSpec
+
+ASKED = actuation("pulling", np.array([0.5, 0.5]), FACTS.reach)
+SPEC = SampleSpec(
+    scene="scene.yaml", mesh="mesh", out="out", splits={"train": {"rows": 30, "method": "random"}}, skeleton=6, shard=10
+)
+
+
+class FailsWhenWarm(SyntheticSolver):
+    def solve(self, actuation, start):
+        solved = super().solve(actuation, start)
+        return solved if start is None else replace(solved, status=Status.STEP_TOO_SMALL)
+
+
+def test_a_row_that_fails_from_its_start_is_solved_from_rest_at_the_cost_of_both():
+    cold = SyntheticSolver().solve(ASKED, None)
+    again = solve_row(FailsWhenWarm(), ASKED, cold.state)
+    assert again.converged and again.steps == 2 and again.iterations == cold.iterations
+    assert not solve_row(SyntheticSolver(fails_beyond=0.0), ASKED, cold.state).converged
+
+
+def test_failed_rows_stay_with_their_reason_and_without_a_state(tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        tables = sample(SPEC, Factory(fails_beyond=10.0), tmp_path, executor, quiet=True)
+    rows = tables["train"].to_pylist()
+    failed = [row for row in rows if row["status"] != "converged"]
+    assert 5 < len(failed) < 25 and [row["id"] for row in rows] == list(range(30))
+    assert all(row["status"] == "step_too_small" and row["reason"] == Status.STEP_TOO_SMALL.value for row in failed)
+    assert all(row["W"] is None and row["delta_a"] is None and row["energy"] is None for row in failed)
+    assert all(np.mean(row["delta_a"]) <= 10.0 for row in rows if row["status"] == "converged")
+
+
+def test_nothing_that_converges_is_an_error_and_not_an_empty_dataset(tmp_path):
+    with ThreadPoolExecutor(1) as executor, pytest.raises(NumericalError, match="none of the states"):
+        sample(SPEC, Factory(fails_beyond=-1.0), tmp_path, executor, quiet=True)
+
+
+def test_states_come_back_bit_for_bit(tmp_path):
+    known = [knot(u, SyntheticSolver().solve(ASKED, None)) for u in np.eye(2)]
+    write_knots(tmp_path / "skeleton.npz", known)
+    for before, after in zip(known, read_knots(tmp_path / "skeleton.npz"), strict=True):
+        for name in ("u", "delta_a", "lambda_a", "stiffness", "x", "dx"):
+            np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

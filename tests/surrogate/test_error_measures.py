@@ -1,0 +1,48 @@
+"""Measures on cases which can be reckoned by hand."""
+
+import numpy as np
+import pytest
+from surrogate.synthetic import dataset
+
+from cfem.surrogate.error_measures import measure, paper_loss
+
+
+def test_a_perfect_prediction_has_no_error():
+    test = dataset(30, 1)
+    errors = measure(test, test.W, test.delta_free)
+    assert errors["loss"] == 0
+    assert errors["tip_mm"]["max"] < 1e-11 and errors["force_N"]["max"] < 1e-11
+
+
+def test_predicting_the_mean_has_loss_one():
+    test = dataset(50, 1)
+    W, delta_free = np.broadcast_to(test.W.mean(0), test.W.shape), np.broadcast_to(test.delta_free.mean(0), (50, 5))
+    assert paper_loss(test.W, test.delta_free, W, delta_free)["loss"] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_constant_entries_are_left_out_and_counted():
+    test = dataset(50, 1)
+    test.W[:, 0, 1] = test.W[:, 1, 0] = 0.3 + 1e-13 * np.arange(50)
+    wrong = test.W.copy()
+    wrong[:, 0, 1] = wrong[:, 1, 0] = 7.0
+    found = paper_loss(test.W, test.delta_free, wrong, test.delta_free)
+    assert found == {"loss": 0.0, "entries": 19, "constant_entries": 1}
+
+
+def test_a_shift_of_the_free_effector_is_the_tip_error():
+    test = dataset(30, 1)
+    delta_free = test.delta_free.copy()
+    delta_free[:, :3] += [3.0, 0.0, 4.0]
+    errors = measure(test, test.W, delta_free)
+    assert errors["tip_mm"] == pytest.approx({"max": 5.0, "mean": 5.0, "rms": 5.0})
+    assert errors["effectors_mm"]["tip"]["max"] == pytest.approx(5.0)
+    assert errors["tip_percent_of_length"]["max"] == pytest.approx(500 / test.meta["length"])
+
+
+def test_softer_actuators_err_in_force_by_the_same_share():
+    test = dataset(30, 1)
+    W = test.W.copy()
+    W[:, 3:, 3:] *= 1.25
+    errors = measure(test, W, test.delta_free)
+    lambda_free = np.linalg.solve(test.W[:, 3:, 3:], (test.delta_a - test.delta_free[:, 3:])[..., None])[..., 0]
+    assert errors["force_N"]["max"] == pytest.approx(0.2 * np.abs(lambda_free).max())
