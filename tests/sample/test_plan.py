@@ -20,9 +20,8 @@ def split(method, rows, seed=0):
 @given(seed=st.integers(0, 2**63 - 1), n_a=st.integers(1, 6), few=st.integers(1, 20), more=st.integers(1, 60))
 def test_more_rows_extend_a_plan(method, seed, n_a, few, more):
     few, more = sorted((few, more))
-    np.testing.assert_array_equal(
-        unit_rows(split(method, few, seed), n_a), unit_rows(split(method, more, seed), n_a)[:few]
-    )
+    short, long = (unit_rows(split(method, rows, seed), n_a) for rows in (few, more))
+    np.testing.assert_array_equal(short, long[:few])
 
 
 @pytest.mark.parametrize("method", ["scrambled-halton", "random", "latin-hypercube", "grid"])

@@ -7,13 +7,7 @@ from hypothesis import strategies as st
 from cfem.sample.tour import shards, skeleton, walk
 
 
-@given(
-    m=st.integers(1, 150),
-    n_a=st.integers(1, 4),
-    count=st.integers(1, 30),
-    size=st.integers(1, 60),
-    seed=st.integers(0, 9),
-)
+@given(st.integers(1, 150), st.integers(1, 4), st.integers(1, 30), st.integers(1, 60), st.integers(0, 9))
 def test_skeleton_and_shards_hold_every_row_once(m, n_a, count, size, seed):
     u = np.random.default_rng(seed).random((m, n_a))
     first = skeleton(u, count)
@@ -33,14 +27,13 @@ def test_the_skeleton_spreads():
     first = u[skeleton(u, 16)]
     nearest = np.sqrt(((u[:, None] - first) ** 2).sum(axis=2)).min(axis=1)
     assert nearest.max() < 0.25
-    np.testing.assert_array_equal(first[0], u[(u**2).sum(axis=1).argmin()])
+    np.testing.assert_array_equal(first[0], u[(u**2).sum(axis=1).argmin()])  # a walk that begins at rest
 
 
 def test_steps_within_a_shard_are_short():
     u = np.random.default_rng(0).random((400, 2))
-    steps = np.concatenate(
-        [np.linalg.norm(np.diff(u[piece], axis=0), axis=1) for piece in shards(u, np.arange(400), 50)]
-    )
+    pieces = shards(u, np.arange(400), 50)
+    steps = np.concatenate([np.linalg.norm(np.diff(u[piece], axis=0), axis=1) for piece in pieces])
     assert steps.mean() < 0.06  # random order: 0.52
 
 

@@ -56,7 +56,14 @@ def effector(delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def locked_compliance(delta_a: np.ndarray) -> np.ndarray:
     """-> C_ee (m, 3, 3) mm/N, positive definite."""
     _, s, d = bend_and_lean(coordinates(delta_a.shape[1]), delta_a)
-    entries = [20 / (1 + 0.02 * s), 0.1 * d, 0.02 * d, 3 + 0.5 * np.cos(0.1 * s), 0.3 * np.sin(0.1 * s), 0.3 + 0.01 * s]
+    entries = [
+        20 / (1 + 0.02 * s),
+        0.1 * d,
+        0.02 * d,
+        3 + 0.5 * np.cos(0.1 * s),
+        0.3 * np.sin(0.1 * s),
+        0.3 + 0.01 * s,
+    ]
     return unpack_upper(np.column_stack(entries))
 
 

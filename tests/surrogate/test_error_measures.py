@@ -16,7 +16,10 @@ def test_a_perfect_prediction_has_no_error():
 
 def test_predicting_the_mean_has_loss_one():
     test = dataset(50, 1)
-    W, delta_free = np.broadcast_to(test.W.mean(0), test.W.shape), np.broadcast_to(test.delta_free.mean(0), (50, 5))
+    W, delta_free = (
+        np.broadcast_to(test.W.mean(0), test.W.shape),
+        np.broadcast_to(test.delta_free.mean(0), (50, 5)),
+    )
     assert paper_loss(test.W, test.delta_free, W, delta_free)["loss"] == pytest.approx(1.0, rel=1e-12)
 
 

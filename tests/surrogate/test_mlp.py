@@ -19,7 +19,7 @@ def test_it_learns_the_robot():
     found = train(training, SMALL)
     card = model_card("mlp", training, activation="silu")
     errors = measure(test, *build(card, found.model.arrays()).evaluate(test.delta_a))
-    assert errors["loss"] < 5e-4
+    assert errors["loss"] < 5e-3
     assert found.history[-1]["validation"] < found.history[0]["validation"] / 100
 
 

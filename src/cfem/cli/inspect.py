@@ -49,5 +49,7 @@ def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
 def summarise(folders: Sequence[Path]) -> str:
     """Seconds of every stage and their sum."""
     manifests = [read_manifest(folder) for folder in folders]
-    rows = [f"  {m['stage']:<16} {m['seconds']:7.1f} s   {folder}" for m, folder in zip(manifests, folders, strict=True)]
+    rows = [
+        f"  {m['stage']:<16} {m['seconds']:7.1f} s   {folder}" for m, folder in zip(manifests, folders, strict=True)
+    ]
     return "\n".join([*rows, f"  {'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s"])

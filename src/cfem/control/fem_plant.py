@@ -9,7 +9,6 @@ from cfem.condensed import Condensed
 from cfem.control.plant import Command, Measurement
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement, force, pull
-from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
@@ -22,8 +21,8 @@ class FemPlant:
 
     solves, seconds: what it has cost; x: (n, 3) mm nodes now"""
 
-    def __init__(self, robot: Robot, settings: Settings = Settings()):
-        self._problem, self._settings = Problem(robot), settings
+    def __init__(self, robot: Robot):
+        self._problem = Problem(robot)
         self._last: Equilibrium | None = None
         self._t = 0
         self.solves, self.seconds = 0, 0.0
@@ -65,7 +64,7 @@ class FemPlant:
     def _solve(self, actuation, condense: bool, slack: bool) -> None:
         begin = time.perf_counter()
         start: State | None = None if self._last is None else self._last.state
-        found = solve(self._problem, actuation, start, self._settings, condense=condense, slack=slack)
+        found = solve(self._problem, actuation, start, condense=condense, slack=slack)
         self.solves += 1
         self.seconds += time.perf_counter() - begin
         if not found.converged:

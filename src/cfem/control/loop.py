@@ -1,11 +1,10 @@
-"""From a goal to an actuation: predict, solve the inverse step, repeat, until the actuators stay where they
-are.
+"""From a goal to an actuation: predict, solve the inverse step, repeat, until the actuators stay put.
 
 One algorithm for a learned model and for the FE model: both answer `at_displacement`. It is sequential
 quadratic programming on
 
-    minimise |w (e(delta_a) - goal)|^2 / 2 + |r delta_a|^2 / 2   subject to   lambda(delta_a) and delta_a
-    within bounds
+    minimise |w (e(delta_a) - goal)|^2 / 2 + |r delta_a|^2 / 2
+    subject to lambda(delta_a) and delta_a within bounds
 
 Out of reach the residual stays large and Gauss-Newton (the paper's step, repeated) overshoots or zigzags: its
 Hessian lacks S = sum_i w_i^2 (e_i - goal_i) hess e_i. The model gives grad e at every state for nothing, so

@@ -12,6 +12,7 @@ from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
+from cfem.robot.spec import SceneSpec
 
 VERSION = 1
 
@@ -21,7 +22,8 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     spec = load_spec(spec_path, ControlSpec, overrides)
     base = spec_path.parent
     models = {name: base / path for name, path in spec.models.items()}
-    inputs = {"scene": base / spec.scene, "mesh": base / spec.mesh} | {
+    scene = base / spec.scene
+    inputs = {"mesh": base / spec.mesh} | {
         f"model {name}": path for name, path in models.items()
     }
     stage = Stage(
@@ -31,11 +33,14 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
         inputs=inputs,
         out=out or base / spec.out,
         paths=("scene", "mesh", "models", "out"),
+        extra={"scene": load_spec(scene, SceneSpec).model_dump(exclude={"out"})},
     )
-    return run_stage(stage, lambda folder: _work(folder, spec, inputs, models, options), options)
+    return run_stage(stage, lambda folder: _work(folder, spec, scene, inputs["mesh"], models, options), options)
 
 
-def _work(folder: Path, spec: ControlSpec, inputs: dict[str, Path], models: dict[str, Path], options: Options) -> dict:
+def _work(
+    folder: Path, spec: ControlSpec, scene: Path, mesh: Path, models: dict[str, Path], options: Options
+) -> dict[str, Any]:
     from cfem.control.fem_plant import FemPlant
     from cfem.control.plant import ModelPlant
     from cfem.core.progress import progress
@@ -43,7 +48,7 @@ def _work(folder: Path, spec: ControlSpec, inputs: dict[str, Path], models: dict
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
 
-    robot = build_robot(*load_scene_and_mesh(inputs["scene"], inputs["mesh"]))
+    robot = build_robot(*load_scene_and_mesh(scene, mesh))
     predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
     _demand_same_rows(robot, predictors, models)
     fem = FemPlant(robot) if spec.plant == "fem" else None

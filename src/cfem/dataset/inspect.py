@@ -72,11 +72,8 @@ def _statistics(solved: pa.Table) -> str:
 
 
 def _cost(table: pa.Table) -> str:
-    figures = cost(table)
-    return (
-        f"a sample took {figures['factorizations_per_sample']:.2f} factorizations and "
-        f"{figures['iterations_per_sample']:.2f} iterations; {figures['samples_per_second_per_core']:.1f} samples/s/core"
-    )
+    factorizations, iterations, rate = cost(table).values()
+    return f"a sample: {factorizations:.2f} factorizations, {iterations:.2f} iterations; {rate:.1f} samples/s/core"
 
 
 def cost(table: pa.Table) -> dict[str, float]:

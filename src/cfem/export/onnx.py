@@ -1,4 +1,6 @@
-"""ONNX: one graph, delta_a (batch, n_a) mm -> W (batch, n, n), delta_free (batch, n), float64, units in its metadata."""
+"""ONNX: one graph, delta_a (batch, n_a) mm -> W (batch, n, n), delta_free (batch, n), float64.
+
+Units, rows, domain, errors and hashes travel in its metadata."""
 
 import io
 import json
@@ -10,7 +12,19 @@ import torch
 from torch import nn
 
 OPSET = 17
-CARD = ("scene", "kind", "rows", "units", "rest_e", "reach", "length", "domain", "errors", "dataset", "versions")
+CARD = (
+    "scene",
+    "kind",
+    "rows",
+    "units",
+    "rest_e",
+    "reach",
+    "length",
+    "domain",
+    "errors",
+    "dataset",
+    "versions",
+)
 
 
 def onnx_bytes(model: nn.Module, meta: dict[str, Any]) -> bytes:

@@ -13,4 +13,4 @@ class ExportSpec(Spec):
 
     model: Path
     out: Path
-    formats: list[Format] = ["arrays", "onnx", "torchscript"]
+    formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")

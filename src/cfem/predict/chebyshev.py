@@ -19,7 +19,7 @@ def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
 
 
 def basis(z: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """(B, M) or (M,) basis functions at z (B, n) or (n,); indices (M, n), the degree of each function in each coordinate."""
+    """(B, M) or (M,) basis functions at z (B, n) or (n,); indices (M, n): their degree in each coordinate."""
     table = polynomials(z.T, int(indices.max(initial=0)))  # (K, n, B) or (K, n)
     product = table[indices[:, 0], 0]
     for axis in range(1, indices.shape[1]):

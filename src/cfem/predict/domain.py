@@ -9,8 +9,8 @@ import numpy as np
 class Domain:
     """Smallest and largest of the training states, with a margin.
 
-    delta_a: (2, n_a) mm; lambda_a: (2, n_a) N. Pulling states fill a wedge of the displacements: in displacements alone its
-    box would be mostly empty, the box of the multipliers cuts the wedge out of it."""
+    delta_a: (2, n_a) mm; lambda_a: (2, n_a) N. Pulling states fill a wedge of the displacements, whose box would be
+    mostly empty: the box of the multipliers cuts the wedge out of it."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray

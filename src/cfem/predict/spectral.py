@@ -13,7 +13,7 @@ from cfem.predict.protocol import Predictor
 
 
 def layout(n_a: int, n_e: int) -> dict[str, slice]:
-    """Rows of `series`: Psi, its gradient, its Hessian (upper triangle), e, grad e (row-major), C_ee (upper triangle)."""
+    """Rows of `series`: Psi, its gradient and Hessian, e, grad e (row-major), C_ee; symmetric parts as upper triangle."""
     sizes = {
         "energy": 1,
         "gradient": n_a,
@@ -63,9 +63,9 @@ class SpectralPredictor(Predictor):
         return Condensed(self.rows, *self._condense(delta_a, part), part["gradient"])
 
     def at_force(self, lambda_a: np.ndarray, start: np.ndarray | None = None, tolerance: float = 1e-10) -> Condensed:
-        """The condensed robot under multipliers lambda_a (n_a,) N: Newton on grad Psi(delta_a) = lambda_a, with step halving.
+        """The condensed robot under multipliers lambda_a (n_a,) N: Newton on grad Psi(delta_a) = lambda_a, halved steps.
 
-        start: (n_a,) mm, the middle of the domain where not given; tolerance: relative to the domain's largest multiplier.
+        start: (n_a,) mm, else the middle of the domain; tolerance: relative to the domain's largest multiplier.
         Raises NumericalError where no such displacement is found."""
         delta_a = self.domain.delta_a.mean(axis=0) if start is None else np.asarray(start, float)
         scale = np.abs(self.domain.lambda_a).max()

@@ -47,7 +47,9 @@ def select_nodes(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
     """Indices of the nodes meant, ascending. SpecError, naming `where`, if there are none."""
     nodes = np.flatnonzero(_chosen(mesh, selection, where))
     if len(nodes) == 0:
-        raise SpecError(f"{where}: the {selection.kind} selects no node of the mesh", do="check its coordinates and units")
+        raise SpecError(
+            f"{where}: the {selection.kind} selects no node of the mesh", do="check its coordinates and units"
+        )
     return nodes
 
 
@@ -55,7 +57,7 @@ def _chosen(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
     slack = 1e-6 * mesh.size
     if isinstance(selection, Box):
         low, high = _rows(selection.corners, (2, 3), where).min(axis=0), selection.corners.max(axis=0)
-        return ((mesh.X >= low - slack) & (mesh.X <= high + slack)).all(axis=1)
+        return ((low - slack <= mesh.X) & (high + slack >= mesh.X)).all(axis=1)
     if isinstance(selection, Sphere):
         centre = _rows(selection.centre, (3,), where)
         return np.linalg.norm(mesh.X - centre, axis=1) <= selection.radius + slack

@@ -44,6 +44,8 @@ def _segment(spec: SoftFinger, z: float) -> Solid:
 def _bellow(half: float, z: float, wall: float) -> Solid:
     """A double cone about the z axis, widest in the joint's plane, its half y >= 0."""
     middle, end, reach = half + BELLOW_OVERHANG - wall, half - wall, 2 * (half + BELLOW_OVERHANG)
-    cones = tuple(Frustum((0.0, 0.0, z), (0.0, 0.0, side), middle, end) for side in (BELLOW_HALF_LENGTH, -BELLOW_HALF_LENGTH))
+    cones = tuple(
+        Frustum((0.0, 0.0, z), (0.0, 0.0, side), middle, end) for side in (BELLOW_HALF_LENGTH, -BELLOW_HALF_LENGTH)
+    )
     behind = Box((-reach, -reach, z - reach), (reach, 0.0, z + reach))
     return Difference(Union(cones), (behind,))

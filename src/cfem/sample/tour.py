@@ -6,8 +6,8 @@ import numpy as np
 
 
 def skeleton(u: np.ndarray, count: int) -> np.ndarray:
-    """Farthest-point selection: `count` (or all) indices into u (m, n_a), the row nearest to rest (u = 0) first, each
-    next one the farthest from those before."""
+    """`count` (or all) indices into u (m, n_a), in the order of a walk: the row nearest to rest (u = 0), and again and
+    again the row farthest from those chosen."""
     chosen: list[int] = []
     distance, latest = np.full(len(u), np.inf), int(np.argmin((u**2).sum(axis=1)))
     for _ in range(min(count, len(u))):
@@ -15,7 +15,7 @@ def skeleton(u: np.ndarray, count: int) -> np.ndarray:
         distance = np.minimum(distance, ((u - u[latest]) ** 2).sum(axis=1))
         distance[latest] = -1.0  # chosen once, even where rows are equal
         latest = int(np.argmax(distance))
-    return np.array(chosen)
+    return walk(u, np.array(chosen))
 
 
 def shards(u: np.ndarray, indices: np.ndarray, size: int) -> list[np.ndarray]:

@@ -1,7 +1,7 @@
 """Trains the paper's network F on the entries of W and delta_free, standardised, by mean squared error.
 
-The inputs are delta_a alone: in a scene without design parameters the paper's further inputs W0 and delta_free0 are constant.
-Every tenth training row is kept for validation, which steers the schedule and picks the epoch; test rows never come here."""
+The inputs are delta_a alone: without design parameters the paper's further inputs W0 and delta_free0 are constant. Every
+tenth training row is kept for validation, which steers the schedule and picks the epoch; test rows never come here."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -48,7 +48,7 @@ def standardise(model: Mlp, dataset: Any, fitted: np.ndarray) -> tuple[torch.Ten
     model.in_scale.copy_(torch.as_tensor(dataset.delta_a[fitted].std(axis=0)))
     model.out_mean.copy_(torch.as_tensor(outputs[fitted].mean(axis=0)))
     model.out_scale.copy_(torch.as_tensor(np.where(constant, 0.0, deviation)))
-    inputs = (torch.as_tensor(dataset.delta_a) - model.in_mean) / model.in_scale
+    inputs = (torch.tensor(dataset.delta_a) - model.in_mean) / model.in_scale
     targets = (outputs - outputs[fitted].mean(axis=0)) / np.where(constant, np.inf, deviation)
     return inputs.float(), torch.as_tensor(targets).float()
 

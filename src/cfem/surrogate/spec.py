@@ -40,4 +40,4 @@ class TrainSpec(Spec):
     out: Path
     model: Annotated[SpectralSpec | MlpSpec, Field(discriminator="kind")]
     samples: Annotated[int, Field(ge=4)] | None = None
-    learning_curve: list[Annotated[int, Field(ge=4)]] = []
+    learning_curve: tuple[Annotated[int, Field(ge=4)], ...] = ()

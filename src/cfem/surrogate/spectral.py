@@ -1,8 +1,8 @@
 """The energy model: Psi, e and C_ee as Chebyshev series, fitted by linear least squares to all that the samples know.
 
-Every FE state gives, for nothing, the value, gradient and Hessian of Psi (energy, lambda, W_aa^-1), the value and gradient
-of e (delta_e, W_ea W_aa^-1) and the value of C_ee = W_ee - W_ea W_aa^-1 W_ae. Each of the three has its own degree, chosen
-by cross-validation on the training states."""
+Every FE state gives, for nothing, the value, gradient and Hessian of Psi (energy, lambda, W_aa^-1), the value and
+gradient of e (delta_e, W_ea W_aa^-1) and the value of C_ee = W_ee - W_ea W_aa^-1 W_ae. Each of the three has its own
+degree, chosen by cross-validation on the training states."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -42,7 +42,8 @@ class Observations:
 
 
 def fit(dataset: Any, max_degree: int = 16, folds: int = 5) -> Fit:
-    """Fits all states of `dataset` (cfem.dataset.reader.Dataset, training rows only), at least two a fold."""
+    """Fits all states of `dataset` (cfem.dataset.reader.Dataset, training rows only); fewer folds for fewer states."""
+    folds = min(folds, len(dataset.delta_a))
     delta_a = dataset.delta_a
     a = dataset.rows.a
     stiffness = np.linalg.inv(dataset.W[:, a, a])
@@ -61,13 +62,18 @@ def fit(dataset: Any, max_degree: int = 16, folds: int = 5) -> Fit:
             for degree, error in enumerate(errors)
         ]
     indices = index_set(n_a, max(degrees.values()))
-    arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": series(coefficients, indices, to_box)}
+    arrays = {
+        "to_box": to_box,
+        "offset": offset,
+        "indices": indices,
+        "series": series(coefficients, indices, to_box),
+    }
     return Fit(arrays, degrees, held_out)
 
 
 def box_coordinates(delta_a: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """z = to_box delta_a + offset: rotated to the principal axes of the mean stiffness (n_a, n_a), which tell directions
-    that bend from those that stretch, then scaled so that the states (m, n_a) lie in [-1, 1]."""
+    """z = to_box delta_a + offset: rotated to the principal axes of the mean stiffness (n_a, n_a), which tell soft
+    directions from stiff ones, then scaled so that the states (m, n_a) lie in [-1, 1]."""
     spread = np.ptp(delta_a, axis=0)
     axes = np.linalg.eigh(stiffness * np.outer(spread, spread))[1].T / spread
     y = delta_a @ axes.T
@@ -86,7 +92,11 @@ def observations(dataset: Any, stiffness: np.ndarray, to_box: np.ndarray) -> tup
     hessian = from_box.T @ stiffness @ from_box
     return (
         Observations(
-            (dataset.energy[:, None, None], (dataset.lambda_a @ from_box)[..., None], pack_upper(hessian)[..., None])
+            (
+                dataset.energy[:, None, None],
+                (dataset.lambda_a @ from_box)[..., None],
+                pack_upper(hessian)[..., None],
+            )
         ),
         Observations((dataset.delta_e[:, None, :], (gradient_e @ from_box).swapaxes(1, 2))),
         Observations((pack_upper(locked)[:, None, :],)),

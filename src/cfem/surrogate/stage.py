@@ -1,7 +1,7 @@
 """`cfem train`: a dataset to a model folder. Test rows judge, and do nothing else.
 
-weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs delta_a with the W and
-delta_free that the model gives there, so that every other form of it can be compared."""
+weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs delta_a with the W
+and delta_free that the model gives there, so that every other form of it can be compared."""
 
 import io
 import time
@@ -135,7 +135,9 @@ def first_rows(dataset: Any, samples: int | None) -> Any:
     """The first `samples` converged rows of a cfem.dataset.reader.Dataset, all of them where None."""
     available = len(dataset.delta_a)
     if (samples or 4) > available:
-        raise InputError(f"holds {available} converged training rows, {samples or 4} are asked for", do="sample more rows")
+        raise InputError(
+            f"holds {available} converged training rows, {samples or 4} are asked for", do="sample more rows"
+        )
     per_row = ("id", "u", "delta_a", "delta_e", "lambda_a", "W", "delta_free", "energy", "slack")
     cost = {name: values[:samples] for name, values in dataset.cost.items()}
     return replace(dataset, **{name: getattr(dataset, name)[:samples] for name in per_row}, cost=cost)

@@ -1,6 +1,8 @@
-"""The same models as torch modules: forward(delta_a (B, n_a)) -> W (B, n, n), delta_free (B, n), float64, differentiable.
+"""The models as differentiable torch modules: forward(delta_a (B, n_a)) -> W (B, n, n), delta_free (B, n), float64.
 
 Standardisation and box coordinates are inside, so an exported graph takes mm and gives mm/N and mm."""
+
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -62,12 +64,17 @@ class Mlp(nn.Module):
         sizes = [rows.n_a, *[width] * depth]
         hidden = [
             layer
-            for inputs, outputs in zip(sizes, sizes[1:], strict=False)
+            for inputs, outputs in pairwise(sizes)
             for layer in (nn.Linear(inputs, outputs), ACTIVATIONS[activation](), nn.Dropout(dropout))
         ]
         outputs = rows.n * (rows.n + 1) // 2 + rows.n
         self.net = nn.Sequential(*hidden, nn.Linear(sizes[-1], outputs))
-        for name, size in (("in_mean", rows.n_a), ("in_scale", rows.n_a), ("out_mean", outputs), ("out_scale", outputs)):
+        for name, size in (
+            ("in_mean", rows.n_a),
+            ("in_scale", rows.n_a),
+            ("out_mean", outputs),
+            ("out_scale", outputs),
+        ):
             self.register_buffer(name, torch.zeros(size, dtype=torch.float64))
         self.register_buffer("unpack", torch.as_tensor(unpacking(rows.n).ravel()))
 
@@ -112,7 +119,7 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
 def spd_inverse(matrix: Tensor) -> Tensor:
     """(B, n, n) symmetric positive definite -> inverse, by bordering: arithmetic only, which every export format has.
 
-    With A = [[A', b], [b^T, c]], u = A'^-1 b and s = c - b^T u: A^-1 = [[A'^-1 + u u^T / s, -u / s], [-u^T / s, 1 / s]]."""
+    A = [[A', b], [b^T, c]], u = A'^-1 b, s = c - b^T u: A^-1 = [[A'^-1 + u u^T / s, -u / s], [-u^T / s, 1 / s]]."""
     inverse = 1 / matrix[:, :1, :1]
     for k in range(1, matrix.shape[1]):
         b = matrix[:, :k, k : k + 1]

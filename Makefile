@@ -1,0 +1,50 @@
+# Two commands for a new user: `make demo` and `make test`. A stage whose inputs have not changed does nothing.
+SHELL := /bin/sh
+CFEM := .venv/bin/cfem
+PYTHON := .venv/bin/python
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: demo test test-slow bench lint schemas soft-finger soft-finger-paper bar clean
+
+demo: .venv/all
+	@$(MAKE) --no-print-directory soft-finger
+	@$(CFEM) summary data/soft-finger/mesh data/soft-finger/samples models/soft-finger/spectral \
+	  models/soft-finger/spectral-export data/soft-finger/control data/soft-finger/report
+
+test: .venv/dev
+	$(PYTHON) -m pytest
+
+test-slow: .venv/dev
+	$(PYTHON) -m pytest -m slow
+
+bench: .venv/dev
+	$(PYTHON) -m pytest benchmarks
+
+lint: .venv/dev
+	.venv/bin/ruff check src tests benchmarks
+	.venv/bin/ruff format --check src tests benchmarks
+	.venv/bin/lint-imports
+	$(CFEM) schema --check
+
+schemas: .venv/all
+	$(CFEM) schema
+
+soft-finger bar: .venv/all
+	$(CFEM) mesh pipelines/$@/scene.yaml
+	$(CFEM) simulate-sample pipelines/$@/sample.yaml
+	$(CFEM) train pipelines/$@/train.yaml
+	$(CFEM) export pipelines/$@/export.yaml
+	$(CFEM) control pipelines/$@/control.yaml
+	$(CFEM) report pipelines/$@/report.yaml
+
+# dev holds all that all holds
+.venv/all: pyproject.toml constraints.txt scripts/setup.sh
+	@[ -e .venv/dev ] && [ .venv/dev -nt pyproject.toml ] || scripts/setup.sh all
+	@touch $@
+
+.venv/dev: pyproject.toml constraints.txt scripts/setup.sh
+	scripts/setup.sh dev
+	@touch $@
+
+clean:
+	rm -rf data models

@@ -1,0 +1,47 @@
+#!/bin/sh
+# Makes .venv with everything pinned. Usage: scripts/setup.sh EXTRA (all | dev). Installs missing Debian packages where it
+# may (root); elsewhere it says in one sentence which are missing.
+set -eu
+
+extra=$1
+venv=.venv
+packages="libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
+
+say() { printf '%s\n' "$*" >&2; }
+
+install_packages() {
+    if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
+        say "installing: $*"
+        apt-get update -qq
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" > /dev/null
+    else
+        say "cfem: missing system packages; install them first: apt-get install $*"
+        exit 1
+    fi
+}
+
+find_python() {
+    for name in python3.13 python3.12 python3.11 python3; do
+        if command -v "$name" > /dev/null && "$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+            printf '%s' "$name"
+            return
+        fi
+    done
+}
+
+python=$(find_python)
+if [ -z "$python" ] || ! "$python" -c 'import ensurepip, venv' 2> /dev/null; then
+    install_packages python3 python3-venv
+    python=$(find_python)
+    [ -n "$python" ] || { say "cfem: needs Python 3.11 or newer, and this system has none"; exit 1; }
+fi
+
+[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+"$venv/bin/python" -m pip install -q --disable-pip-version-check -c constraints.txt torch
+"$venv/bin/python" -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[$extra]"
+
+# gmsh's wheel needs X and GL libraries that a bare system lacks
+if ! "$venv/bin/python" -c 'import gmsh' 2> /dev/null; then
+    install_packages $packages
+    "$venv/bin/python" -c 'import gmsh' || { say "cfem: gmsh still cannot be loaded, see above"; exit 1; }
+fi

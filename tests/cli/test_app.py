@@ -1,0 +1,102 @@
+"""Commands as a user types them: exit codes, one sentence an error, outputs untouched."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+from typer.testing import CliRunner
+
+from cfem.cli.app import app
+from cfem.cli.schemas import SPECS, schemas
+from cfem.core.yaml import read_yaml
+
+ROOT = Path(__file__).parents[2]
+BAR = (ROOT / "pipelines" / "bar" / "scene.yaml").read_text()
+
+
+@pytest.fixture
+def bar(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(BAR.replace("../../data/bar/mesh", "mesh"))
+    return path
+
+
+def cfem(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_mesh_then_up_to_date_then_inspect(bar):
+    first = cfem("mesh", bar, "--quiet")
+    assert first.exit_code == 0 and "volume_error" in first.stdout
+    assert "up to date" in cfem("mesh", bar).stdout
+    assert cfem("mesh", bar, "--check").exit_code == 0
+    assert "set" not in cfem("mesh", bar, "--json").stderr
+    assert json.loads(cfem("mesh", bar, "--json").stdout)["results"]["inverted"] == 0
+    assert "made by cfem mesh" in cfem("inspect", bar.parent / "mesh").stdout
+
+
+BAD = {
+    "unknown key": (["--set", "mesh.sise=3 mm"], 2, "unknown key 'sise', did you mean 'size'?"),
+    "wrong unit": (["--set", "mesh.size=3 kPa"], 2, "not a unit of length"),
+    "bare number": (["--set", "mesh.size=3"], 2, "expected a length with its unit"),
+    "incompressible": (["--set", "material.poisson=0.5"], 2, "0.4999"),
+    "point outside": (["--set", "actuators.0.points={mm: [[15, 0, 40], [35, 0, 4]]}"], 2, "lies outside the body"),
+    "no such file": (["--set", "geometry={kind: step, path: none.step}"], 3, "no such file"),
+}
+
+
+@pytest.mark.parametrize("words, code, part", BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_sentence_and_touches_nothing(bar, words, code, part):
+    assert cfem("mesh", bar).exit_code == 0
+    before = (bar.parent / "mesh" / "manifest.json").read_bytes()
+    result = cfem("mesh", bar, "--quiet", *words)
+    assert result.exit_code == code and result.stdout == ""
+    assert len(result.stderr.strip().splitlines()) == 1 and part in result.stderr
+    assert (bar.parent / "mesh" / "manifest.json").read_bytes() == before
+
+
+def test_missing_spec_duplicate_key_and_stale_check(bar):
+    assert cfem("mesh", bar.parent / "none.yaml").exit_code == 3
+    assert cfem("mesh", bar, "--check").exit_code == 5
+    bar.write_text(bar.read_text() + "name: again\n")
+    result = cfem("mesh", bar)
+    assert result.exit_code == 2 and f":{len(bar.read_text().splitlines())}" in result.stderr
+
+
+def test_a_defect_of_ours_asks_to_be_reported(bar, monkeypatch):
+    monkeypatch.setattr("cfem.robot.stage._work", lambda *_: 1 / 0)
+    result = cfem("mesh", bar)
+    assert result.exit_code == 1 and "please report" in result.stderr and "Traceback" not in result.stderr
+
+
+def test_interruption_is_130(bar, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cfem.robot.stage._work", interrupt)
+    assert cfem("mesh", bar).exit_code == 130
+
+
+def test_help_lists_commands_and_exit_codes_without_the_heavy_imports():
+    shown = cfem("--help").stdout
+    assert all(name in shown for name in ("simulate-sample", "sample", "train", "report", "130 interrupted"))
+    code = "import sys, cfem.cli.app; print([m for m in ('torch', 'gmsh', 'numba', 'scipy', 'pint', 'pyarrow', 'matplotlib') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_committed_schemas_are_current():
+    for name, text in schemas().items():
+        assert (ROOT / "schemas" / name).read_text() == text, f"run `cfem schema`: {name}"
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("pipelines/*/*.yaml")), ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_every_pipeline_file_fits_its_schema(path):
+    kind = path.stem.split("-")[0]
+    assert kind in SPECS
+    schema = json.loads(schemas()[f"{kind}.json"])
+    jsonschema.Draft7Validator.check_schema(schema)
+    jsonschema.Draft7Validator(schema).validate(read_yaml(path)[0])
+    assert "prefixItems" not in json.dumps(schema)

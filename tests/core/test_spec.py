@@ -1,0 +1,76 @@
+import json
+
+import jsonschema
+import pytest
+from pydantic import Field
+
+from cfem.core.errors import SpecError
+from cfem.core.spec import Spec, json_schema, load_spec
+from cfem.core.units import Length, LengthMatrix
+
+
+class Inner(Spec):
+    stiffness: Length
+    corners: LengthMatrix | None = None
+
+
+class Outer(Spec):
+    name: str
+    inner: Inner
+    parts: list[Inner] = []
+    count: int = Field(default=1, gt=0)
+
+
+TEXT = "name: a\ninner:\n  stiffness: 3 cm\nparts:\n  - {stiffness: 1 mm}\n"
+
+
+def load(tmp_path, text, *overrides):
+    path = tmp_path / "spec.yaml"
+    path.write_text(text)
+    return load_spec(path, Outer, overrides)
+
+
+def test_values_arrive_in_the_system_of_units(tmp_path):
+    spec = load(tmp_path, TEXT)
+    assert spec.inner.stiffness == 30.0 and spec.parts[0].stiffness == 1.0
+
+
+def test_overrides_reach_nested_keys_and_lists(tmp_path):
+    spec = load(tmp_path, TEXT, "inner.stiffness=2 m", "parts.0.stiffness=7 mm", "count=1e1")
+    assert (spec.inner.stiffness, spec.parts[0].stiffness, spec.count) == (2000.0, 7.0, 10)
+
+
+@pytest.mark.parametrize(
+    "text, overrides, parts",
+    [
+        (TEXT + "cuont: 3\n", (), ["spec.yaml:6", "unknown key 'cuont'", "did you mean 'count'?"]),
+        (
+            TEXT.replace("stiffness: 3", "stifness: 3"),
+            (),
+            ["spec.yaml:3", "inner.stifness", "did you mean 'stiffness'?"],
+        ),
+        (TEXT.replace("3 cm", "3 kPa"), (), ["spec.yaml:3", "inner.stiffness", "not a unit of length"]),
+        (TEXT.replace("3 cm", "3"), (), ["spec.yaml:3", "length with its unit", "'3 mm'"]),
+        (TEXT.replace("{stiffness: 1 mm}", "{}"), (), ["spec.yaml:5", "missing key 'stiffness'"]),
+        (TEXT, ("count=0",), ["--set", "count", "greater than 0"]),
+        (TEXT, ("nonsense",), ["--set", "not key.sub=value"]),
+        (TEXT, ("name.sub.x=1",), ["--set", "no place"]),
+        (TEXT, ("parts.7.stiffness=1 mm",), ["--set", "no place"]),
+    ],
+)
+def test_each_mistake_gets_a_sentence_that_names_its_place(tmp_path, text, overrides, parts):
+    with pytest.raises(SpecError) as error:
+        load(tmp_path, text, *overrides)
+    for part in parts:
+        assert part in str(error.value)
+
+
+def test_schema_is_draft_07_and_agrees_with_the_model():
+    schema = json_schema(Outer)
+    jsonschema.Draft7Validator.check_schema(schema)
+    assert "prefixItems" not in json.dumps(schema)
+    validator = jsonschema.Draft7Validator(schema)
+    good = {"name": "a", "inner": {"stiffness": "3 mm", "corners": {"mm": [[1, 2, 3]]}}}
+    assert validator.is_valid(good)
+    assert not validator.is_valid({**good, "other": 1})
+    assert not validator.is_valid({**good, "inner": {"stiffness": 3}})

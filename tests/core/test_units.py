@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cfem.core.units import parse_array, parse_quantity
+
+
+@pytest.mark.parametrize(
+    "text, unit, value",
+    [
+        ("3000 kPa", "MPa", 3.0),
+        ("3e6 Pa", "MPa", 3.0),
+        ("4 cm", "mm", 40.0),
+        ("1e-3 m", "mm", 1.0),
+        ("500 mN", "N", 0.5),
+        ("180 deg", "rad", np.pi),
+        ("1070 kg/m^3", "tonne/mm**3", 1.07e-9),
+        ("-3 mm", "mm", -3.0),
+    ],
+)
+def test_units_are_converted(text, unit, value):
+    assert parse_quantity(text, unit) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "text", ["3 kPa", "3", "mm", "3mmm", "3 furlongish", "nan mm", "inf mm", "", 3, 3.0, True, None, "1 mm; 2 mm"]
+)
+def test_whatever_is_no_length_is_refused_by_name(text):
+    with pytest.raises(ValueError, match=r"length|unit"):
+        parse_quantity(text, "mm")
+
+
+@given(value=st.floats(-1e6, 1e6), unit=st.sampled_from(["um", "mm", "cm", "m"]))
+def test_scale_is_that_of_the_unit(value, unit):
+    factor = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0}[unit]
+    assert parse_quantity(f"{value!r} {unit}", "mm") == pytest.approx(value * factor, rel=1e-12, abs=1e-15)
+
+
+def test_arrays_are_converted_and_read_only():
+    array = parse_array({"cm": [[1, 2, 3]]}, "mm", 2)
+    np.testing.assert_array_equal(array, [[10, 20, 30]])
+    with pytest.raises(ValueError, match="read-only"):
+        array[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    "data",
+    [[1, 2, 3], {"kPa": [1]}, {"mm": [[1, 2], [3]]}, {"mm": []}, {"mm": ["a"]}, {"mm": [[1]]}, {"mm": [1], "cm": [1]}],
+)
+def test_arrays_of_other_shape_or_unit_are_refused(data):
+    with pytest.raises(ValueError, match=r"expected|not a unit"):
+        parse_array(data, "mm", 1)

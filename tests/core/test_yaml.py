@@ -1,0 +1,46 @@
+import pytest
+
+from cfem.core.errors import InputError, SpecError
+from cfem.core.yaml import parse_value, parse_yaml, read_yaml
+
+
+def test_scientific_notation_is_a_number_and_yes_is_text():
+    data, _ = parse_yaml("a: 1e-3\nb: yes\nc: 0x10\nd: [1, 2.5]\ne: true\nf: null\n", "spec")
+    assert data == {"a": 1e-3, "b": "yes", "c": 16, "d": [1, 2.5], "e": True, "f": None}
+    assert type(data["a"]) is float and type(data["d"][0]) is int
+
+
+def test_every_key_knows_its_line():
+    _, lines = parse_yaml("a:\n  b: 1\n  c:\n    - x\n    - y: 2\n", "spec")
+    assert (lines[("a", "b")], lines[("a", "c", 0)], lines[("a", "c", 1, "y")]) == (2, 4, 5)
+
+
+@pytest.mark.parametrize(
+    "text, where",
+    [("a: 1\na: 2\n", "spec:2"), ("a: [1, 2\n", "spec"), ("- 1\n", "spec"), ("a: \tb: c\n", "spec"), ("", "spec")],
+)
+def test_damaged_yaml_names_its_place(text, where):
+    with pytest.raises(SpecError, match=where):
+        parse_yaml(text, "spec")
+
+
+def test_aliases_that_grow_without_end_are_refused():
+    bomb = "a: &a [1,1,1,1,1,1,1,1,1]\n" + "".join(
+        f"{name}: &{name} [{','.join(['*' + before] * 9)}]\n"
+        for before, name in zip("abcdefgh", "bcdefghi", strict=True)
+    )
+    with pytest.raises(SpecError, match="refused"):
+        parse_yaml(bomb, "spec")
+
+
+def test_missing_and_unreadable_files(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_yaml(tmp_path / "none.yaml")
+    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_yaml(tmp_path / "bytes.yaml")
+
+
+@pytest.mark.parametrize("text, value", [("1e-3", 1e-3), ("3 mm", "3 mm"), ("[1, 2]", [1, 2]), ("true", True)])
+def test_override_values_are_yaml(text, value):
+    assert parse_value(text) == value

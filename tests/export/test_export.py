@@ -1,0 +1,63 @@
+"""Exported files equal the trained model, describe themselves and take any batch."""
+
+import json
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+from surrogate.stored import train_folder
+
+from cfem.core.errors import SpecError
+from cfem.core.stage import Options
+from cfem.export.stage import run
+
+MODELS = {"spectral": "{kind: spectral, max_degree: 9}", "mlp": "{kind: mlp, width: 8, depth: 2, epochs: 2}"}
+
+
+@pytest.fixture(scope="module", params=[("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)], ids=str)
+def exported(request, tmp_path_factory):
+    kind, n_a = request.param
+    folder = tmp_path_factory.mktemp("export")
+    train_folder(folder, MODELS[kind], n_a=n_a)
+    (folder / "export.yaml").write_text("model: model\nout: export\n")
+    return folder / "export", run(folder / "export.yaml", [], None, Options()), n_a
+
+
+def test_parity_of_every_format(exported):
+    _, manifest, _ = exported
+    tolerance = {"spectral": 1e-10, "mlp": 1e-5}[manifest["results"]["kind"]]
+    assert set(manifest["results"]["parity"]) == {"arrays", "onnx", "torchscript"}
+    assert all(parity <= tolerance for parity in manifest["results"]["parity"].values())
+    assert manifest["results"]["parity"]["arrays"] == 0.0
+
+
+def test_the_batch_axis_is_free(exported):
+    folder, _, n_a = exported
+    session = onnxruntime.InferenceSession(str(folder / "model.onnx"), providers=["CPUExecutionProvider"])
+    for batch in (1, 7):
+        W, delta_free = session.run(["W", "delta_free"], {"delta_a": np.ones((batch, n_a))})
+        assert W.shape == (batch, 3 + n_a, 3 + n_a) and delta_free.shape == (batch, 3 + n_a)
+        assert W.dtype == delta_free.dtype == np.float64
+
+
+def test_onnx_carries_its_meaning(exported):
+    folder, _, _ = exported
+    props = {prop.key: prop.value for prop in onnx.load(folder / "model.onnx").metadata_props}
+    card = json.loads((folder / "model.json").read_text())
+    for key in ("rows", "units", "domain", "errors", "dataset", "rest_e"):
+        assert json.loads(props[key]) == card[key]
+    assert props["opset"] == "17" and len(card["dataset"]["content"]) == 64
+
+
+def test_only_the_formats_asked_for(tmp_path):
+    train_folder(tmp_path, MODELS["spectral"])
+    (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [arrays]\n")
+    manifest = run(tmp_path / "export.yaml", [], None, Options())
+    assert set(manifest["files"]) == {"weights.npz", "model.json"}
+
+
+def test_an_unknown_format_is_a_spec_error(tmp_path):
+    (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [pickle]\n")
+    with pytest.raises(SpecError, match="'arrays', 'onnx' or 'torchscript'"):
+        run(tmp_path / "export.yaml", [], None, Options())

@@ -1,0 +1,110 @@
+"""Every kind and runtime behind one interface: values, domain, damaged files, no torch."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from surrogate.stored import train_folder
+from surrogate.synthetic import dataset, energy
+
+from cfem.core.errors import InputError, NumericalError
+from cfem.core.stage import Options
+from cfem.export.stage import run
+from cfem.predict.load import load_model
+
+MODELS = {"spectral": "{kind: spectral, max_degree: 12}", "mlp": "{kind: mlp, width: 8, depth: 2, epochs: 2}"}
+
+
+@pytest.fixture(scope="module")
+def exports(tmp_path_factory):
+    folders = {}
+    for kind, model in MODELS.items():
+        folder = tmp_path_factory.mktemp(kind)
+        train_folder(folder, model, train=60)
+        (folder / "export.yaml").write_text("model: model\nout: export\nformats: [arrays, onnx]\n")
+        run(folder / "export.yaml", [], None, Options())
+        folders[kind] = folder / "export"
+    return folders
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_onnx_equals_arrays(exports, kind):
+    arrays, onnx = (load_model(exports[kind], runtime) for runtime in ("arrays", "onnx"))
+    tolerance = {"spectral": 1e-10, "mlp": 1e-5}[kind]
+    for delta_a in dataset(10, 7).delta_a:
+        one, other = arrays.at_displacement(delta_a), onnx.at_displacement(delta_a)
+        assert np.allclose(one.W, other.W, rtol=0, atol=tolerance * np.abs(one.W).max())
+        assert np.allclose(one.delta_free, other.delta_free, rtol=0, atol=tolerance * np.abs(one.delta_free).max())
+        assert one.rows == other.rows and onnx.inside(delta_a) == arrays.inside(delta_a)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_one_query_is_a_row_of_a_batch(exports, kind):
+    model, states = load_model(exports[kind]), dataset(5, 7).delta_a
+    W, delta_free = model.evaluate(states)
+    for i, delta_a in enumerate(states):
+        condensed = model.at_displacement(delta_a)
+        assert np.allclose(condensed.W, W[i], rtol=1e-6, atol=1e-9)
+        assert np.allclose(condensed.delta_free, delta_free[i], rtol=1e-6, atol=1e-6)
+        assert np.allclose(condensed.delta_a, delta_a, atol=1e-9)
+
+
+def test_what_it_knows_of_the_robot(exports):
+    model = load_model(exports["spectral"])
+    assert model.rest_e.tolist() == [0.0, 10.0, -110.0] and model.length == 110.0
+    assert model.reach.tolist() == [[0.0, 20.0]] * 2
+    assert model.rows.names == ("tip.x", "tip.y", "tip.z", "cable0", "cable1")
+
+
+def test_inside_is_the_pulling_wedge(exports):
+    model = load_model(exports["spectral"])
+    assert model.inside(np.array([10.0, 10.0]))
+    assert not model.inside(np.array([15.0, 2.0]))
+    assert not model.inside(np.array([22.0, 22.0]))
+
+
+def test_at_force_inverts_the_energy(exports):
+    model = load_model(exports["spectral"])
+    for delta_a in dataset(10, 7).delta_a:
+        lambda_a = energy(delta_a[None])[1][0]
+        found = model.at_force(lambda_a)
+        assert np.allclose(found.lambda_a, lambda_a, atol=1e-7)
+        assert np.allclose(found.delta_a, delta_a, atol=1e-4)
+
+
+def test_at_force_says_where_it_fails(exports):
+    with pytest.raises(NumericalError, match="N are left"):
+        load_model(exports["spectral"]).at_force(np.array([-1e9, 1e9]))
+
+
+@pytest.mark.parametrize(
+    ("name", "runtime"), [("weights.npz", "arrays"), ("model.onnx", "onnx"), ("model.json", "arrays")]
+)
+def test_damaged_or_missing_files_are_one_sentence(exports, name, runtime):
+    path = exports["mlp"] / name
+    whole = path.read_bytes()
+    try:
+        path.write_bytes(whole[: len(whole) // 2])
+        with pytest.raises(InputError, match="damaged"):
+            load_model(exports["mlp"], runtime)
+        path.unlink()
+        with pytest.raises(InputError, match="no such file"):
+            load_model(exports["mlp"], runtime)
+    finally:
+        path.write_bytes(whole)
+
+
+def test_an_absent_folder_is_named(tmp_path):
+    with pytest.raises(InputError, match="no such artefact"):
+        load_model(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("runtime", ["arrays", "onnx"])
+def test_no_torch_no_scipy_no_training_code(exports, runtime):
+    code = (
+        "import sys; from pathlib import Path; from cfem.predict.load import load_model; "
+        f"load_model(Path({str(exports['mlp'])!r}), {runtime!r}).inside([1.0, 1.0]); "
+        "print([name for name in ('torch', 'scipy', 'pyarrow', 'numba', 'cfem.surrogate') if name in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,0 +1,52 @@
+"""The synthetic robot as artefact folders: a dataset, and models trained from it."""
+
+from pathlib import Path
+from typing import Any
+
+from surrogate.synthetic import dataset
+
+from cfem.condensed import pack_upper
+from cfem.core.files import content_sha256, file_sha256, write_json
+from cfem.core.stage import Options
+from cfem.dataset.schema import schema
+from cfem.dataset.writer import write_rows
+from cfem.surrogate.stage import run
+
+
+def store_dataset(folder: Path, n_a: int = 2, train: int = 40, test: int = 20, test_seed: int = 2) -> Path:
+    """Writes train.parquet, test.parquet and the manifest."""
+    for split, count, seed in (("train", train, 1), ("test", test, test_seed)):
+        states = dataset(count, seed, n_a, unilateral=n_a == 2)
+        counts = dict(status="converged", reason="", iterations=1, factorizations=1, steps=1, residual=0.0, seconds=0.1)
+        records = [
+            {
+                "id": i,
+                "split": split,
+                "u": states.delta_a[i] / 20,
+                "W": pack_upper(states.W[i]),
+                "slack": [False] * n_a,
+                **{
+                    name: getattr(states, name)[i]
+                    for name in ("delta_a", "delta_e", "lambda_a", "delta_free", "energy")
+                },
+                **counts,
+            }
+            for i in range(count)
+        ]
+        meta = {key: value for key, value in states.meta.items() if key != "units"}
+        write_rows(folder / f"{split}.parquet", records, schema(states.rows, meta))
+    files = {path.name: file_sha256(path) for path in folder.glob("*.parquet")}
+    write_json(
+        folder / "manifest.json",
+        {"stage": "simulate-sample", "content": content_sha256(files), "files": files},
+    )
+    return folder
+
+
+def train_folder(folder: Path, model: str, **dataset_options: Any) -> Path:
+    """A model folder made by `cfem train` from `model`, the YAML of its `model:` key."""
+    store_dataset(folder / "samples", **dataset_options)
+    spec = folder / "train.yaml"
+    spec.write_text(f"dataset: samples\nout: model\nmodel: {model}\n")
+    run(spec, [], None, Options(quiet=True))
+    return folder / "model"

@@ -1,0 +1,92 @@
+"""`cfem train` on a stored dataset: what it writes, what it must not look at."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from surrogate.stored import store_dataset, train_folder
+
+from cfem.core.errors import InputError, SpecError
+from cfem.core.stage import Options
+from cfem.predict.load import load_model, read_arrays
+from cfem.surrogate.stage import run
+
+SPEC = "dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 8}\nlearning_curve: [10, 20]\n"
+
+
+@pytest.fixture
+def spec(tmp_path):
+    store_dataset(tmp_path / "samples")
+    path = tmp_path / "train.yaml"
+    path.write_text(SPEC)
+    return path
+
+
+def test_it_writes_a_model_that_knows_itself(spec):
+    manifest = run(spec, [], None, Options())
+    results = manifest["results"]
+    model = load_model(spec.parent / "model")
+    assert model.meta["errors"] == results["errors"]
+    assert results["errors"]["loss"] < 1e-5 and results["errors"]["states"] == 20
+    assert [point["samples"] for point in results["learning_curve"]] == [10, 20, 40]
+    assert {record["quantity"] for record in results["history"]} == {
+        "energy",
+        "effector",
+        "locked_compliance",
+    }
+    assert results["positive_definite"]["hessian"]["share"] == 1.0
+    assert run(spec, [], None, Options())["status"] == "up to date"
+
+
+def test_training_twice_gives_the_same_content(spec):
+    first = run(spec, [], None, Options())
+    second = run(spec, [], None, Options(force=True))
+    assert first["content"] == second["content"]
+
+
+def test_test_rows_do_not_change_the_fit(tmp_path):
+    models = [train_folder(tmp_path / str(seed), "{kind: spectral, max_degree: 8}", test_seed=seed) for seed in (2, 3)]
+    one, other = (read_arrays(model) for model in models)
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    assert load_model(models[0]).meta["errors"] != load_model(models[1]).meta["errors"]
+
+
+def test_rows_beyond_the_number_asked_for_do_not_change_the_fit(tmp_path):
+    models = []
+    for train in (40, 30):
+        folder = tmp_path / str(train)
+        store_dataset(folder / "samples", train=train)
+        (folder / "train.yaml").write_text(SPEC)
+        run(folder / "train.yaml", ["samples=30", "learning_curve=[]"], None, Options())
+        models.append(read_arrays(folder / "model"))
+    assert all(np.array_equal(models[0][name], models[1][name]) for name in models[0])
+
+
+def test_more_samples_than_there_are_is_an_error(spec):
+    with pytest.raises(InputError, match="holds 40 converged training rows, 41"):
+        run(spec, ["samples=41"], None, Options())
+
+
+def test_an_unknown_key_names_the_near_one(spec):
+    with pytest.raises(SpecError, match=r"max_degre.*did you mean 'max_degree'"):
+        run(spec, ["model.max_degre=3"], None, Options())
+
+
+def test_spectral_training_imports_no_torch(spec):
+    code = (
+        "import sys; from pathlib import Path; from cfem.core.stage import Options; "
+        "from cfem.surrogate.stage import run; "
+        f"run(Path({str(spec)!r}), ['learning_curve=[]'], None, Options()); print('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+def test_mlp_is_stored_and_loaded(tmp_path):
+    folder = train_folder(tmp_path, "{kind: mlp, width: 8, depth: 2, epochs: 2}")
+    card = json.loads((folder / "model.json").read_text())
+    assert card["activation"] == "relu" and card["kind"] == "mlp"
+    stored = read_arrays(folder, "test_vectors.npz")
+    W, _ = load_model(folder).evaluate(stored["delta_a"])
+    assert np.array_equal(W, stored["W"])
