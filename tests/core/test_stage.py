@@ -99,7 +99,10 @@ def test_what_cfem_did_not_make_is_not_touched(tmp_path):
 
 
 def test_two_writers_exclude_each_other_and_a_dead_one_does_not_block(tmp_path):
-    code = "import sys,pathlib,cfem.core.files as f\nwith f.locked(pathlib.Path(sys.argv[1])): print('in', flush=True); sys.stdin.read()"
+    code = (
+        "import sys, pathlib, cfem.core.files as f\n"
+        "with f.locked(pathlib.Path(sys.argv[1])): print('in', flush=True); sys.stdin.read()"
+    )
     other = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path / "out")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )

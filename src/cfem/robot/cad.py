@@ -1,4 +1,4 @@
-"""Solid geometry as data: a small tree of primitives and Boolean operations, in mm, which needs no CAD kernel to write."""
+"""Solid geometry as data: a small tree of primitives and Boolean operations, in mm, written without a CAD kernel."""
 
 from dataclasses import dataclass, fields
 from typing import Any

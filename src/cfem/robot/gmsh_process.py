@@ -1,8 +1,8 @@
 """The one place that touches gmsh (GPL), which it runs in its own process: `python -m cfem.robot.gmsh_process OUT.npz`.
 
 A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}]}.
-The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3. One thread and fixed algorithms: the same job
-gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry cannot be built or meshed; the cause on stderr."""
+The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3. One thread and fixed algorithms: the same
+job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry cannot be built or meshed; cause on stderr."""
 
 import json
 import math

@@ -55,8 +55,8 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def read_tetrahedra(path: Path, unit: float) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """A user's mesh (.vtu, .vtk, .msh): X (n, 3) in mm (`unit` mm a number), cells (m, 4), named node sets from physical
-    groups and sets. Nodes that no tetrahedron uses are dropped; mid-edge nodes too, since ours lie on straight edges."""
+    """A user's mesh (.vtu, .vtk, .msh): X (n, 3) in mm (`unit` mm a number), cells (m, 4), named node sets from
+    physical groups and sets. Nodes that no tetrahedron uses are dropped, and mid-edge nodes."""
     data = _read(path)
     cells = [block.data[:, :4] for block in data.cells if block.type in ("tetra", "tetra10")]
     if not cells:

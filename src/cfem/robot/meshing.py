@@ -22,7 +22,7 @@ DEBIAN_PACKAGES = "libglu1-mesa libxcursor1 libxft2 libxinerama1 libxfixes3 libx
 
 
 def make_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
-    """The scene's mesh, and the CAD volume in mm^3 where there is a CAD model. Paths in the spec are relative to `folder`.
+    """The scene's mesh, and the CAD volume in mm^3 where there is one. Paths in the spec are relative to `folder`.
 
     Raises InputError (file, missing libraries), NumericalError (cannot be meshed)."""
     geometry = scene.geometry

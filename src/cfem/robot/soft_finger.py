@@ -1,4 +1,4 @@
-"""The soft finger of Navez, Menager et al. 2025: three segments along -z joined by hollow bellows, bending towards +y."""
+"""The soft finger of Navez, Menager et al. 2025: three segments along -z, joined by hollow bellows, bending to +y."""
 
 from math import tan
 

@@ -32,7 +32,7 @@ class Bar(Spec):
 
 
 class MeshFile(Spec):
-    """A tetrahedral mesh (.vtu, .vtk, .msh) or a closed surface (.stl) of the user's own; `unit` is that of its numbers."""
+    """A tetrahedral mesh (.vtu, .vtk, .msh) or closed surface (.stl) of the user's own, its numbers in `unit`."""
 
     kind: Literal["mesh-file"]
     path: Path
@@ -58,7 +58,7 @@ class Refinement(Spec):
 
 
 class Meshing(Spec):
-    """element: linear (tet4), quadratic (tet10), or quadratic with one pressure an element (tet10p0), which does not lock."""
+    """element: linear (tet4), quadratic (tet10), or quadratic with one pressure an element (tet10p0: never locks)."""
 
     size: Length = Field(gt=0)
     refine: list[Refinement] = []
@@ -82,7 +82,8 @@ class Material(Spec):
 
 class Cable(Spec):
     """A cable through points of the body, from a fixed pull point where one is given. reach: its smallest and largest
-    shortening. radius: of the region through which each point acts; 0 for a mathematical point. unilateral: it can only pull."""
+    shortening. radius: of the region through which each point acts, 0 for a mathematical point. unilateral: it can
+    pull and cannot push."""
 
     kind: Literal["cable"]
     name: str = Field(min_length=1)
