@@ -5,7 +5,7 @@ set -eu
 
 extra=$1
 venv=.venv
-packages="libglu1-mesa libgl1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
+packages="libglu1-mesa libgomp1 libgl1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
 say() { printf '%s\n' "$*" >&2; }
 

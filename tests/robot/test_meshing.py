@@ -1,5 +1,7 @@
 """A user's own geometry: STL-bounded volumes, mesh files, STEP; and what goes wrong with them."""
 
+from pathlib import Path
+
 import meshio
 import numpy as np
 import pytest
@@ -63,6 +65,11 @@ def test_missing_libraries_become_one_sentence_with_the_packages(tmp_path, monke
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     with pytest.raises(InputError, match=r"libGLU\.so\.1.*apt-get install libglu1-mesa"):
         meshing.make_mesh(scene(tmp_path, "{kind: bar}"), tmp_path)
+
+
+def test_set_up_installs_the_packages_that_the_message_names():
+    script = (Path(__file__).parents[2] / "scripts" / "setup.sh").read_text()
+    assert set(meshing.DEBIAN_PACKAGES.split()) == set(script.split('packages="')[1].split('"')[0].split())
 
 
 @pytest.mark.parametrize("geometry", ["{kind: step, path: none.step}", "{kind: mesh-file, path: none.vtu}"])

@@ -12,9 +12,9 @@ from cfem.core.yaml import parse_value, read_yaml
 
 
 class Spec(BaseModel):
-    """Base of every spec and of every part of one."""
+    """Base of every spec and of every part of one. Defaults are written as the user would write them ('2 mm')."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, validate_default=True)
 
 
 S = TypeVar("S", bound=Spec)

@@ -4,13 +4,24 @@ A field of a spec declares the unit that the code computes in, `young: Stress`; 
 code sees 3.0. Arrays are written once for many numbers: `{mm: [[0, 10, -120]]}`.
 """
 
+import math
+import re
 from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
 
-_NUMBER = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*"
+_NUMBER = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+"
+
+# The units that specs are written in, so that reading one need not import pint (0.25 s); a test compares them with it.
+_USUAL = {
+    "mm": {"mm": 1.0, "um": 1e-3, "cm": 10.0, "m": 1e3},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
+    "MPa": {"MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "N/mm^2": 1.0},
+    "rad": {"rad": 1.0, "deg": math.pi / 180},
+    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+}
 
 
 @lru_cache(maxsize=1)
@@ -23,6 +34,9 @@ def _registry():
 @lru_cache(maxsize=256)
 def _factor(unit: str, system_unit: str) -> float:
     """Size of `unit` in `system_unit`; ValueError where the two do not measure the same thing."""
+    usual = _USUAL.get(system_unit, {})
+    if unit in usual:
+        return usual[unit]
     import pint
 
     try:
@@ -59,8 +73,8 @@ def parse_quantity(text: Any, system_unit: str) -> float:
     return value
 
 
-def parse_array(data: Any, system_unit: str, ndim: int) -> np.ndarray:
-    """{'mm': [[0, 10, -120]]} -> float array of the stated number of axes, read-only."""
+def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None) -> np.ndarray:
+    """{'mm': [[0, 10, -120]]} -> float array of the stated number of axes (and length of the last), read-only."""
     if isinstance(data, np.ndarray):
         return data
     if not isinstance(data, dict) or len(data) != 1:
@@ -74,6 +88,8 @@ def parse_array(data: Any, system_unit: str, ndim: int) -> np.ndarray:
         raise ValueError(f"expected {ndim}-dimensional numbers of equal row length under '{unit}'") from error
     if array.ndim != ndim or array.size == 0 or not np.isfinite(array).all():
         raise ValueError(f"expected finite numbers in {ndim} dimension(s) under '{unit}', got shape {array.shape}")
+    if last is not None and array.shape[-1] != last:
+        raise ValueError(f"expected {last} numbers in a row under '{unit}', got {array.shape[-1]}")
     array.setflags(write=False)
     return array
 
@@ -87,9 +103,10 @@ def _scalar(system_unit: str):
     return Annotated[float, BeforeValidator(lambda value: parse_quantity(value, system_unit)), WithJsonSchema(schema)]
 
 
-def _vector(system_unit: str, ndim: int):
-    numbers: dict = {"type": "number"}
-    for _ in range(ndim):
+def _vector(system_unit: str, ndim: int, last: int | None = None):
+    bounds = {"minItems": last, "maxItems": last} if last else {"minItems": 1}
+    numbers: dict = {"type": "array", "items": {"type": "number"}, **bounds}
+    for _ in range(ndim - 1):
         numbers = {"type": "array", "items": numbers, "minItems": 1}
     schema = {
         "type": "object",
@@ -98,7 +115,7 @@ def _vector(system_unit: str, ndim: int):
         "additionalProperties": numbers,
         "description": f"numbers under their unit, e.g. {{{system_unit}: ...}}",
     }
-    return Annotated[Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim)), WithJsonSchema(schema)]
+    return Annotated[Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)), WithJsonSchema(schema)]
 
 
 Length = _scalar("mm")
@@ -108,3 +125,6 @@ Angle = _scalar("rad")
 Duration = _scalar("s")
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
+LengthRange = _vector("mm", 1, 2)  # (2,) mm
+Point = _vector("mm", 1, 3)  # (3,) mm
+Points = _vector("mm", 2, 3)  # (m, 3) mm

@@ -13,7 +13,7 @@ from cfem.predict.protocol import Predictor
 
 
 def layout(n_a: int, n_e: int) -> dict[str, slice]:
-    """Rows of `series`: Psi, its gradient and Hessian, e, grad e (row-major), C_ee; symmetric parts as upper triangle."""
+    """Rows of `series`: Psi, its gradient and Hessian, e, grad e (row-major), C_ee; matrices as upper triangle."""
     sizes = {
         "energy": 1,
         "gradient": n_a,
@@ -63,7 +63,7 @@ class SpectralPredictor(Predictor):
         return Condensed(self.rows, *self._condense(delta_a, part), part["gradient"])
 
     def at_force(self, lambda_a: np.ndarray, start: np.ndarray | None = None, tolerance: float = 1e-10) -> Condensed:
-        """The condensed robot under multipliers lambda_a (n_a,) N: Newton on grad Psi(delta_a) = lambda_a, halved steps.
+        """The condensed robot under lambda_a (n_a,) N: Newton on grad Psi(delta_a) = lambda_a, with step halving.
 
         start: (n_a,) mm, else the middle of the domain; tolerance: relative to the domain's largest multiplier.
         Raises NumericalError where no such displacement is found."""

@@ -1,1 +1,1 @@
-"""What the robot is: spec, CAD, mesh, bodies and constraints."""
+"""From scene.yaml to a meshed robot: spec, geometry, mesh, selections; then bodies and constraints."""

@@ -18,7 +18,7 @@ from cfem.robot.soft_finger import soft_finger
 from cfem.robot.spec import Bar, MeshFile, Meshing, SceneSpec, SoftFinger
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
-DEBIAN_PACKAGES = "libglu1-mesa libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libgl1 libfontconfig1"
+DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
 
 def make_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:

@@ -1,7 +1,7 @@
 """Trains the paper's network F on the entries of W and delta_free, standardised, by mean squared error.
 
-The inputs are delta_a alone: without design parameters the paper's further inputs W0 and delta_free0 are constant. Every
-tenth training row is kept for validation, which steers the schedule and picks the epoch; test rows never come here."""
+The inputs are delta_a alone: without design parameters the paper's further inputs W0 and delta_free0 are constant.
+Every tenth training row validates: it steers the schedule and picks the epoch. Test rows never come here."""
 
 from dataclasses import dataclass
 from typing import Any

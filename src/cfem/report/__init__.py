@@ -1,0 +1,2 @@
+"""One self-contained page about a robot: pictures, errors against run time, provenance. Reads artefact folders
+only."""

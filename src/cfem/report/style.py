@@ -1,0 +1,69 @@
+"""One look for all figures, and the way from a matplotlib figure to bytes."""
+
+import io
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+INK, FAINT = "#22303c", "#9aa5b1"
+GOAL, FE = "#9aa5b1", "#e07a2f"
+LEARNED = ("#1769aa", "#2a9d63", "#8e4ec6", "#c2334d")
+
+plt.rcParams.update(
+    {
+        "font.family": "sans-serif",
+        "font.sans-serif": ["Liberation Sans", "DejaVu Sans"],
+        "font.size": 10,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.edgecolor": FAINT,
+        "axes.labelcolor": INK,
+        "axes.titlesize": 10.5,
+        "axes.titleweight": "bold",
+        "axes.titlelocation": "left",
+        "axes.grid": True,
+        "grid.color": "#e6eaee",
+        "grid.linewidth": 0.7,
+        "text.color": INK,
+        "xtick.color": INK,
+        "ytick.color": INK,
+        "legend.frameon": False,
+        "legend.fontsize": 9,
+        "figure.facecolor": "white",
+        "figure.constrained_layout.use": True,
+        "svg.hashsalt": "cfem",
+    }
+)
+
+
+def panels(columns: int, width: float = 9.0, height: float = 3.4) -> tuple[Figure, list]:
+    """A row of axes."""
+    figure, axes = plt.subplots(1, columns, figsize=(width, height), squeeze=False)
+    return figure, list(axes[0])
+
+
+def png(figure: Figure, dpi: int = 160) -> bytes:
+    """The same figure, the same bytes: no date inside."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    plt.close(figure)
+    return buffer.getvalue()
+
+
+def outside_legend(axis) -> None:
+    """A legend in one row above the plot, where it hides no data."""
+    axis.legend(
+        loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4, borderaxespad=0.2, handlelength=1.4, columnspacing=1.1
+    )
+
+
+def colour_of(controller: str, names: list[str]) -> str:
+    """FE-based is orange everywhere, learned models blue, green, ... in their order."""
+    if controller == "fe-based":
+        return FE
+    learned = [name for name in names if name != "fe-based"]
+    return LEARNED[learned.index(controller) % len(LEARNED)]
