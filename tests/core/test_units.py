@@ -51,3 +51,12 @@ def test_arrays_are_converted_and_read_only():
 def test_arrays_of_other_shape_or_unit_are_refused(data):
     with pytest.raises(ValueError, match=r"expected|not a unit"):
         parse_array(data, "mm", 1)
+
+
+def test_the_usual_units_agree_with_pint():
+    from cfem.core import units
+
+    registry = units._registry()
+    for system, table in units._USUAL.items():
+        for unit, factor in table.items():
+            assert registry.Quantity(1.0, unit).to(system).magnitude == pytest.approx(factor, rel=1e-14)

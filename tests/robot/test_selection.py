@@ -38,7 +38,6 @@ def test_names_choose_node_and_facet_sets():
     [
         ({"kind": "sphere", "centre": {"mm": [50, 0, 0]}, "radius": "1 mm"}, "selects no node"),
         ({"kind": "name", "name": "hold"}, "no set 'hold'"),
-        ({"kind": "plane", "point": {"mm": [0, 0]}, "normal": [1, 0, 0]}, "shape"),
     ],
 )
 def test_mistakes_are_named(data, part):

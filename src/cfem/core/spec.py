@@ -12,9 +12,9 @@ from cfem.core.yaml import parse_value, read_yaml
 
 
 class Spec(BaseModel):
-    """Base of every spec and of every part of one. Defaults are written as the user would write them ('2 mm')."""
+    """Base of every spec and of every part of one."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, validate_default=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
 S = TypeVar("S", bound=Spec)
@@ -50,24 +50,47 @@ def _set(data: dict, lines: dict, override: str) -> None:
 
 def _sentences(error: ValidationError, data: dict, lines: dict, source: str) -> list[str]:
     """One sentence an error: `file:line: key: what; nearest known key`."""
+    items = error.errors(include_url=False)
     found = []
-    for item in error.errors(include_url=False):
+    for item in items:
+        # pydantic also counts a list short whose items failed: the items' own errors say all.
+        if item["type"] == "too_short" and any(item["loc"] == other["loc"][:-1] for other in _deeper(items, item)):
+            continue
         path = _present(item["loc"], data)
         line = next((lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in lines), 1)
         where = f"{source}:{line}" if line else "--set"
         key = ".".join(str(part) for part in path)
-        if item["type"] == "extra_forbidden":
-            what = f"unknown key '{path[-1]}'"
-            near = difflib.get_close_matches(str(path[-1]), sorted(_known_keys(Spec)))
-            what += f", did you mean '{near[0]}'?" if near else ""
-        elif item["type"] == "missing":
-            what = f"missing key '{item['loc'][-1]}'"
-        else:
-            what = item["msg"].removeprefix("Value error, ")
-            if not isinstance(item["input"], dict | list) and "got" not in what:
-                what += f", got {item['input']!r}"
-        found.append(f"{where}: {key + ': ' if key else ''}{what}")
+        found.append(f"{where}: {key + ': ' if key else ''}{_what(item, path)}")
     return found
+
+
+def _deeper(items: list, item: Any) -> list:
+    depth = len(item["loc"])
+    return [{"loc": other["loc"][: depth + 1]} for other in items if len(other["loc"]) > depth]
+
+
+def _what(item: Any, path: tuple) -> str:
+    """What is wrong with one key, what was expected, and the nearest that is known."""
+    if item["type"] == "extra_forbidden":
+        return f"unknown key '{path[-1]}'{_nearest(str(path[-1]), _known_keys(Spec))}"
+    if item["type"] == "missing":
+        return f"missing key '{item['loc'][-1]}'"
+    if item["type"] == "union_tag_not_found":
+        return f"missing key {item['ctx']['discriminator']}"
+    if item["type"] == "union_tag_invalid":
+        context = item["ctx"]
+        known = context["expected_tags"].replace("'", "").split(", ")
+        near = _nearest(context["tag"], known)
+        return f"{context['discriminator']}: expected one of {', '.join(known)}; got '{context['tag']}'{near}"
+    what = item["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    if not isinstance(item["input"], dict | list | tuple) and "got" not in what:
+        what += f", got {item['input']!r}"
+    return what
+
+
+def _nearest(word: str, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(word, sorted(known), n=1)
+    return f", did you mean '{near[0]}'?" if near else ""
 
 
 def _present(loc: tuple, data: Any) -> tuple:

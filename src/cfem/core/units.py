@@ -58,16 +58,13 @@ _DIMENSION = {
 
 def parse_quantity(text: Any, system_unit: str) -> float:
     """'3000 kPa' -> 3.0 for system_unit 'MPa'. A bare number where a unit is due is an error naming the unit."""
-    if isinstance(text, bool) or not isinstance(text, str):
-        raise ValueError(f"expected a {_DIMENSION[system_unit]} with its unit, such as '{text} {system_unit}'")
-    parts = text.strip().split(None, 1)
-    try:
-        number, unit = float(parts[0]), parts[1]
-    except (IndexError, ValueError):
-        raise ValueError(
-            f"expected a {_DIMENSION[system_unit]}: number, space and unit, such as '1 {system_unit}'; got '{text}'"
-        ) from None
-    value = number * _factor(unit, system_unit)
+    expected = f"expected a {_DIMENSION[system_unit]} with its unit"
+    if isinstance(text, int | float) and not isinstance(text, bool):
+        raise ValueError(f"{expected}, such as '{text} {system_unit}'; got the bare number {text}")
+    number = re.match(_NUMBER, text) if isinstance(text, str) else None
+    if number is None or number.end() == len(text):
+        raise ValueError(f"{expected}: number, space and unit, such as '1 {system_unit}'; got {text!r}")
+    value = float(number.group()) * _factor(text[number.end() :].strip(), system_unit)
     if not np.isfinite(value):
         raise ValueError(f"expected a finite {_DIMENSION[system_unit]}; got '{text}'")
     return value
@@ -115,7 +112,9 @@ def _vector(system_unit: str, ndim: int, last: int | None = None):
         "additionalProperties": numbers,
         "description": f"numbers under their unit, e.g. {{{system_unit}: ...}}",
     }
-    return Annotated[Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)), WithJsonSchema(schema)]
+    return Annotated[
+        Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)), WithJsonSchema(schema)
+    ]
 
 
 Length = _scalar("mm")

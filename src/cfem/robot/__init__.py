@@ -1,1 +1,1 @@
-"""From scene.yaml to a meshed robot: spec, geometry, mesh, selections; then bodies and constraints."""
+"""What the robot is: spec, CAD, mesh, bodies and constraints."""

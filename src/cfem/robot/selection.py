@@ -3,10 +3,11 @@
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
-from cfem.core.units import Length, LengthMatrix, LengthVector
+from cfem.core.units import Length, Point, Points
 from cfem.mechanics.mesh import Mesh
 
 
@@ -14,14 +15,14 @@ class Box(Spec):
     """All points between two opposite corners."""
 
     kind: Literal["box"]
-    corners: LengthMatrix
+    corners: Points
 
 
 class Sphere(Spec):
     """All points within a ball."""
 
     kind: Literal["sphere"]
-    centre: LengthVector
+    centre: Point
     radius: Length
 
 
@@ -29,8 +30,8 @@ class Plane(Spec):
     """All points on or beyond a plane, on the side that `normal` points to."""
 
     kind: Literal["plane"]
-    point: LengthVector
-    normal: list[float]
+    point: Point
+    normal: list[float] = Field(min_length=3, max_length=3)
 
 
 class Named(Spec):
@@ -56,15 +57,13 @@ def select_nodes(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
 def _chosen(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
     slack = 1e-6 * mesh.size
     if isinstance(selection, Box):
-        low, high = _rows(selection.corners, (2, 3), where).min(axis=0), selection.corners.max(axis=0)
+        low, high = selection.corners.min(axis=0), selection.corners.max(axis=0)
         return ((low - slack <= mesh.X) & (high + slack >= mesh.X)).all(axis=1)
     if isinstance(selection, Sphere):
-        centre = _rows(selection.centre, (3,), where)
-        return np.linalg.norm(mesh.X - centre, axis=1) <= selection.radius + slack
+        return np.linalg.norm(mesh.X - selection.centre, axis=1) <= selection.radius + slack
     if isinstance(selection, Plane):
-        normal = _rows(np.asarray(selection.normal, float), (3,), where)
-        height = (mesh.X - _rows(selection.point, (3,), where)) @ (normal / np.linalg.norm(normal))
-        return height >= -slack
+        normal = np.asarray(selection.normal)
+        return (mesh.X - selection.point) @ normal >= -slack * np.linalg.norm(normal)
     chosen = np.zeros(len(mesh.X), dtype=bool)
     if selection.name in mesh.node_sets:
         chosen[mesh.node_sets[selection.name]] = True
@@ -74,9 +73,3 @@ def _chosen(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
         known = sorted({*mesh.node_sets, *mesh.facet_sets})
         raise SpecError(f"{where}: the mesh has no set '{selection.name}'", do=f"it has {known}")
     return chosen
-
-
-def _rows(array: np.ndarray, shape: tuple[int, ...], where: str) -> np.ndarray:
-    if array.shape != shape:
-        raise SpecError(f"{where}: expected numbers of shape {shape}, got {array.shape}")
-    return array
