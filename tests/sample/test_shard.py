@@ -8,9 +8,9 @@ import pytest
 from sample.synthetic import FACTS, Factory, SyntheticSolver
 
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.predictor import knot
 from cfem.equilibrium.solution import Status
 from cfem.sample.plan import actuation
-from cfem.sample.predictor import knot
 from cfem.sample.runner import sample
 from cfem.sample.shard import read_knots, solve_row, write_knots
 from cfem.sample.spec import SampleSpec
@@ -56,5 +56,5 @@ def test_states_come_back_bit_for_bit(tmp_path):
     known = [knot(u, SyntheticSolver().solve(ASKED, None)) for u in np.eye(2)]
     write_knots(tmp_path / "skeleton.npz", known)
     for before, after in zip(known, read_knots(tmp_path / "skeleton.npz"), strict=True):
-        for name in ("u", "delta_a", "lambda_a", "stiffness", "x", "dx"):
+        for name in ("place", "delta_a", "lambda_a", "stiffness", "x", "dx"):
             np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

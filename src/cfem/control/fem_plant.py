@@ -2,28 +2,33 @@
 acts on."""
 
 import time
+from collections import deque
 
 import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.control.plant import Command, Measurement
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import displacement, force, pull
+from cfem.equilibrium.actuation import Actuation, displacement, force, pull
+from cfem.equilibrium.predictor import Knot, knot, predict
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
 from cfem.robot.robot import Robot
 
+MEMORY = 200  # solved states that predictions draw on
+
 
 class FemPlant:
-    """Both protocols, `Model` and `Plant`, on one FE robot. Every solve starts from the state that the last
-    one ended in; a step to where the robot stands already costs nothing.
+    """Both protocols, `Model` and `Plant`, on one FE robot. Every solve starts from a prediction from the states solved
+    before, which costs about one factorisation where they are near; a step to where the robot stands costs nothing.
 
     solves, seconds: what it has cost; x: (n, 3) mm nodes now"""
 
     def __init__(self, robot: Robot):
         self._problem = Problem(robot)
         self._last: Equilibrium | None = None
+        self._known: deque[Knot] = deque(maxlen=MEMORY)
         self._t = 0
         self.solves, self.seconds = 0, 0.0
 
@@ -35,8 +40,8 @@ class FemPlant:
         """Condensed FE at delta_a (n_a,) mm, all actuators bilateral, as the linearisation of the inverse step
         sees them."""
         delta_a = np.asarray(delta_a, float)
-        if not (self._stands_at(delta_a) and self._last.condensed is not None):
-            self._solve(displacement(delta_a), condense=True, slack=False)
+        if not self._stands_at(delta_a):
+            self._solve(displacement(delta_a), delta_a, slack=False)
         return self._last.condensed
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
@@ -45,9 +50,9 @@ class FemPlant:
         u = np.asarray(u, float)
         try:
             if kind == "force":
-                self._solve(force(u), condense=False, slack=True)
+                self._solve(force(u), self._stand, slack=True)
             elif not self._stands_at(u) or self._pushes():
-                self._solve(displacement(u), condense=False, slack=True)
+                self._solve(displacement(u), u, slack=True)
         except NumericalError as error:
             nothing = np.full(len(u), np.nan)
             rest = self._problem.robot.rest_e
@@ -58,18 +63,24 @@ class FemPlant:
         """The state of one point of the pulling cube [0, 1]^n_a. NumericalError where it is out of reach."""
         reach_max = self._problem.robot.reach[:, 1]
         self._t += 1
-        self._solve(pull(share, reach_max), condense=False, slack=True)
+        self._solve(pull(share, reach_max), share * reach_max, slack=True)
         return self._measurement()
 
-    def _solve(self, actuation, condense: bool, slack: bool) -> None:
+    @property
+    def _stand(self) -> np.ndarray:
+        """(n_a,) mm actuator displacements now."""
+        return np.zeros(self._problem.robot.rows.n_a) if self._last is None else self._last.delta_a
+
+    def _solve(self, actuation: Actuation, near: np.ndarray, slack: bool) -> None:
+        """near: (n_a,) mm, about where the actuators will be. NumericalError where it does not converge."""
         begin = time.perf_counter()
-        start: State | None = None if self._last is None else self._last.state
-        found = solve(self._problem, actuation, start, condense=condense, slack=slack)
+        found = solve(self._problem, actuation, predict(self._known, near, actuation), slack=slack)
         self.solves += 1
         self.seconds += time.perf_counter() - begin
         if not found.converged:
             raise NumericalError(f"FE robot: {found.status.value}")
         self._last = found
+        self._known.append(knot(found.delta_a, found))
 
     def _stands_at(self, delta_a: np.ndarray) -> bool:
         return self._last is not None and bool(np.abs(self._last.delta_a - delta_a).max() < 1e-9)

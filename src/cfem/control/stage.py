@@ -23,9 +23,7 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     base = spec_path.parent
     models = {name: base / path for name, path in spec.models.items()}
     scene = base / spec.scene
-    inputs = {"mesh": base / spec.mesh} | {
-        f"model {name}": path for name, path in models.items()
-    }
+    inputs = {"mesh": base / spec.mesh} | {f"model {name}": path for name, path in models.items()}
     stage = Stage(
         name="control",
         version=VERSION,

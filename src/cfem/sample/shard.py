@@ -16,9 +16,9 @@ from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.predictor import Knot, knot, predict
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.sample.plan import actuation
-from cfem.sample.predictor import Knot, knot, predict
 from cfem.sample.solver import Facts, Solver, SolverFactory
 
 

@@ -22,10 +22,12 @@ _EQUATIONS_PER_TERM = 1.5
 
 @dataclass(frozen=True)
 class Knot:
-    """A solved state at row u (n_a,) of the plan: delta_a (n_a,) mm; lambda_a (n_a,) N; stiffness (n_a, n_a) = W_aa^-1
-    N/mm; x (n, 3) mm; dx (n, 3, n_a) = dx/ddelta_a."""
+    """A solved state.
 
-    u: np.ndarray
+    place (n_a,): coordinates by which nearness is judged (those of the plan, or delta_a); delta_a (n_a,) mm;
+    lambda_a (n_a,) N; stiffness (n_a, n_a) = W_aa^-1 N/mm; x (n, 3) mm; dx (n, 3, n_a) = dx/ddelta_a."""
+
+    place: np.ndarray
     delta_a: np.ndarray
     lambda_a: np.ndarray
     stiffness: np.ndarray
@@ -33,20 +35,20 @@ class Knot:
     dx: np.ndarray
 
 
-def knot(u: np.ndarray, solved: Equilibrium) -> Knot:
+def knot(place: np.ndarray, solved: Equilibrium) -> Knot:
     """Of a converged, condensed equilibrium."""
     stiffness = np.linalg.inv(solved.condensed.W_aa)
     dx = np.einsum("nia,ab->nib", solved.dx_dlambda, stiffness)
-    return Knot(u, solved.delta_a, solved.state.lambda_a, stiffness, solved.state.x, dx)
+    return Knot(place, solved.delta_a, solved.state.lambda_a, stiffness, solved.state.x, dx)
 
 
-def predict(knots: Sequence[Knot], u: np.ndarray, actuation: Actuation) -> State | None:
-    """State near the equilibrium under `actuation`, which is that of row u (n_a,); None where nothing is solved yet.
+def predict(knots: Sequence[Knot], place: np.ndarray, actuation: Actuation) -> State | None:
+    """State near the equilibrium under `actuation`, which is at `place` (n_a,); None where nothing is solved yet.
 
     The pressure is left to the solver (empty): its derivatives are not among what a solve gives."""
     if not knots:
         return None
-    distance = [float(((known.u - u) ** 2).sum()) for known in knots]
+    distance = [float(((known.place - place) ** 2).sum()) for known in knots]
     nearest = np.argsort(distance, kind="stable")[:NEIGHBOURS]
     around = [knots[index] for index in nearest]
     for members in (around, around[:1]):

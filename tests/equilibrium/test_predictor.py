@@ -5,10 +5,10 @@ import pytest
 from sample.synthetic import FACTS, SyntheticSolver
 from surrogate.synthetic import energy
 
+from cfem.equilibrium import predictor
 from cfem.equilibrium.actuation import displacement, force
-from cfem.sample import predictor
+from cfem.equilibrium.predictor import Knot, knot, predict
 from cfem.sample.plan import actuation
-from cfem.sample.predictor import Knot, knot, predict
 
 SOLVER = SyntheticSolver()
 
