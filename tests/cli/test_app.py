@@ -43,6 +43,8 @@ BAD = {
     "wrong unit": (["--set", "mesh.size=3 kPa"], 2, "not a unit of length"),
     "bare number": (["--set", "mesh.size=3"], 2, "expected a length with its unit"),
     "incompressible": (["--set", "material.poisson=0.5"], 2, "0.4999"),
+    "no direction": (["--set", "fixed.0.normal=[0, 0, 0]"], 2, "expected a direction"),
+    "negative size": (["--set", "geometry.width=-3 mm"], 2, "greater than 0"),
     "point outside": (["--set", "actuators.0.points={mm: [[15, 0, 40], [35, 0, 4]]}"], 2, "lies outside the body"),
     "no such file": (["--set", "geometry={kind: step, path: none.step}"], 3, "no such file"),
 }

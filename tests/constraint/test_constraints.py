@@ -1,4 +1,4 @@
-"""The battery that every constraint passes: gradient, curvature, virtual work under rigid motion; and each one's own facts."""
+"""The battery that every constraint passes: gradient, curvature, rigid motion; and each one's own facts."""
 
 import numpy as np
 import pytest

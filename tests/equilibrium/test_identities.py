@@ -30,7 +30,8 @@ def test_W_is_the_derivative_of_delta_by_lambda(problem):
     for j in range(rows.n_a):
         step = h * np.eye(rows.n_a)[j] * np.abs(base.state.lambda_a).max()
         up, down = (
-            solve(problem, actuation.force(base.state.lambda_a + sign * step), base.state, EXACT) for sign in (1, -1)
+            solve(problem, actuation.force(base.state.lambda_a + sign * step), base.state, settings=EXACT)
+            for sign in (1, -1)
         )
         slope = (np.concatenate([up.delta_e, up.delta_a]) - np.concatenate([down.delta_e, down.delta_a])) / (
             2 * step[j]
@@ -45,7 +46,8 @@ def test_energy_has_gradient_lambda_and_hessian_W_inverse(problem):
     h = 1e-3
     for j in range(2):
         up, down = (
-            solve(problem, actuation.displacement(at + s * h * np.eye(2)[j]), base.state, EXACT) for s in (1, -1)
+            solve(problem, actuation.displacement(at + s * h * np.eye(2)[j]), base.state, settings=EXACT)
+            for s in (1, -1)
         )
         force = (up.energy - down.energy) / (2 * h)
         assert force == pytest.approx(base.state.lambda_a[j], rel=1e-6)
@@ -69,7 +71,7 @@ def test_W_is_symmetric_positive_definite_and_delta_is_consistent(problem):
 def test_W_from_a_nearby_factor_equals_W_from_a_fresh_one(problem):
     """The variational W of a chord solve, against a solve that starts (and so factors) at the answer."""
     first = solved(problem, actuation.displacement([3.0, 2.5]))
-    again = solve(problem, actuation.displacement([3.0, 2.5]), first.state, EXACT)
+    again = solve(problem, actuation.displacement([3.0, 2.5]), first.state, settings=EXACT)
     assert again.factorizations == 1 and again.iterations <= 1
     np.testing.assert_allclose(
         first.condensed.W, again.condensed.W, rtol=0, atol=1e-11 * np.abs(again.condensed.W).max()

@@ -1,7 +1,6 @@
-"""A failed start is tried once from rest, a failed row is kept as a row, and states outlive the file between."""
+"""A failed row is kept as a row, and states outlive the file between."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,28 +11,13 @@ from cfem.equilibrium.predictor import knot
 from cfem.equilibrium.solution import Status
 from cfem.sample.plan import actuation
 from cfem.sample.runner import sample
-from cfem.sample.shard import read_knots, solve_row, write_knots
+from cfem.sample.shard import read_knots, write_knots
 from cfem.sample.spec import SampleSpec
 
 ASKED = actuation("pulling", np.array([0.5, 0.5]), FACTS.reach)
 SPEC = SampleSpec(
     scene="scene.yaml", mesh="mesh", out="out", splits={"train": {"rows": 30, "method": "random"}}, skeleton=6, shard=10
 )
-
-
-class FailsWhenWarm(SyntheticSolver):
-    def solve(self, actuation, start):
-        solved = super().solve(actuation, start)
-        return solved if start is None else replace(solved, status=Status.STEP_TOO_SMALL)
-
-
-def test_a_row_that_fails_from_its_start_is_solved_from_rest_at_the_cost_of_both():
-    cold = SyntheticSolver().solve(ASKED, None)
-    warm = SyntheticSolver().solve(ASKED, cold.state)
-    again = solve_row(FailsWhenWarm(), ASKED, cold.state)
-    assert again.converged and again.steps == 2
-    assert again.iterations == warm.iterations + cold.iterations
-    assert not solve_row(SyntheticSolver(fails_beyond=0.0), ASKED, cold.state).converged
 
 
 def test_failed_rows_stay_with_their_reason_and_without_a_state(tmp_path):

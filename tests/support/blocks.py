@@ -16,8 +16,8 @@ from cfem.robot.robot import Robot
 
 
 def block(size, divisions, order=1, distort=0.0, seed=0) -> Mesh:
-    """A box [0, size] of divisions[0] x [1] x [2] cubes, each cut into six tetrahedra (Kuhn); interior nodes may be moved
-    by `distort` of a cube's edge."""
+    """A box [0, size] of divisions[0] x [1] x [2] cubes, each cut into six tetrahedra (Kuhn); interior nodes may be
+    moved by `distort` of a cube's edge."""
     size, divisions = np.asarray(size, float), np.asarray(divisions)
     axes = [np.linspace(0, s, n + 1) for s, n in zip(size, divisions, strict=True)]
     X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -13,11 +13,13 @@ from cfem.control.plant import Measurement, Plant
 
 @dataclass(frozen=True)
 class Controller:
-    """One way to find actuations: a model and how hard to search with it."""
+    """One way to find actuations: a model, how hard to search with it, and how hard for the first goal, which
+    may be far from where the robot starts."""
 
     name: str
     model: Model
     settings: Settings
+    approach: Settings
 
 
 @dataclass(frozen=True)
@@ -45,14 +47,14 @@ class Tracker:
         self, controller: Controller, limits: Limits, weights: np.ndarray, ridge: np.ndarray, rest_e: np.ndarray
     ):
         self._controller, self._limits, self._weights, self._ridge = controller, limits, weights, ridge
-        self._rest_e = rest_e
+        self._rest_e, self._settings = rest_e, controller.approach
         self._at = Iterate.at(controller.model.at_displacement(np.zeros(len(ridge))))
 
     def towards(self, goal: np.ndarray) -> Reach:
         """goal: (n_e,) mm, absolute."""
         aim = Aim(goal - self._rest_e, self._weights, self._ridge)
-        found = reach(self._controller.model, aim, self._limits, self._at, self._controller.settings)
-        self._at = found.iterate
+        found = reach(self._controller.model, aim, self._limits, self._at, self._settings)
+        self._at, self._settings = found.iterate, self._controller.settings
         return found
 
 

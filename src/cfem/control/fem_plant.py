@@ -10,18 +10,20 @@ from cfem.condensed import Condensed
 from cfem.control.plant import Command, Measurement
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import Actuation, displacement, force, pull
-from cfem.equilibrium.predictor import Knot, knot, predict
+from cfem.equilibrium.predictor import Knot, is_new, knot, predict
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
 from cfem.robot.robot import Robot
 
 MEMORY = 200  # solved states that predictions draw on
+APART = 0.01  # of the reach: states nearer to each other than this teach nothing new
 
 
 class FemPlant:
-    """Both protocols, `Model` and `Plant`, on one FE robot. Every solve starts from a prediction from the states solved
-    before, which costs about one factorisation where they are near; a step to where the robot stands costs nothing.
+    """Both protocols, `Model` and `Plant`, on one FE robot. Every solve starts from a prediction from the
+    states solved before, which costs about one factorisation where they are near; a step to where the robot
+    stands costs nothing.
 
     solves, seconds: what it has cost; x: (n, 3) mm nodes now"""
 
@@ -74,13 +76,16 @@ class FemPlant:
     def _solve(self, actuation: Actuation, near: np.ndarray, slack: bool) -> None:
         """near: (n_a,) mm, about where the actuators will be. NumericalError where it does not converge."""
         begin = time.perf_counter()
-        found = solve(self._problem, actuation, predict(self._known, near, actuation), slack=slack)
+        base = None if self._last is None else self._last.state
+        found = solve(self._problem, actuation, predict(self._known, near, actuation), base, slack=slack)
         self.solves += 1
         self.seconds += time.perf_counter() - begin
         if not found.converged:
             raise NumericalError(f"FE robot: {found.status.value}")
         self._last = found
-        self._known.append(knot(found.delta_a, found))
+        candidate = knot(found.delta_a, found)
+        if is_new(self._known, candidate, APART * float(np.abs(self._problem.robot.reach).max())):
+            self._known.append(candidate)
 
     def _stands_at(self, delta_a: np.ndarray) -> bool:
         return self._last is not None and bool(np.abs(self._last.delta_a - delta_a).max() < 1e-9)

@@ -123,10 +123,13 @@ def _follow(
     if len(weights) != robot.rows.n_e:
         raise SpecError(f"{len(weights)} weights for {robot.rows.n_e} effector rows", where="search.weights")
     ridge = ridge_of(spec.search.regularisation, robot.reach, robot.length)
-    learned = [Controller(model, predictor, settings) for model, predictor in predictors.items()]
+    learned = [Controller(model, predictor, settings, settings) for model, predictor in predictors.items()]
     first, predictor = next(iter(predictors.items()))
-    learned += [Controller(f"{first}@{n}", predictor, replace(settings, iterations=n)) for n in spec.fewer_iterations]
-    reference = Controller(FE_BASED, fem, replace(settings, tolerance=spec.fe_tolerance)) if spec.fe_based else None
+    learned += [
+        Controller(f"{first}@{n}", predictor, replace(settings, iterations=n), settings) for n in spec.fewer_iterations
+    ]
+    exact = replace(settings, tolerance=spec.fe_tolerance)
+    reference = Controller(FE_BASED, fem, exact, exact) if spec.fe_based else None
 
     chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
     shapes: dict[int, np.ndarray] = {}

@@ -35,6 +35,11 @@ class Knot:
     dx: np.ndarray
 
 
+def is_new(knots: Sequence[Knot], candidate: Knot, distance: float) -> bool:
+    """Whether no known state is within `distance` of the candidate: states that crowd together add cost, and noise."""
+    return all(float(np.linalg.norm(known.place - candidate.place)) > distance for known in knots)
+
+
 def knot(place: np.ndarray, solved: Equilibrium) -> Knot:
     """Of a converged, condensed equilibrium."""
     stiffness = np.linalg.inv(solved.condensed.W_aa)
@@ -87,7 +92,8 @@ class _Local:
     def x(self, delta_a: np.ndarray) -> np.ndarray:
         value, slope = self.weights(delta_a)
         terms = zip(self.knots, value, slope, strict=True)
-        return sum(w * known.x + known.dx @ v for known, w, v in terms)
+        first = self.knots[0].x  # relative to it, so that held nodes do not move by the rounding of the weights
+        return first + sum(w * (known.x - first) + known.dx @ v for known, w, v in terms)
 
 
 def _fit(knots: Sequence[Knot]) -> _Local:

@@ -1,6 +1,6 @@
 """From an actuation to an equilibrium: directly where a good start is given, else by adaptive continuation.
 
-Continuation leads the actuation from that of the start state to the one asked for, halving a load step that fails and
+Continuation leads the actuation from that of an equilibrium to the one asked for, halving a load step that fails and
 doubling one that went easily. A cable that would have to push is let slack, and pulled again where it would tighten."""
 
 import time
@@ -28,31 +28,40 @@ def solve(
     problem: Problem,
     actuation: Actuation,
     start: State | None = None,
+    base: State | None = None,
     settings: Settings = DEFAULT,
     condense: bool = True,
     slack: bool = True,
 ) -> Equilibrium:
-    """Equilibrium under `actuation`, from `start` (near it, or another equilibrium) or from rest.
+    """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
+    from the equilibrium `base`; failing that from rest.
 
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
     taut = np.ones(len(actuation.C), dtype=bool)
     allowed = 4 * len(actuation.C) if slack else 0
-    result = _reach(problem, actuation, start, settings, cost)
+    result = _reach(problem, actuation, start, base, settings, cost)
     while result.status is Status.CONVERGED and allowed > 0:
         change = _change_of_slack(problem, actuation, taut, result)
         if change is None:
             break
         taut[change] = not taut[change]
         allowed -= 1
-        result = _reach(problem, _only(actuation, taut), result.state, settings, cost)
+        result = _reach(problem, _only(actuation, taut), result.state, result.state, settings, cost)
     return _answer(problem, result, cost, begin, condense)
 
 
-def _reach(problem: Problem, actuation: Actuation, start: State | None, settings: Settings, cost: Cost) -> NewtonResult:
-    """Directly from the start; failing that by continuation from it; failing that from rest."""
-    if not _finite(actuation, start):
+def _reach(
+    problem: Problem,
+    actuation: Actuation,
+    start: State | None,
+    base: State | None,
+    settings: Settings,
+    cost: Cost,
+) -> NewtonResult:
+    """Directly from the start, else by continuation from the base, else from rest."""
+    if not all(_finite(actuation, state) for state in (start, base)):
         at = problem.evaluate(problem.rest, np.empty(0))
         return NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n_a), None, np.inf, 0)
     if start is not None:
@@ -60,7 +69,8 @@ def _reach(problem: Problem, actuation: Actuation, start: State | None, settings
         result = newton(problem, start, actuation, settings, cost)
         if result.status is Status.CONVERGED:
             return result
-        result = _continuation(problem, actuation, start, settings, cost)
+    if base is not None:
+        result = _continuation(problem, actuation, base, settings, cost)
         if result.status is Status.CONVERGED:
             return result
     return _continuation(problem, actuation, rest_state(problem), settings, cost)

@@ -25,8 +25,8 @@ border-radius: 8px; } .pair { display: grid; gap: 1rem; grid-template-columns: r
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; font-size: .92rem;
 background: var(--card); } th, td { padding: .42rem .7rem; border-bottom: 1px solid var(--line); text-align:
 right; white-space: nowrap; } th:first-child, td:first-child { text-align: left; }
-thead th { border-bottom: 2px solid var(--line); font-weight: 600; }
-code { font-size: .86em; overflow-wrap: anywhere; }
+thead th { white-space: normal; vertical-align: bottom; border-bottom: 2px solid var(--line); font-weight: 600;
+} code { font-size: .86em; overflow-wrap: anywhere; }
 @media print { body { background: #fff; color: #000; } figure, table { break-inside: avoid; } main { padding:
 0; max-width: none; } }"""
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-AMBIENT, SUPERSAMPLING = 0.45, 2
+AMBIENT, SUPERSAMPLING = 0.58, 2
 
 
 @dataclass(frozen=True)
@@ -43,26 +43,37 @@ def flat_triangles(facets: np.ndarray) -> np.ndarray:
     return facets[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
 
 
-def draw(bodies: list[Body], camera: Camera, width: int = 900, margin: float = 0.06) -> tuple[np.ndarray, tuple]:
+@dataclass(frozen=True)
+class Frame:
+    """What the picture shows, mm in the camera's plane, and how many pixels a mm takes."""
+
+    low: np.ndarray
+    high: np.ndarray
+    pixels: float
+
+    @classmethod
+    def around(cls, points: np.ndarray, camera: Camera, width: int = 900, margin: float = 0.04) -> "Frame":
+        """points: (..., 3) mm; width: pixels."""
+        flat = camera.project(points)[..., :2].reshape(-1, 2)
+        low, high = flat.min(axis=0), flat.max(axis=0)
+        pad = margin * (high - low).max()
+        return cls(low - pad, high + pad, width / float((high - low)[0] + 2 * pad))
+
+
+def draw(body: Body, camera: Camera, frame: Frame) -> tuple[np.ndarray, tuple[float, float, float, float]]:
     """(height, width, 4) RGBA in [0, 1], transparent where nothing is, row 0 at the bottom; and its extent in
     mm of the camera's plane (left, right, bottom, top), so that curves can be drawn over it."""
-    projected = [camera.project(body.x) for body in bodies]
-    low = np.min([p.min(axis=0) for p in projected], axis=0)[:2]
-    high = np.max([p.max(axis=0) for p in projected], axis=0)[:2]
-    pad = margin * (high - low).max()
-    low, high = low - pad, high + pad
-    scale = SUPERSAMPLING * width / (high[0] - low[0])
-    shape = tuple((SUPERSAMPLING * np.ceil((high - low)[::-1] * scale / SUPERSAMPLING)).astype(int))
+    scale = SUPERSAMPLING * frame.pixels
+    size = SUPERSAMPLING * np.ceil((frame.high - frame.low) * frame.pixels).astype(int)
+    shape = (int(size[1]), int(size[0]))
     depth, colour = np.full(shape, -np.inf), np.zeros((*shape, 3))
-    for body, p in zip(bodies, projected, strict=True):
-        corners = p[body.triangles]
-        _paint((corners - [*low, 0.0]) * scale, body.colour, depth, colour)
-    colour *= (1 - 0.65 * _outline(depth, 4.0 * SUPERSAMPLING))[..., None]
-    covered = np.isfinite(depth)
-    image = _shrink(np.concatenate([colour * covered[..., None], covered[..., None]], axis=2))
-    alpha = np.maximum(image[..., 3:], 1e-9)
-    image[..., :3] /= alpha
-    return np.clip(image, 0, 1), (low[0], low[0] + shape[1] / scale, low[1], low[1] + shape[0] / scale)
+    corners = (camera.project(body.x)[body.triangles] - [*frame.low, 0.0]) * scale
+    _paint(corners, body.colour, depth, colour)
+    colour *= (1 - 0.55 * _outline(depth, 4.0 * SUPERSAMPLING))[..., None]
+    image = _shrink(np.concatenate([colour, np.isfinite(depth)[..., None]], axis=2))
+    image[..., :3] /= np.maximum(image[..., 3:], 1e-9)
+    right, top = frame.low + size / scale
+    return np.clip(image, 0, 1), (float(frame.low[0]), float(right), float(frame.low[1]), float(top))
 
 
 def _paint(corners: np.ndarray, base: np.ndarray, depth: np.ndarray, colour: np.ndarray) -> None:

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from cfem.report.render import Body, Camera, draw, flat_triangles
+from cfem.report.render import Body, Camera, Frame, draw, flat_triangles
 from cfem.report.style import FAINT, INK, png
 
 REST = np.array([0.82, 0.84, 0.86])
@@ -13,36 +13,39 @@ def robot_figure(
     X: np.ndarray, facets: np.ndarray, states: np.ndarray, goals: np.ndarray, reached: np.ndarray, title: str
 ) -> bytes:
     """X (n, 3) rest, states (k, n, 3) deformed, goals and reached (m, 3), all mm. The rest state is grey, the
-    others go from light to deep blue in the order of the trajectory."""
+    others go from light to deep blue in the order of the trajectory, the last one solid."""
     triangles = flat_triangles(facets)
-    shades = plt.get_cmap("YlGnBu")(np.linspace(0.35, 0.85, max(len(states), 1)))[:, :3]
-    bodies = [Body(X, triangles, REST)]
-    bodies += [Body(x, triangles, shade) for x, shade in zip(states, shades, strict=True)]
-    camera = _side_on(X, states)
-    image, extent = draw(bodies, camera)
-    figure, axis = plt.subplots(figsize=(7.2, 7.2))
-    axis.imshow(image, extent=extent, origin="lower", interpolation="antialiased", zorder=1)
-    for points, look in (
-        (goals, {"marker": "o", "ms": 4.5, "mfc": "white", "mec": INK, "mew": 1.1, "ls": "", "label": "goals"}),
-        (reached, {"color": "#d1432b", "lw": 2.2, "label": "reached"}),
-    ):
-        flat = camera.project(points)
-        axis.plot(flat[:, 0], flat[:, 1], zorder=3, **look)
-    everything = np.vstack([camera.project(goals)[:, :2], [[extent[0], extent[2]], [extent[1], extent[3]]]])
+    shades = plt.get_cmap("YlGnBu")(np.linspace(0.45, 0.75, max(len(states), 1)))[:, :3]
+    camera = _aside(reached)
+    frame = Frame.around(np.concatenate([X[None], states]), camera)
+    layers = [(X, REST, 0.45)]
+    # Ghosts up to the last state, which is solid: bodies that overlap in space would hide one another in pieces.
+    layers += [(x, shade, 0.4) for x, shade in zip(states[:-1], shades[:-1], strict=True)]
+    layers += [(states[-1], shades[-1], 1.0)] if len(states) else []
+    extent = (*frame.low[:1], *frame.high[:1], *frame.low[1:], *frame.high[1:])
+    flat_goals, flat_reached = camera.project(goals)[:, :2], camera.project(reached)[:, :2]
+    everything = np.vstack([flat_goals, [[extent[0], extent[2]], [extent[1], extent[3]]]])
     low, high = everything.min(axis=0) - 4, everything.max(axis=0) + 4
+    figure, axis = plt.subplots(figsize=7.2 * (high - low) / (high - low).max() + [0.0, 0.5])
+    for x, colour, alpha in layers:
+        image, place = draw(Body(x, triangles, colour), camera, frame)
+        axis.imshow(image, extent=place, origin="lower", interpolation="antialiased", zorder=1, alpha=alpha)
+    axis.plot(*flat_goals.T, "o", ms=4.5, mfc="white", mec=INK, mew=1.1, zorder=3, label="goals")
+    axis.plot(*flat_reached.T, color="#d1432b", lw=2.2, zorder=3, label="reached")
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", title=title)
     _scale_bar(axis, low, high)
     axis.axis("off")
-    axis.title.set_visible(True)
     axis.legend(loc="upper right")
     return png(figure)
 
 
-def _side_on(X: np.ndarray, states: np.ndarray) -> Camera:
-    """From aside of the plane in which the robot moves most, a little turned and lifted, so that it has
-    depth."""
-    moved = np.ptp(np.concatenate([X[None], states]), axis=0).max(axis=0)
-    return Camera.looking(25.0, 14.0) if moved[1] >= moved[0] else Camera.looking(-65.0, 14.0)
+def _aside(reached: np.ndarray) -> Camera:
+    """From aside of the direction in which the effector (m, 3) moves most, lifted; turned more where it moves
+    across."""
+    x, y = np.ptp(reached[:, :2], axis=0)
+    if y < x:
+        return Camera.looking(-65.0, 14.0)
+    return Camera.looking(22.0 if x < 0.1 * y else 48.0, 14.0)
 
 
 def _scale_bar(axis, low: np.ndarray, high: np.ndarray) -> None:

@@ -54,11 +54,19 @@ def png(figure: Figure, dpi: int = 160) -> bytes:
     return buffer.getvalue()
 
 
-def outside_legend(axis) -> None:
-    """A legend in one row above the plot, where it hides no data."""
-    axis.legend(
-        loc="lower left", bbox_to_anchor=(0, 1.0), ncols=4, borderaxespad=0.2, handlelength=1.4, columnspacing=1.1
-    )
+def outside_legend(axis, columns: int = 4) -> None:
+    """A legend above the plot, where it hides no data."""
+    place = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "borderaxespad": 0.2}
+    axis.legend(ncols=columns, handlelength=1.4, columnspacing=1.1, **place)
+
+
+def plain_ticks(axis) -> None:
+    """Numbers such as 20, 50, 100 along a short logarithmic x axis, not powers of ten."""
+    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(ScalarFormatter())
+    axis.set_minor_formatter(NullFormatter())
 
 
 def colour_of(controller: str, names: list[str]) -> str:

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cfem.report.style import FE, GOAL, INK, colour_of, outside_legend, panels, png
+from cfem.report.style import GOAL, INK, colour_of, outside_legend, panels, png
 
+MARKERS = "osv^Dp"
 FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
 
 
@@ -16,7 +17,7 @@ def tracking_figure(rows: Mapping[str, np.ndarray], title: str) -> bytes:
     names = list(dict.fromkeys(rows["controller"]))
     first = rows["controller"] == names[0]
     goal = rows["goal"][first]
-    for axis, (i, j) in ((side, (1, 2)), (front, (0, 1))):
+    for axis, (i, j) in ((side, _widest_plane(goal)), (front, (0, 1))):
         axis.plot(goal[:, i], goal[:, j], "o", ms=5, mfc="none", mec=GOAL, label="goal")
         for name in names:
             x = rows["x_e"][rows["controller"] == name]
@@ -38,31 +39,37 @@ def tracking_figure(rows: Mapping[str, np.ndarray], title: str) -> bytes:
     error.set(xlabel="goal", ylabel="distance (mm)")
     outside_legend(error)
     outside_legend(side)
-    front.set_title("from the front", pad=22)
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold", fontsize=11)
     return png(figure)
+
+
+def _widest_plane(points: np.ndarray) -> tuple[int, int]:
+    """The two axes along which points (m, 3) spread most, in order."""
+    first, second = sorted(np.argsort(np.ptp(points, axis=0))[-2:])
+    return int(first), int(second)
 
 
 def effort_figure(summaries: Mapping[str, Mapping[str, dict]]) -> bytes:
     """Distance to FE-based control, or to reachable goals where it is alone, against the time that a goal
     takes: results of `cfem control` by trajectory, controllers cut short (`name@iterations`) included."""
-    figure, axes = panels(len(summaries), height=3.6)
+    figure, axes = panels(len(summaries), height=3.9)
     for axis, (trajectory, controllers) in zip(axes, summaries.items(), strict=True):
         full = [name for name in controllers if "@" not in name]
+        goals_count = all(2 * result["reachable"] > result["goals"] for result in controllers.values())
+        key = "distance_to_reachable_goals" if goals_count else "distance_to_fe_based"
         for name, result in controllers.items():
-            spread = result["distance_to_reachable_goals"] or result["distance_to_fe_based"]
-            if spread is None:
-                continue
             base, _, cut = name.partition("@")
-            place = result["step_us"]["median"] * result["iterations_mean"] / 1000
-            filled = FE if base == "fe-based" else colour_of(base, full)
-            axis.loglog(place, max(spread["mean"], FLOOR), "o", ms=8, color=filled, alpha=0.55 if cut else 1.0)
             label = f"{base}, {cut} step{'s' if cut != '1' else ''}" if cut else base
-            axis.annotate(
-                label, (place, max(spread["mean"], FLOOR)), xytext=(7, 5), textcoords="offset points", fontsize=9
-            )
-        axis.margins(0.3)
-        reachable = any(result["distance_to_reachable_goals"] for result in controllers.values())
-        what = "mean distance to the goal" if reachable else "mean distance to FE-based control"
-        axis.set(xlabel="time a goal (ms)", ylabel=f"{what} (mm)", title=trajectory)
+            milliseconds = result["step_us"]["median"] * result["iterations_mean"] / 1000
+            look = {"color": colour_of(base, full), "alpha": 0.5 if cut else 1.0, "label": label}
+            if result[key] is None:
+                axis.axvline(milliseconds, lw=2.0, **look)
+            else:
+                marker = MARKERS[int(cut) % len(MARKERS)] if cut else "o"
+                axis.loglog(milliseconds, max(result[key]["mean"], FLOOR), marker, ms=9, **look)
+        axis.set(xscale="log", yscale="log", xlabel="time a goal (ms)")
+        axis.set_ylabel(f"mean distance to {'the goal' if goals_count else 'FE-based control'} (mm)")
+        axis.margins(0.2)
+        outside_legend(axis, columns=3)
+        axis.set_title(trajectory.replace("-", " "), pad=40)
     return png(figure)

@@ -2,7 +2,7 @@
 query."""
 
 from cfem.report.spec import Published
-from cfem.report.style import FAINT, LEARNED, outside_legend, panels, png
+from cfem.report.style import FAINT, LEARNED, outside_legend, panels, plain_ticks, png
 
 
 def training_figure(models: dict[str, dict]) -> bytes:
@@ -53,6 +53,8 @@ def learning_figure(models: dict[str, dict], published: Published | None) -> byt
     axes[0].set(xlabel="training samples", ylabel="loss on the test set", title="the paper's loss")
     axes[1].set(xlabel="training samples", ylabel="mm", title="largest tip error on the test set")
     axes[1].legend()
+    for axis in axes:
+        plain_ticks(axis.xaxis)
     return png(figure)
 
 
@@ -72,4 +74,6 @@ def inference_figure(models: dict[str, dict], published: Published | None) -> by
         axes[0].legend(loc="upper left")
     axes[0].set(xlabel="one query (µs)", ylabel="loss on the test set", title="loss against run time")
     axes[1].set(xlabel="one query (µs)", ylabel="mm", title="largest tip error against run time")
+    for axis in axes:
+        plain_ticks(axis.xaxis)
     return png(figure)

@@ -3,7 +3,7 @@
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
@@ -32,6 +32,13 @@ class Plane(Spec):
     kind: Literal["plane"]
     point: Point
     normal: list[float] = Field(min_length=3, max_length=3)
+
+    @field_validator("normal")
+    @classmethod
+    def _directed(cls, value: list[float]) -> list[float]:
+        if not any(value):
+            raise ValueError("expected a direction, not (0, 0, 0)")
+        return value
 
 
 class Named(Spec):

@@ -1,9 +1,9 @@
 """scene.yaml: what the robot is. Geometry, mesh, material, what holds it, what drives it, what is watched."""
 
+from math import pi
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from cfem.core.spec import Spec
@@ -15,20 +15,20 @@ class SoftFinger(Spec):
     """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025); defaults are the paper's."""
 
     kind: Literal["soft-finger"]
-    segment_length: Length = 40.0
-    height: Length = 20.0
-    joint_height: Length = 6.0
-    thickness: Length = 17.5
-    slope: Angle = float(np.pi / 4)
+    segment_length: Length = Field(default=40.0, gt=0)
+    height: Length = Field(default=20.0, gt=0)
+    joint_height: Length = Field(default=6.0, gt=0)
+    thickness: Length = Field(default=17.5, gt=0)
+    slope: Angle = Field(default=pi / 4, gt=0, lt=pi / 2)
 
 
 class Bar(Spec):
     """A bar along x from the origin, centred on the x axis."""
 
     kind: Literal["bar"]
-    length: Length = 60.0
-    width: Length = 10.0
-    height: Length = 10.0
+    length: Length = Field(default=60.0, gt=0)
+    width: Length = Field(default=10.0, gt=0)
+    height: Length = Field(default=10.0, gt=0)
 
 
 class MeshFile(Spec):
@@ -36,7 +36,7 @@ class MeshFile(Spec):
 
     kind: Literal["mesh-file"]
     path: Path
-    unit: Length = 1.0
+    unit: Length = Field(default=1.0, gt=0)
 
 
 class StepFile(Spec):

@@ -15,9 +15,8 @@ from cfem.condensed import pack_upper
 from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.predictor import Knot, knot, predict
-from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solution import Equilibrium
 from cfem.sample.plan import actuation
 from cfem.sample.solver import Facts, Solver, SolverFactory
 
@@ -79,21 +78,11 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
         begin = time.perf_counter()
         u = job.u[index]
         asked = actuation(job.space, u, solver.facts.reach)
-        solved = solve_row(solver, asked, predict(knots, u, asked))
+        solved = solver.solve(asked, predict(knots, u, asked))
         if solved.converged:
             knots.append(knot(u, solved))
         records.append(_record(job, index, replace(solved, seconds=time.perf_counter() - begin)))
     return records, knots
-
-
-def solve_row(solver: Solver, asked: Actuation, start: State | None) -> Equilibrium:
-    """From the start given; failing that once more from rest, with the cost of both."""
-    first = solver.solve(asked, start)
-    if first.converged or start is None:
-        return first
-    second = solver.solve(asked, None)
-    counts = {name: getattr(first, name) + getattr(second, name) for name in ("iterations", "factorizations", "steps")}
-    return replace(second, **counts)
 
 
 def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:

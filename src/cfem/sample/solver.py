@@ -27,7 +27,7 @@ class Solver(Protocol):
     facts: Facts
 
     def solve(self, actuation: Actuation, start: State | None) -> Equilibrium:
-        """Near `start`, or from rest. Depends on its arguments alone, not on earlier calls."""
+        """From `start`; from rest where that is None or fails. Depends on its arguments alone, not on earlier calls."""
 
 
 # Built once in every process: hashable, and picklable to it.
@@ -62,4 +62,4 @@ class _FiniteElementSolver:
     def solve(self, actuation: Actuation, start: State | None) -> Equilibrium:
         from cfem.equilibrium.solve import solve
 
-        return solve(self.problem, actuation, start, self.settings)
+        return solve(self.problem, actuation, start, settings=self.settings)

@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.control.fem_plant import FemPlant
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return FemPlant(bar(cables=1))
+
+
+def test_a_step_to_where_the_robot_stands_costs_nothing(plant):
+    condensed = plant.at_displacement(np.array([1.0]))
+    solves = plant.solves
+    measured = plant.step(np.array([1.0]))
+    assert plant.solves == solves
+    np.testing.assert_allclose(measured.delta_a, condensed.delta_a, atol=1e-9)
+    np.testing.assert_allclose(measured.lambda_a, condensed.lambda_a, rtol=1e-6)
+
+
+def test_force_undoes_displacement(plant):
+    by_displacement = plant.step(np.array([1.5]))
+    plant.step(np.array([0.5]))
+    by_force = plant.step(by_displacement.lambda_a, "force")
+    np.testing.assert_allclose(by_force.x_e, by_displacement.x_e, atol=1e-6)
+
+
+def test_a_cable_that_would_push_goes_slack(plant):
+    measured = plant.step(np.array([-0.5]))
+    assert measured.lambda_a == 0.0
+    np.testing.assert_allclose(measured.delta_a, 0.0, atol=1e-8)
+
+
+def test_held_nodes_stay_held_however_many_states_were_solved_before():
+    robot = bar()
+    plant = FemPlant(robot)
+    rest = robot.body.mesh.X[robot.fixed]
+    for turn in np.linspace(0, 2 * np.pi, 24, endpoint=False):
+        plant.pull(0.45 + 0.25 * np.array([np.cos(turn), np.sin(turn)]))
+        plant.step(plant._last.delta_a + np.array([0.1, -0.05]))
+        np.testing.assert_array_equal(plant.x[robot.fixed], rest)
+
+
+def test_a_displacement_that_is_no_number_is_reported(plant):
+    measured = plant.step(np.array([np.nan]))
+    assert measured.status != "converged" and np.isnan(measured.x_e).all()

@@ -1,0 +1,25 @@
+import numpy as np
+import pytest
+
+from cfem.control.trajectory import arc, loop_of_shares
+
+
+def test_quarter_circle_of_the_finger():
+    goals = arc(np.zeros(3), 120.0, -np.pi / 2, 0.0, "yz", 40)
+    np.testing.assert_allclose(goals[[0, -1]], [[0, 0, -120], [0, 120, 0]], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(goals, axis=1), 120.0)
+    assert np.ptp(np.linalg.norm(np.diff(goals, axis=0), axis=1)) < 1e-12
+
+
+@pytest.mark.parametrize("plane, axis", [("xy", 2), ("yz", 0), ("zx", 1)])
+def test_arcs_stay_in_their_plane(plane, axis):
+    assert (arc(np.array([1.0, 2.0, 3.0]), 5.0, 0.0, 6.0, plane, 9)[:, axis] == axis + 1.0).all()
+
+
+@pytest.mark.parametrize("n_a", [1, 2, 3])
+def test_loops_close_and_stay_in_the_cube(n_a):
+    shares = loop_of_shares(np.full(n_a, 0.5), np.full(n_a, 0.4), 24)
+    assert shares.shape == (24, n_a)
+    assert shares.min() >= 0.1 - 1e-12 and shares.max() <= 0.9 + 1e-12
+    step = np.linalg.norm(np.roll(shares, -1, axis=0) - shares, axis=1)
+    assert step[-1] <= step.max() + 1e-12
