@@ -29,19 +29,27 @@ find_python() {
     done
 }
 
+# gmsh's wheel needs X and GL libraries that a bare system lacks
+lacks_libraries() {
+    command -v apt-get > /dev/null && [ -x /sbin/ldconfig ] || return 1
+    for library in libGLU.so.1 libGL.so.1 libgomp.so.1 libXcursor.so.1 libXft.so.2 libXinerama.so.1 libXrender.so.1; do
+        /sbin/ldconfig -p | grep -q "$library" || return 0
+    done
+    return 1
+}
+
+missing=
 python=$(find_python)
 if [ -z "$python" ] || ! "$python" -c 'import ensurepip, venv' 2> /dev/null; then
-    install_packages python3 python3-venv
-    python=$(find_python)
-    [ -n "$python" ] || { say "cfem: needs Python 3.11 or newer, and this system has none"; exit 1; }
+    missing="python3 python3-venv"
 fi
+if lacks_libraries; then missing="$missing $packages"; fi
+if [ -n "$missing" ]; then install_packages $missing; fi
+python=$(find_python)
+[ -n "$python" ] || { say "cfem: needs Python 3.11 or newer, and this system has none"; exit 1; }
 
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 "$venv/bin/python" -m pip install -q --disable-pip-version-check -c constraints.txt torch
 "$venv/bin/python" -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[$extra]"
 
-# gmsh's wheel needs X and GL libraries that a bare system lacks
-if ! "$venv/bin/python" -c 'import gmsh' 2> /dev/null; then
-    install_packages $packages
-    "$venv/bin/python" -c 'import gmsh' || { say "cfem: gmsh still cannot be loaded, see above"; exit 1; }
-fi
+"$venv/bin/python" -c 'import gmsh' || { say "cfem: gmsh cannot be loaded, see above; it needs: $packages"; exit 1; }
