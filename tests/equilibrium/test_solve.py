@@ -90,6 +90,15 @@ def test_warm_start_next_door_costs_one_factorization(problem):
     assert solve(problem, actuation.displacement([4.05, 3.05]), start).factorizations == 1
 
 
+def test_held_nodes_are_held_whatever_the_start(problem):
+    here = solve(problem, actuation.displacement([4.0, 3.0]))
+    moved = State(here.state.x + 0.01, np.empty(0), here.state.lambda_a)
+    again = solve(problem, actuation.displacement([4.0, 3.0]), moved)
+    assert again.converged
+    np.testing.assert_array_equal(again.state.x[problem.robot.fixed], problem.rest[problem.robot.fixed])
+    np.testing.assert_allclose(again.delta_e, here.delta_e, atol=1e-9)
+
+
 def test_failure_is_a_status_and_never_a_nan(problem):
     beyond = solve(problem, actuation.displacement([59.0, 59.0]))
     assert not beyond.converged and beyond.condensed is None

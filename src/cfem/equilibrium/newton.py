@@ -65,7 +65,7 @@ class _Correction:
 def newton(problem: Problem, start: State, actuation: Actuation, settings: Settings, cost: Cost) -> NewtonResult:
     """Solve for `actuation` from `start`. Never raises for numerical failure: see `status`."""
     lambda_a = _admissible(start.lambda_a, actuation)
-    at = problem.evaluate(start.x, start.pressure)
+    at = problem.evaluate(problem.hold(start.x), start.pressure)
     rounding = 1e-13 * problem.robot.body.mesh.size
     tangent, residual = None, np.inf
     for iteration in range(settings.max_iterations + 1):

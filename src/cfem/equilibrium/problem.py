@@ -121,6 +121,12 @@ class Problem:
         work = np.einsum("mai,mai->m", tangent.dtheta, step[self.robot.body.mesh.cells])
         return at.response.mismatch + self._bulk_over_volume * work
 
+    def hold(self, x: np.ndarray) -> np.ndarray:
+        """x (n, 3) with the held nodes where they belong: no residual would tell if a start had moved them."""
+        held = x.copy()
+        held[self.robot.fixed] = self.rest[self.robot.fixed]
+        return held
+
     def spread(self, free: np.ndarray) -> np.ndarray:
         """(n_dof,) -> (n, 3), zero at held nodes."""
         full = np.zeros_like(self.rest)
