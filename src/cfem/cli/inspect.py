@@ -28,7 +28,9 @@ def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
 
 
 def figures(results: dict[str, Any]) -> list[str]:
-    """One aligned line a number or short text; tables and long lists stay in the manifest."""
+    """The headline where there is one, else one aligned line a number or short text; the rest is in the manifest."""
+    if "headline" in results:
+        return [f"  {line}" for line in results["headline"]]
     rows = list(_flat(results, ""))
     width = max((len(name) for name, _ in rows), default=0)
     return [f"  {name:<{width}}  {value}" for name, value in rows]
@@ -47,9 +49,12 @@ def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
 
 
 def summarise(folders: Sequence[Path]) -> str:
-    """Seconds of every stage and their sum."""
+    """Headlines, then seconds of every stage and their sum, then the report's page where there is one."""
     manifests = [read_manifest(folder) for folder in folders]
-    rows = [
-        f"  {m['stage']:<16} {m['seconds']:7.1f} s   {folder}" for m, folder in zip(manifests, folders, strict=True)
+    lines = [line for manifest in manifests for line in manifest["results"].get("headline", [])]
+    lines += [f"{m['stage']:<16} {m['seconds']:7.1f} s   {path}" for m, path in zip(manifests, folders, strict=True)]
+    lines.append(f"{'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s")
+    pages = [
+        folder / m["results"]["page"] for m, folder in zip(manifests, folders, strict=True) if "page" in m["results"]
     ]
-    return "\n".join([*rows, f"  {'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s"])
+    return "\n".join([*lines, *(f"report: {page.resolve()}" for page in pages)])

@@ -41,6 +41,7 @@ def _work(
 ) -> dict[str, Any]:
     from cfem.control.fem_plant import FemPlant
     from cfem.control.plant import ModelPlant
+    from cfem.control.summary import headline
     from cfem.core.progress import progress
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
@@ -64,6 +65,7 @@ def _work(
     _write_table(folder / "trajectories.parquet", records, robot)
     cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
     return {
+        "headline": headline(results),
         "plant": spec.plant,
         "trajectories": results,
         "length": robot.length,

@@ -74,6 +74,24 @@ def summarise(records: Sequence[dict], length: float) -> dict:
     return found
 
 
+def headline(trajectories: dict[str, dict]) -> list[str]:
+    """One sentence a trajectory and controller, those with fewer iterations (name@n) left to the tables."""
+    lines = []
+    for trajectory, controllers in trajectories.items():
+        for name, row in controllers.items():
+            if "@" in name:
+                continue
+            near, fe = row["distance_to_reachable_goals"], row["distance_to_fe_based"]
+            parts = [f"{row['reachable']} of {row['goals']} goals in reach"]
+            if near:
+                parts.append(f"missed by mean {near['mean']:.2g}, max {near['max']:.2g} mm")
+            if fe:
+                parts.append(f"mean {fe['mean']:.2g}, max {fe['max']:.2g} mm from FE-based control")
+            parts.append(f"{row['step_us']['median']:.0f} us a step")
+            lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
+    return lines
+
+
 def _spread(values: Sequence[float], length: float) -> dict | None:
     """Mean and largest in mm and in % of length; None where there are none, failed plant steps (NaN) left
     out."""

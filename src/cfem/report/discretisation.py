@@ -57,6 +57,16 @@ def study(
     ]
 
 
+def headline(meshes: Sequence[dict]) -> list[str]:
+    """One sentence a mesh that is not the reference."""
+    return [
+        f"discretisation, {mesh['element']} at {mesh['size']:g} mm: W off by {100 * mesh['W_relative_max']:.1f} %, "
+        f"tip by {mesh['tip_mm_max']:.2g} mm from the finest mesh"
+        for mesh in meshes
+        if mesh["W_relative_max"] > 0
+    ]
+
+
 def _beats(one: tuple, other: tuple) -> bool:
     return one[4] < other[4] and one[3].max() < other[3].max()
 

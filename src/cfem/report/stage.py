@@ -36,7 +36,7 @@ def _work(
     folder: Path, spec: ReportSpec, scene: SceneSpec, scene_folder: Path, inputs: dict[str, Path]
 ) -> dict[str, Any]:
     from cfem.report import tables
-    from cfem.report.discretisation import study
+    from cfem.report.discretisation import headline, study
     from cfem.report.page import Section, page
 
     manifests = {name: (path, read_manifest(path)) for name, path in inputs.items()}
@@ -82,7 +82,7 @@ def _work(
         "discretisation": meshes,
     }
     write_json(folder / "results.json", facts)
-    return {"page": "report.html", "pictures": sorted(pictures), "discretisation": meshes}
+    return {"headline": headline(meshes), "page": "report.html", "pictures": sorted(pictures), "discretisation": meshes}
 
 
 def _pictures(spec: ReportSpec, inputs: dict[str, Path], models: dict, tracking: dict, meshes: list) -> dict:

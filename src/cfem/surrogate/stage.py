@@ -58,6 +58,12 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     write_arrays(folder / "weights.npz", arrays)
     W, delta_free = build(meta, arrays).evaluate(test.delta_a)
     write_arrays(folder / "test_vectors.npz", {"delta_a": test.delta_a, "W": W, "delta_free": delta_free})
+    errors = results["errors"]
+    results["headline"] = [
+        f"{spec.model.kind}, {results['samples']} samples: loss {errors['loss']:.2e} on {errors['states']} states; "
+        f"off by {errors['tip_mm']['max']:.2g} mm and {errors['force_N']['max']:.2g} N at most; "
+        f"fitted in {results['seconds_fit']:.3g} s, {results['microseconds_query']:.0f} us a query"
+    ]
     return results
 
 
