@@ -4,7 +4,7 @@ CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger soft-finger-paper bar clean
+.PHONY: demo test test-slow bench lint schemas soft-finger soft-finger-paper figures bar clean
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -36,6 +36,22 @@ soft-finger bar: .venv/all
 	$(CFEM) export pipelines/$@/export.yaml
 	$(CFEM) control pipelines/$@/control.yaml
 	$(CFEM) report pipelines/$@/report.yaml
+
+# The comparison with the paper's network (about 15 minutes), and all that the README's table states.
+soft-finger-paper: .venv/all
+	$(CFEM) mesh pipelines/soft-finger/scene.yaml
+	$(CFEM) simulate-sample pipelines/soft-finger/sample-large.yaml
+	for model in large mlp; do \
+	  $(CFEM) train pipelines/soft-finger/train-$$model.yaml && \
+	  $(CFEM) export pipelines/soft-finger/export-$$model.yaml || exit; \
+	done
+	$(CFEM) control pipelines/soft-finger/control-large.yaml
+	$(CFEM) report pipelines/soft-finger/report-large.yaml
+
+figures: soft-finger-paper
+	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
+	$(CFEM) simulate-sample pipelines/soft-finger-tet4/sample.yaml --workers 1 --force
+	$(PYTHON) scripts/figures.py measure
 
 # dev holds all that all holds
 .venv/all: pyproject.toml constraints.txt scripts/setup.sh

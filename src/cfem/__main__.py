@@ -1,0 +1,5 @@
+"""`python -m cfem` is `cfem`."""
+
+from cfem.cli.app import main
+
+main()

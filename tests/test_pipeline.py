@@ -1,0 +1,97 @@
+"""The smallest robot through every command, as `make bar` does it."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cfem.cli.app import app
+
+ROOT = Path(__file__).parents[1]
+STAGES = {
+    "mesh": "scene",
+    "simulate-sample": "sample",
+    "train": "train",
+    "export": "export",
+    "control": "control",
+    "report": "report",
+}
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    root = tmp_path_factory.mktemp("project")
+    shutil.copytree(ROOT / "pipelines" / "bar", root / "pipelines" / "bar")
+    return root / "pipelines" / "bar"
+
+
+def cfem(folder, stage, *words):
+    return CliRunner().invoke(app, [stage, str(folder / f"{STAGES[stage]}.yaml"), "--json", *words])
+
+
+@pytest.fixture(scope="module")
+def outcomes(bar):
+    done = {stage: cfem(bar, stage) for stage in STAGES}
+    for stage, outcome in done.items():
+        assert outcome.exit_code == 0, (stage, outcome.stderr)
+    return {stage: json.loads(outcome.stdout) for stage, outcome in done.items()}
+
+
+def test_the_bar_is_tracked_by_its_learned_model(outcomes):
+    tracked = next(iter(outcomes["control"]["results"]["trajectories"].values()))
+    learned = next(row for name, row in tracked.items() if name not in ("fe-based",) and "@" not in name)
+    assert learned["reachable"] > 0
+    assert learned["distance_to_fe_based"]["max"] < 0.1
+
+
+def test_the_page_is_whole_and_stands_alone(bar, outcomes):
+    page = (bar.parents[1] / "data" / "bar" / "report" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") >= 5
+    assert "http://" not in page.replace("http://www.w3.org", "") and "https://" not in page and "<script" not in page
+
+
+def test_nothing_is_run_again(bar, outcomes):
+    for stage in STAGES:
+        again = cfem(bar, stage)
+        assert again.exit_code == 0 and json.loads(again.stdout)["status"] == "up to date", stage
+        assert cfem(bar, stage, "--check").exit_code == 0
+
+
+def test_a_change_upstream_makes_all_below_stale(bar, outcomes):
+    changed = cfem(bar, "mesh", "--check", "--set", "mesh.size=7 mm")
+    assert changed.exit_code == 5 and "stale" in changed.stderr
+
+
+def test_no_column_for_what_the_scene_has_not(bar, outcomes):
+    import pyarrow.parquet as pq
+
+    names = pq.read_schema(bar.parents[1] / "data" / "bar" / "samples" / "train.parquet").names
+    assert not {"delta_c", "lambda_c", "p", "dpsi_dp"} & set(names)
+    assert {"delta_a", "delta_e", "lambda_a", "W", "delta_free", "energy", "residual"} <= set(names)
+
+
+def test_control_from_the_exported_arrays_imports_no_torch(bar, outcomes):
+    code = (
+        "import sys; from pathlib import Path; import cfem.control.stage as stage; from cfem.core.stage import Options;"
+        f"stage.run(Path({str(bar / 'control.yaml')!r}), [], None, Options(force=True, quiet=True));"
+        "print([name for name in ('torch', 'onnxruntime', 'gmsh', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_damaged_samples_are_found_before_training(bar, outcomes):
+    path = bar.parents[1] / "data" / "bar" / "samples" / "train.parquet"
+    whole = path.read_bytes()
+    broken = bytearray(whole)
+    broken[len(broken) // 2] ^= 1
+    path.write_bytes(broken)
+    try:
+        outcome = cfem(bar, "train", "--force")
+        assert outcome.exit_code == 3 and "train.parquet" in outcome.stderr
+    finally:
+        path.write_bytes(whole)

@@ -1,0 +1,41 @@
+"""The README says what was measured, and names what exists."""
+
+import importlib.util
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def figures():
+    spec = importlib.util.spec_from_file_location("figures", ROOT / "scripts" / "figures.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_table_is_that_of_the_measured_figures(figures):
+    assert figures.with_table(README, json.loads(figures.FIGURES.read_text())) == README
+
+
+def test_every_file_and_target_that_it_names_exists():
+    for path in re.findall(r"\]\((docs/[^)]+)\)", README):
+        assert (ROOT / path).exists(), path
+    targets = set(re.findall(r"^([a-z-]+(?: [a-z-]+)*):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    known = {name for target in targets for name in target.split()}
+    for name in re.findall(r"make ([a-z-]+)", README):
+        assert name in known, name
+
+
+def test_its_example_robot_is_a_valid_scene(tmp_path):
+    from cfem.core.spec import load_spec
+    from cfem.robot.spec import SceneSpec
+
+    path = tmp_path / "scene.yaml"
+    path.write_text(README.split("```yaml\n")[1].split("```")[0])
+    assert load_spec(path, SceneSpec).name == "my-robot"
