@@ -15,7 +15,6 @@ from cfem.core.units import parse_array, parse_quantity
         ("1e-3 m", "mm", 1.0),
         ("500 mN", "N", 0.5),
         ("180 deg", "rad", np.pi),
-        ("1070 kg/m^3", "tonne/mm**3", 1.07e-9),
         ("-3 mm", "mm", -3.0),
     ],
 )

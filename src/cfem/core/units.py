@@ -1,4 +1,4 @@
-"""Quantities with explicit units, parsed once at the boundary into one system: mm, N, MPa, s, tonne.
+"""Quantities with explicit units, parsed once at the boundary into one system: mm, N, MPa.
 
 A field of a spec declares the unit that the code computes in, `young: Stress`; the user writes "3000 kPa" and the
 code sees 3.0. Arrays are written once for many numbers: `{mm: [[0, 10, -120]]}`.
@@ -20,7 +20,6 @@ _USUAL = {
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
     "MPa": {"MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "N/mm^2": 1.0},
     "rad": {"rad": 1.0, "deg": math.pi / 180},
-    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
 }
 
 
@@ -50,9 +49,6 @@ _DIMENSION = {
     "N": "force",
     "MPa": "stress",
     "rad": "angle",
-    "s": "time",
-    "tonne/mm**3": "density",
-    "mm**3": "volume",
 }
 
 
@@ -121,7 +117,6 @@ Length = _scalar("mm")
 Force = _scalar("N")
 Stress = _scalar("MPa")
 Angle = _scalar("rad")
-Duration = _scalar("s")
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
 LengthRange = _vector("mm", 1, 2)  # (2,) mm
