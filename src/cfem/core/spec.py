@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -30,7 +30,9 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise SpecError("; ".join(_sentences(error, data, lines, str(path)))) from None
+        found = _sentences(error, data, lines, str(path), model)
+        more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
+        raise SpecError("; ".join(found[:3]) + more) from None
 
 
 def _set(data: dict, lines: dict, override: str) -> None:
@@ -48,7 +50,7 @@ def _set(data: dict, lines: dict, override: str) -> None:
     lines[(*parents, last)] = 0
 
 
-def _sentences(error: ValidationError, data: dict, lines: dict, source: str) -> list[str]:
+def _sentences(error: ValidationError, data: dict, lines: dict, source: str, model: type[Spec]) -> list[str]:
     """One sentence an error: `file:line: key: what; nearest known key`."""
     items = error.errors(include_url=False)
     found = []
@@ -60,7 +62,7 @@ def _sentences(error: ValidationError, data: dict, lines: dict, source: str) -> 
         line = next((lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in lines), 1)
         where = f"{source}:{line}" if line else "--set"
         key = ".".join(str(part) for part in path)
-        found.append(f"{where}: {key + ': ' if key else ''}{_what(item, path)}")
+        found.append(f"{where}: {key + ': ' if key else ''}{_what(item, path, model)}")
     return found
 
 
@@ -69,10 +71,10 @@ def _deeper(items: list, item: Any) -> list:
     return [{"loc": other["loc"][: depth + 1]} for other in items if len(other["loc"]) > depth]
 
 
-def _what(item: Any, path: tuple) -> str:
+def _what(item: Any, path: tuple, model: type[Spec]) -> str:
     """What is wrong with one key, what was expected, and the nearest that is known."""
     if item["type"] == "extra_forbidden":
-        return f"unknown key '{path[-1]}'{_nearest(str(path[-1]), _known_keys(Spec))}"
+        return f"unknown key '{path[-1]}'{_nearest(str(path[-1]), _known_keys(model) - {path[-1]})}"
     if item["type"] == "missing":
         return f"missing key '{item['loc'][-1]}'"
     if item["type"] == "union_tag_not_found":
@@ -108,9 +110,15 @@ def _present(loc: tuple, data: Any) -> tuple:
     return tuple(path)
 
 
-def _known_keys(model: type[BaseModel]) -> set[str]:
-    """Every key that any part of any loaded spec knows: wide, but a suggestion need only be near."""
-    return set(model.model_fields).union(*(_known_keys(child) for child in model.__subclasses__()))
+def _known_keys(annotation: Any) -> set[str]:
+    """The keys of a spec and of all parts that its fields may hold."""
+    keys: set[str] = set()
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        keys.update(annotation.model_fields)
+        parts = [field.annotation for field in annotation.model_fields.values()]
+    else:
+        parts = list(get_args(annotation))
+    return keys.union(*(_known_keys(part) for part in parts))
 
 
 def json_schema(model: type[Spec]) -> dict:
