@@ -62,10 +62,12 @@ class FemPlant:
         return self._measurement()
 
     def pull(self, share: np.ndarray) -> Measurement:
-        """The state of one point of the pulling cube [0, 1]^n_a. NumericalError where it is out of reach."""
+        """The state of one point of the pulling cube [0, 1]^n_a, smooth in it (the share-weighted mean displacement is
+        the share-weighted mean share). NumericalError where it is out of reach."""
         reach_max = self._problem.robot.reach[:, 1]
         self._t += 1
-        self._solve(pull(share, reach_max), share * reach_max, slack=True)
+        amount = float(share @ share / share.sum()) if share.any() else 0.0
+        self._solve(pull(share, reach_max, amount), share * reach_max, slack=True)
         return self._measurement()
 
     @property

@@ -36,12 +36,17 @@ def force(lambda_a: np.ndarray) -> Actuation:
     return Actuation(np.zeros((0, len(lambda_a))), np.zeros(0), lambda_a)
 
 
-def pull(share: np.ndarray, reach: np.ndarray) -> Actuation:
-    """Pull in the proportion `share` (n_a,) in [0, 1] until the share-weighted displacement, in units of `reach` (n_a,)
-    mm, equals |share|: lambda_a = mu C^T with C = share / (|share| reach), C delta_a = |share|. Every point of the
-    domain lambda_a >= 0 is one share; a single cable at share s is pulled by s * reach."""
+def pull(share: np.ndarray, reach: np.ndarray, amount: float | None = None) -> Actuation:
+    """Pull in the proportion `share` (n_a,) in [0, 1] until the share-weighted mean displacement, in units of `reach`
+    (n_a,) mm, is `amount` (the largest share unless given):
+
+        lambda_a = mu C^T,    C = share / (sum(share) reach),    C delta_a = amount
+
+    One cable alone, and all alike, are pulled by their share of the reach; in between a cable may go some per cent
+    beyond its reach, so that the unit cube of shares covers all states within reach in which no cable pushes."""
     share, reach = np.asarray(share, dtype=float), np.asarray(reach, dtype=float)
-    size = float(np.linalg.norm(share))
-    if size == 0.0:
+    total = float(share.sum())
+    if total == 0.0:
         return force(np.zeros(len(share)))
-    return Actuation((share / (size * reach))[None, :], np.array([size]), np.zeros(len(share)))
+    target = float(share.max()) if amount is None else amount
+    return Actuation((share / (total * reach))[None, :], np.array([target]), np.zeros(len(share)))

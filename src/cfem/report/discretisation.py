@@ -92,7 +92,7 @@ def _solve(scene: SceneSpec, folder: Path, shares: Sequence[Sequence[float]]) ->
     problem, state, tips, Ws, seconds = Problem(robot), None, [], [], []
     for share in shares:
         begin = time.perf_counter()
-        found = solve(problem, pull(share, robot.reach[:, 1]), state)
+        found = solve(problem, pull(share, robot.reach[:, 1]), base=state)
         seconds.append(time.perf_counter() - begin)
         if not found.converged:
             raise NumericalError(f"discretisation, {scene.mesh.element} {scene.mesh.size:g} mm: {found.status.value}")
