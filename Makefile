@@ -2,9 +2,9 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
-export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger soft-finger-paper figures bar clean
+.PHONY: demo test bench lint schemas soft-finger soft-finger-paper figures bar clean
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -13,9 +13,6 @@ demo: .venv/all
 
 test: .venv/dev
 	$(PYTHON) -m pytest
-
-test-slow: .venv/dev
-	$(PYTHON) -m pytest -m slow
 
 bench: .venv/dev
 	$(PYTHON) -m pytest benchmarks

@@ -48,7 +48,10 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, Any]:
     }
     write_json(folder / "model.json", {**meta, "parity": parity})
     sizes = {name: (folder / FILES[name]).stat().st_size for name in spec.formats}
-    return {"kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
+    headline = [
+        f"{name}: {sizes[name]} bytes, off by {error:.1e} from the trained model" for name, error in parity.items()
+    ]
+    return {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:

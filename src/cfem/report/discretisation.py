@@ -113,17 +113,26 @@ def discretisation_figure(results: Sequence[dict]) -> bytes:
             if row["W_relative_max"] == 0.0:
                 continue
             colour = LEARNED[elements.index(row["element"]) % len(LEARNED)]
+            first = all(other["element"] != row["element"] for other in results[: results.index(row)])
             axis.loglog(
-                row["seconds"], scale * row[key], "o", ms=9, color=colour, mfc=colour if row["front"] else "white"
+                row["seconds"],
+                scale * row[key],
+                "o",
+                ms=9,
+                color=colour,
+                mfc=colour if row["front"] else "white",
+                label=row["element"] if first else None,
             )
             axis.annotate(
-                f"{row['element']} {row['size']:g} mm",
+                f"{row['size']:g}",
                 (row["seconds"], scale * row[key]),
-                xytext=(8, 5),
+                xytext=(6, 5),
                 textcoords="offset points",
+                fontsize=8,
             )
         axis.margins(0.35)
         axis.set(xlabel="one state (s)", ylabel=label)
+    axes[0].legend(loc="lower left", title="mesh size (mm) beside each")
     axes[0].set_title("largest error of W (filled: on the front)")
     axes[1].set_title("largest error of the tip")
     return png(figure)

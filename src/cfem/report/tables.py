@@ -31,7 +31,7 @@ def tracking_table(summaries: Mapping[str, Mapping[str, dict]]) -> Table:
             _pair(result["distance_to_reachable_goals"]),
             _pair(result["distance_to_fe_based"]),
             number(result["iterations_mean"], 2),
-            f"{number(result['step_us']['median'])} / {number(result['step_us']['p99'])}",
+            f"{number(result['step_us']['median'] / 1000)} / {number(result['step_us']['p99'] / 1000)}",
             number(result["kkt_max"], 2),
         )
         for trajectory, controllers in summaries.items()
@@ -41,11 +41,11 @@ def tracking_table(summaries: Mapping[str, Mapping[str, dict]]) -> Table:
         (
             "trajectory",
             "controller",
-            "reachable goals",
-            "to reachable goals, mean / max (mm)",
+            "in reach",
+            "to those goals, mean / max (mm)",
             "to FE-based, mean / max (mm)",
             "steps a goal",
-            "step, median / p99 (µs)",
+            "step, median / p99 (ms)",
             "KKT residual",
         ),
         rows,
