@@ -160,3 +160,29 @@ def test_slender_cantilever_against_the_elastica():
     assert expected[1] > 0.55
     np.testing.assert_allclose(extrapolated, expected, atol=0.01 * expected[1])
     assert np.abs(fine - expected).max() < np.abs(coarse - expected).max()
+
+
+def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight():
+    """A cable along the axis of a slender column, to its foot: Euler's load is pi^2 E I / L^2 for a force that always
+    points to the foot (Timoshenko and Gere, Theory of Elastic Stability, 2nd ed., section 2.8)."""
+    length, side, young = 100.0, 4.0, 1.0
+    mesh = block((length, side, side), (16, 1, 1), order=2)
+    middle = side / 2
+    end = attach(mesh, np.array([length - 1.0, middle, middle]), 1.5, "end")
+    robot = Robot(
+        name="column",
+        body=make_solid(mesh, ELEMENTS["tet10p0"], LAWS["neo-hookean"], young, 0.0),
+        fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
+        actuators=(make_cable([end], np.array([0.0, middle, middle]), "axis"),),
+        effectors=(make_effector(mesh, end.point, 1.5, 5.0, "tip"),),
+        rows=Rows(("x", "y", "z"), ("axis",)),
+        reach=np.array([[0.0, 10.0]]),
+        unilateral=np.array([True]),
+        length=length,
+    )
+    euler = np.pi**2 * young * side**4 / 12 / length**2
+    problem = Problem(robot)
+    below, above = (solve(problem, actuation.force([factor * euler])) for factor in (0.9, 1.2))
+    assert below.converged and np.abs(below.delta_e[1:]).max() < 1.0
+    bent = np.abs(above.delta_e[1:]).max() > 5.0
+    assert above.status is Status.UNSTABLE or (above.converged and bent)

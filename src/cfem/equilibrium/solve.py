@@ -49,7 +49,7 @@ def solve(
         taut[change] = not taut[change]
         allowed -= 1
         result = _reach(problem, _only(actuation, taut), result.state, result.state, settings, cost)
-    return _answer(problem, result, cost, begin, condense)
+    return _answer(problem, result, actuation.C[taut], cost, begin, condense)
 
 
 def _reach(
@@ -128,14 +128,17 @@ def _finite(actuation: Actuation, start: State | None) -> bool:
     return all(np.isfinite(array).all() for array in arrays)
 
 
-def _answer(problem: Problem, result: NewtonResult, cost: Cost, begin: float, condense: bool) -> Equilibrium:
+def _answer(
+    problem: Problem, result: NewtonResult, held: np.ndarray, cost: Cost, begin: float, condense: bool
+) -> Equilibrium:
+    """held (m, n_a): rows of C that the actuation ended with."""
     status, robot, x = result.status, problem.robot, result.at.x
     condensed, response_a = None, None
     if status is Status.CONVERGED and condense:
         try:
             condensed, response_a, factor = condensation(problem, result.at, result.lambda_a, result.tangent, cost)
-            # stable with the actuators held if A has no more negative eigenvalues than W_aa (Haynsworth's inertia)
-            if factor.negative > (np.linalg.eigvalsh(condensed.W_aa) < 0).sum():
+            # stable with those rows held if A has no more negative eigenvalues than C W_aa C^T (Haynsworth's inertia)
+            if factor.negative > (np.linalg.eigvalsh(held @ condensed.W_aa @ held.T) < 0).sum():
                 status = Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR
