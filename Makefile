@@ -18,8 +18,8 @@ bench: .venv/dev
 	$(PYTHON) -m pytest benchmarks
 
 lint: .venv/dev
-	.venv/bin/ruff check src tests benchmarks
-	.venv/bin/ruff format --check src tests benchmarks
+	.venv/bin/ruff check src tests benchmarks scripts
+	.venv/bin/ruff format --check src tests benchmarks scripts
 	.venv/bin/lint-imports
 	$(CFEM) schema --check
 

@@ -27,9 +27,8 @@ def tangent_error(problem: Problem, base) -> float:
     data, _ = problem.stiffness(at, lambda_a)
     product = symmetric_product(problem.pattern, data, v[:, None])[:, 0]
     h = 1e-4
-    up, down = (
-        problem.evaluate(base.state.x + sign * h * problem.spread(v), np.empty(0)).residual(lambda_a) for sign in (1, -1)
-    )
+    moved = (base.state.x + sign * h * problem.spread(v) for sign in (1, -1))
+    up, down = (problem.evaluate(x, np.empty(0)).residual(lambda_a) for x in moved)
     slope = (up - down) / (2 * h)
     return float(np.linalg.norm(product - slope) / np.linalg.norm(slope))
 
@@ -49,9 +48,9 @@ def solve_errors(problem: Problem, base) -> tuple[float, float]:
         column = base.condensed.W[:, rows.n_e + j]
         compliance.append(np.abs(column - slope).max() / np.abs(column).max())
         h = 0.05
+        moved = (base.delta_a + k * h * np.eye(rows.n_a)[j] for k in (1, -1, 2, -2))
         up, down, up2, down2 = (
-            solve(problem, actuation.displacement(base.delta_a + k * h * np.eye(rows.n_a)[j]), base.state, settings=EXACT)
-            for k in (1, -1, 2, -2)
+            solve(problem, actuation.displacement(delta_a), base.state, settings=EXACT) for delta_a in moved
         )
         slope = (8 * (up.energy - down.energy) - (up2.energy - down2.energy)) / (12 * h)
         force.append(abs(slope / base.state.lambda_a[j] - 1))
