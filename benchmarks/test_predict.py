@@ -42,10 +42,9 @@ def test_torch_eager(benchmark, exported):
         benchmark(model, query)
 
 
-def test_spectral_observer(benchmark, exported):
+@pytest.mark.parametrize("exported", ["spectral"], indirect=True)
+def test_observer_by_equilibrium(benchmark, exported):
     kind, folder = exported
-    if kind != "spectral":
-        pytest.skip("only the energy model answers to forces")
     benchmark.group = kind
     model = load_model(folder)
     lambda_a = model.at_displacement(QUERY).lambda_a
