@@ -2,9 +2,10 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
+SCENES := $(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test bench lint schemas soft-finger soft-finger-paper figures bar clean
+.PHONY: demo test bench lint schemas soft-finger-paper figures clean $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -26,7 +27,7 @@ lint: .venv/dev
 schemas: .venv/all
 	$(CFEM) schema
 
-soft-finger bar: .venv/all
+$(SCENES): .venv/all
 	$(CFEM) mesh pipelines/$@/scene.yaml
 	$(CFEM) simulate-sample pipelines/$@/sample.yaml
 	$(CFEM) train pipelines/$@/train.yaml

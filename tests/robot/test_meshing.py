@@ -1,5 +1,7 @@
 """A user's own geometry: STL-bounded volumes, mesh files, STEP; and what goes wrong with them."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import meshio
@@ -41,6 +43,17 @@ def test_the_volume_within_a_closed_surface(tmp_path):
     mesh, volume = meshing.make_mesh(scene(tmp_path, "{kind: mesh-file, path: box.stl, unit: 1 cm}"), tmp_path)
     assert volume == pytest.approx(3000.0, rel=1e-6)
     assert mesh.volumes.sum() == pytest.approx(3000.0, rel=1e-9) and (mesh.volumes > 0).all()
+
+
+def test_a_solid_from_a_step_file(tmp_path):
+    code = (
+        "import gmsh, sys; gmsh.initialize(interruptible=False); gmsh.option.setNumber('General.Terminal', 0);"
+        "occ = gmsh.model.occ; occ.cut([(3, occ.addBox(0, 0, 0, 30, 10, 10))], [(3, occ.addBox(10, 4, -1, 10, 2, 12))]);"
+        "occ.synchronize(); gmsh.write(sys.argv[1]); gmsh.finalize()"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "slot.step")], check=True, capture_output=True)
+    mesh, volume = meshing.make_mesh(scene(tmp_path, "{kind: step, path: slot.step}"), tmp_path)
+    assert volume == pytest.approx(2800.0, rel=1e-9) and mesh.volumes.sum() == pytest.approx(2800.0, rel=1e-9)
 
 
 def test_an_open_surface_is_refused(tmp_path):
