@@ -48,7 +48,8 @@ def test_the_volume_within_a_closed_surface(tmp_path):
 def test_a_solid_from_a_step_file(tmp_path):
     code = (
         "import gmsh, sys; gmsh.initialize(interruptible=False); gmsh.option.setNumber('General.Terminal', 0);"
-        "occ = gmsh.model.occ; occ.cut([(3, occ.addBox(0, 0, 0, 30, 10, 10))], [(3, occ.addBox(10, 4, -1, 10, 2, 12))]);"
+        "occ = gmsh.model.occ; whole, slot = occ.addBox(0, 0, 0, 30, 10, 10), occ.addBox(10, 4, -1, 10, 2, 12);"
+        "occ.cut([(3, whole)], [(3, slot)]);"
         "occ.synchronize(); gmsh.write(sys.argv[1]); gmsh.finalize()"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "slot.step")], check=True, capture_output=True)
