@@ -63,14 +63,12 @@ def main(scene: Path) -> dict:
     target = robot.reach @ [0.4, 0.6] * np.linspace(1.0, 0.95, robot.rows.n_a)
     base = solve(problem, actuation.displacement(target), settings=EXACT)
     compliance, force = solve_errors(problem, base)
-    W = base.condensed.W
     return {
         "scene": robot.name,
         "tangent": tangent_error(problem, base),
         "W": compliance,
         "energy_gradient": force,
         "residual": base.residual,
-        "W_symmetry": float(np.abs(W - W.T).max() / np.abs(W).max()),
         "cold_factorizations": base.factorizations,
         "n_dof": problem.pattern.n_dof,
     }

@@ -69,6 +69,7 @@ def table(f: dict) -> str:
         ("tangent against finite differences", "1e-6", f"{v['tangent']:.1e}", verify),
         ("W against finite differences of whole solves", "1e-6", f"{v['W']:.1e}", verify),
         ("energy gradient against cable forces", "1e-6", f"{v['energy_gradient']:.1e}", verify),
+        ("patch test; rigid motion; cantilever against the elastica", "1e-12; 1e-12; 1 %", "asserted", "`make test`"),
         (
             f"largest residual of {sum(f['samples']['rows'].values())} stored states ({f['samples']['failed']} failed)",
             "1e-8",

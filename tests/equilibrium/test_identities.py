@@ -26,7 +26,7 @@ def solved(problem, how, **options):
 
 def test_W_is_the_derivative_of_delta_by_lambda(problem):
     base = solved(problem, actuation.displacement([3.0, 2.5]))
-    rows, h = problem.robot.rows, 1e-3
+    rows, h, measured = problem.robot.rows, 1e-3, []
     for j in range(rows.n_a):
         step = h * np.eye(rows.n_a)[j] * np.abs(base.state.lambda_a).max()
         up, down = (
@@ -38,6 +38,9 @@ def test_W_is_the_derivative_of_delta_by_lambda(problem):
         )
         column = base.condensed.W[:, rows.n_e + j]
         np.testing.assert_allclose(column, slope, rtol=0, atol=1e-6 * np.abs(column).max())
+        measured.append(slope[rows.a])
+    # reciprocity (Betti) of what the solves say, which nobody has symmetrised
+    np.testing.assert_allclose(measured, np.transpose(measured), rtol=1e-6)
 
 
 def test_energy_has_gradient_lambda_and_hessian_W_inverse(problem):
@@ -59,10 +62,9 @@ def test_energy_has_gradient_lambda_and_hessian_W_inverse(problem):
         )
 
 
-def test_W_is_symmetric_positive_definite_and_delta_is_consistent(problem):
+def test_W_is_positive_definite_and_delta_is_consistent(problem):
     state = solved(problem, actuation.displacement([5.0, 4.0]))
     W = state.condensed.W
-    assert np.abs(W - W.T).max() <= 1e-12 * np.abs(W).max()
     assert np.linalg.eigvalsh(W).min() > 0
     np.testing.assert_allclose(state.condensed.delta_a, state.delta_a, atol=1e-12)
     np.testing.assert_allclose(state.condensed.delta_e, state.delta_e, atol=1e-12)

@@ -27,7 +27,7 @@ def condense(
     if error > _ENOUGH:
         factor = problem.factor(at, lambda_a, cost).factor
         Z, rest, error = _refine(problem, data, factor, B)
-    W = B.T @ Z + Z.T @ rest
+    W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2
     delta = np.concatenate([*(row.value(at.x) - row.rest for row in robot.effectors), at.delta_a])
     rows = robot.rows

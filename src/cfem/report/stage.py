@@ -149,7 +149,9 @@ def _tracked(control: Path, tracking: dict) -> dict:
                 name.replace("-", " "),
             )
             found[f"robot-{name}"] = Picture(picture, f"{name}: the FE robot at some of its goals, at rest in grey.")
-        caption = f"{name}: goals, positions that the FE robot reached, and the distances between them."
+        caption = (
+            f"{name}: goals, positions that the FE robot reached, and the distances between them (at least 1e-7 mm)."
+        )
         found[f"tracking-{name}"] = Picture(tracking_figure(rows, name.replace("-", " ")), caption)
     first = next((picture for key, picture in found.items() if key.startswith("robot-")), None)
     return {**found, "tracked": first} if first else found
