@@ -8,58 +8,34 @@ dR = R Omega with (tr S 1 - S) omega = axial(R^T dF - dF^T R)."""
 import numpy as np
 from numba import njit
 
-from cfem.mechanics.material.law import Law, lame
-
-
-def moduli(young: float, poisson: float) -> tuple[float, float]:
-    lam, mu = lame(young, poisson)
-    return mu, lam
-
-
-@njit(cache=True)
-def _inverse(M: np.ndarray, out: np.ndarray) -> float:
-    """Inverse of a 3 x 3 matrix; returns its determinant, and leaves `out` alone where that is zero."""
-    c00 = M[1, 1] * M[2, 2] - M[1, 2] * M[2, 1]
-    c01 = M[1, 2] * M[2, 0] - M[1, 0] * M[2, 2]
-    c02 = M[1, 0] * M[2, 1] - M[1, 1] * M[2, 0]
-    det = M[0, 0] * c00 + M[0, 1] * c01 + M[0, 2] * c02
-    if det == 0.0:
-        return det
-    out[0, 0], out[1, 0], out[2, 0] = c00 / det, c01 / det, c02 / det
-    out[0, 1] = (M[0, 2] * M[2, 1] - M[0, 1] * M[2, 2]) / det
-    out[1, 1] = (M[0, 0] * M[2, 2] - M[0, 2] * M[2, 0]) / det
-    out[2, 1] = (M[0, 1] * M[2, 0] - M[0, 0] * M[2, 1]) / det
-    out[0, 2] = (M[0, 1] * M[1, 2] - M[0, 2] * M[1, 1]) / det
-    out[1, 2] = (M[0, 2] * M[1, 0] - M[0, 0] * M[1, 2]) / det
-    out[2, 2] = (M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]) / det
-    return det
+from cfem.mechanics.material.law import Law, shear_and_bulk
+from cfem.mechanics.material.tensor import add_identity, inverse
 
 
 @njit(cache=True)
 def _rotation(D: np.ndarray, R: np.ndarray) -> None:
     """Rotation of 1 + D by Newton's iteration R <- (R + R^-T) / 2 (Higham, SIAM J. Sci. Stat. Comput. 7, 1986)."""
-    inverse = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = D[i, j] + (1.0 if i == j else 0.0)
+    R_inverse = np.empty((3, 3))
+    add_identity(D, R)
     for _ in range(60):
-        if _inverse(R, inverse) == 0.0:
+        if inverse(R, R_inverse) == 0.0:
             return
         change = 0.0
         for i in range(3):
             for j in range(3):
-                new = 0.5 * (R[i, j] + inverse[j, i])
+                new = 0.5 * (R[i, j] + R_inverse[j, i])
                 change = max(change, abs(new - R[i, j]))
-                inverse[j, i] = new
+                R_inverse[j, i] = new
         for i in range(3):
             for j in range(3):
-                R[i, j] = inverse[j, i]
+                R[i, j] = R_inverse[j, i]
         if change < 1e-15:
             return
 
 
 @njit(cache=True)
-def response(D, shear, psi, theta, P, g):
+def response(D, parameters, psi, theta, P, g):
+    shear = parameters[0]
     for k in range(D.shape[0]):
         R = g[k]
         _rotation(D[k], R)
@@ -75,8 +51,9 @@ def response(D, shear, psi, theta, P, g):
 
 
 @njit(cache=True)
-def curvature(D, shear, pressure, C):
-    R, S, G, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+def curvature(D, parameters, pressure, C):
+    shear = parameters[0]
+    R, S, G, G_inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     axial, omega = np.empty(3), np.empty(3)
     for k in range(D.shape[0]):
         _rotation(D[k], R)
@@ -87,8 +64,7 @@ def curvature(D, shear, pressure, C):
         for i in range(3):
             for j in range(3):
                 G[i, j] = (trace if i == j else 0.0) - 0.5 * (S[i, j] + S[j, i])
-        inverse[:, :] = 0.0
-        _inverse(G, inverse)
+        inverse(G, G_inverse)
         factor = pressure[k] - 2.0 * shear
         for a in range(3):
             for b in range(3):
@@ -98,7 +74,7 @@ def curvature(D, shear, pressure, C):
                 axial[b2] = R[a, b1]
                 axial[b1] = -R[a, b2]
                 for p in range(3):
-                    omega[p] = inverse[p, 0] * axial[0] + inverse[p, 1] * axial[1] + inverse[p, 2] * axial[2]
+                    omega[p] = G_inverse[p, 0] * axial[0] + G_inverse[p, 1] * axial[1] + G_inverse[p, 2] * axial[2]
                 for i in range(3):
                     # row i of R Omega with Omega v = omega x v
                     C[k, 3 * i, 3 * a + b] = factor * (R[i, 1] * omega[2] - R[i, 2] * omega[1])
@@ -107,4 +83,4 @@ def curvature(D, shear, pressure, C):
                 C[k, 3 * a + b, 3 * a + b] += 2.0 * shear
 
 
-LAW = Law("corotational", moduli, response, curvature)
+LAW = Law("corotational", shear_and_bulk, response, curvature)

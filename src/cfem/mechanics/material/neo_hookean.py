@@ -11,51 +11,35 @@ J - 1 = tr D + tr cof D + det D."""
 import numpy as np
 from numba import njit
 
-from cfem.mechanics.material.law import Law, lame
-
-
-def moduli(young: float, poisson: float) -> tuple[float, float]:
-    lam, mu = lame(young, poisson)
-    return mu, lam
+from cfem.mechanics.material.law import Law, shear_and_bulk
+from cfem.mechanics.material.tensor import add_identity, cofactor, cofactor_change, volume_change
 
 
 @njit(cache=True)
-def _cofactor(F: np.ndarray, cof: np.ndarray) -> None:
-    for i in range(3):
-        i1, i2 = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            j1, j2 = (j + 1) % 3, (j + 2) % 3
-            cof[i, j] = F[i1, j1] * F[i2, j2] - F[i1, j2] * F[i2, j1]
-
-
-@njit(cache=True)
-def response(D, shear, psi, theta, P, g):
+def response(D, parameters, psi, theta, P, g):
+    shear = parameters[0]
     cof_D = np.empty((3, 3))
     for k in range(D.shape[0]):
-        d = D[k]
-        _cofactor(d, cof_D)
-        trace = d[0, 0] + d[1, 1] + d[2, 2]
-        det_D = d[0, 0] * cof_D[0, 0] + d[0, 1] * cof_D[0, 1] + d[0, 2] * cof_D[0, 2]
-        theta[k] = trace + cof_D[0, 0] + cof_D[1, 1] + cof_D[2, 2] + det_D
+        trace, higher = volume_change(D[k], cof_D)
+        change = trace + higher
         square = 0.0
         for i in range(3):
             for j in range(3):
-                square += d[i, j] * d[i, j]
-                # cof(1 + D) = (1 + tr D) 1 - D^T + cof D
-                cof_less_1 = cof_D[i, j] - d[j, i] + (trace if i == j else 0.0)
+                square += D[k, i, j] * D[k, i, j]
+                cof_less_1 = cofactor_change(D[k], cof_D, trace, i, j)
                 g[k, i, j] = cof_less_1 + (1.0 if i == j else 0.0)
-                P[k, i, j] = shear * (d[i, j] - cof_less_1 + theta[k] * g[k, i, j])
-        psi[k] = shear * (trace + 0.5 * square - theta[k] + 0.5 * theta[k] ** 2)
+                P[k, i, j] = shear * (D[k, i, j] - cof_less_1 + change * g[k, i, j])
+        theta[k] = change
+        psi[k] = shear * (0.5 * (square + change * change) - higher)
 
 
 @njit(cache=True)
-def curvature(D, shear, pressure, C):
+def curvature(D, parameters, pressure, C):
+    shear = parameters[0]
     F, cof = np.empty((3, 3)), np.empty((3, 3))
     for k in range(D.shape[0]):
-        for i in range(3):
-            for j in range(3):
-                F[i, j] = D[k, i, j] + (1.0 if i == j else 0.0)
-        _cofactor(F, cof)
+        add_identity(D[k], F)
+        cofactor(F, cof)
         theta = F[0, 0] * cof[0, 0] + F[0, 1] * cof[0, 1] + F[0, 2] * cof[0, 2] - 1.0
         factor = pressure[k] + shear * (theta - 1.0)
         for i in range(3):
@@ -74,4 +58,4 @@ def curvature(D, shear, pressure, C):
                 C[k, row, 3 * i2 + j1] -= factor * F[i1, j2]
 
 
-LAW = Law("neo-hookean", moduli, response, curvature)
+LAW = Law("neo-hookean", shear_and_bulk, response, curvature)
