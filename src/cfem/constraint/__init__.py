@@ -1,1 +1,1 @@
-"""How the outside touches a body: attachments, cables, effectors. Displacement, gradient and curvature of each."""
+"""How the outside touches a body: attachments, cables, cavities, contacts, effectors. Value, gradient and curvature."""

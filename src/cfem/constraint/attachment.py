@@ -12,12 +12,14 @@ exactly, wherever in the body or on its surface the point lies."""
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from cfem.core.errors import SpecError
-from cfem.mechanics.element import barycentric_gradients, shape
+from cfem.mechanics.element import barycentric_gradients, shape, shape_derivatives
 from cfem.mechanics.mesh import Mesh
 
 _LATTICE = 11  # sample points across the ball; from 9 to 21 of them W of the finger moves by 2e-4
+_NEWTON, _FAR = 30, 4.0  # steps at most to the coordinates in a hexahedron, and how far out they are followed
 
 
 @dataclass(frozen=True)
@@ -35,49 +37,115 @@ class Attachment:
         return self.weights @ x[self.nodes]
 
 
-def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str) -> Attachment:
-    """Attach `point` (3,) mm through the ball of `radius` mm (0: the element at the point, as the paper does).
+def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.ndarray | None = None) -> Attachment:
+    """Attach `point` (3,) mm through the ball of `radius` mm (0: the element at the point, as the paper does), where
+    `cells` are given through these alone: one body of several.
 
     Raises SpecError, naming the point, where it lies outside the body."""
     point = np.asarray(point, dtype=float)
-    cells, barycentric = locate(mesh, point[None, :])
-    outside = -min(barycentric.min(), 0.0)
-    if cells[0] < 0 or outside * _cell_size(mesh, cells[0]) > max(0.5 * radius, 1e-3 * mesh.size):
+    cell, coordinates = locate(mesh, point[None, :], cells=cells)
+    if _gap(mesh, cell, coordinates, point[None, :])[0] > max(0.5 * radius, 1e-3 * mesh.size):
         raise SpecError(
-            f"{name} at {_show(point)} mm lies outside the body",
+            f"{name} at {show(point)} mm lies outside the body",
             do="move it onto the body, or mesh more finely where the surface is curved",
         )
     if radius == 0.0:
-        return _combine(mesh, point, cells, barycentric, np.ones(1))
+        return _combine(mesh, point, cell, coordinates, np.ones(1))
     samples = point + radius * _ball()
-    cells, barycentric = locate(mesh, samples, within=1e-9)
-    inside = cells >= 0
+    cell, coordinates = locate(mesh, samples, within=1e-9, cells=cells)
+    inside = cell >= 0
     if inside.sum() < 8:
         raise SpecError(
-            f"{name} at {_show(point)} mm has too little of the body within its radius of {radius:g} mm",
+            f"{name} at {show(point)} mm has too little of the body within its radius of {radius:g} mm",
             do="enlarge the radius or move the point into the body",
         )
     offset = (samples[inside] - point) / radius
     weights = _moving_least_squares(offset, (1 - (offset**2).sum(axis=1)) ** 2)
-    return _combine(mesh, point, cells[inside], barycentric[inside], weights)
+    return _combine(mesh, point, cell[inside], coordinates[inside], weights)
 
 
-def locate(mesh: Mesh, points: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
-    """The cell (k,) that holds each point (k, 3), or the nearest by barycentric coordinate, and the coordinates (k, 4).
+def locate(
+    mesh: Mesh, points: np.ndarray, within: float = np.inf, cells: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The cell (k,), of `cells` where given, that holds each point (k, 3) or is nearest, and the point's coordinates
+    there: barycentric (k, 4), or (k, 3) in [-1, 1]^3 of a hexahedron.
 
-    -1 where the smallest coordinate is below -`within`."""
-    centre = mesh.X[mesh.cells[:, :4]].mean(axis=1)
-    reach = np.linalg.norm(mesh.X[mesh.cells[:, :4]] - centre[:, None], axis=2).max(axis=1)
-    spread = np.linalg.norm(points - points.mean(axis=0), axis=1).max()
-    near = np.linalg.norm(centre - points.mean(axis=0), axis=1) <= 2 * reach.max() + spread
-    candidates = np.flatnonzero(near) if near.any() else np.arange(len(centre))
-    gradients = barycentric_gradients(mesh.X, mesh.cells[candidates])
-    offset = points[:, None, :] - centre[candidates][None, :, :]
-    coordinates = 0.25 + np.einsum("pcd,cad->pca", offset, gradients)
-    best = coordinates.min(axis=2).argmax(axis=1)
-    barycentric = coordinates[np.arange(len(points)), best]
-    cells = np.where(barycentric.min(axis=1) >= -within, candidates[best], -1)
-    return cells, barycentric
+    -1 where the point lies outside by more than `within` of the cell's size: the smallest barycentric coordinate, or
+    (1 - the largest |xi|) / 2, is below -`within`."""
+    among = np.arange(len(mesh.cells)) if cells is None else np.asarray(cells)
+    which, cell = _near(mesh, points, among)
+    coordinates, depth = _coordinates(mesh, cell, points[which])
+    gap = np.where(depth >= -1e-9, 0.0, _gap(mesh, cell, coordinates, points[which]))
+    order = np.lexsort((-depth, gap, which))  # of a point's cells that with the least gap, then the deepest
+    best = order[np.unique(which[order], return_index=True)[1]]
+    return np.where(depth[best] >= -within, cell[best], -1), coordinates[best]
+
+
+def show(point: np.ndarray) -> str:
+    """A point as messages write it."""
+    return "(" + ", ".join(f"{value:g}" for value in point) + ")"
+
+
+def _corners(mesh: Mesh, cells: np.ndarray) -> np.ndarray:
+    """(k, 4 | 8) nodes that alone shape a cell (edges are straight)."""
+    return mesh.cells[cells, : 8 if mesh.cells.shape[1] == 8 else 4]
+
+
+def _near(mesh: Mesh, points: np.ndarray, among: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (index of a point, cell) worth a look: every cell that may hold the point, and at least one a point."""
+    corners = mesh.X[_corners(mesh, among)]
+    centre = corners.mean(axis=1)
+    reach = 1.5 * np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+    middle = points.mean(axis=0)
+    apart = np.linalg.norm(centre - middle, axis=1) - reach
+    kept = apart <= max(np.linalg.norm(points - middle, axis=1).max(), apart.min())
+    apart = cdist(points, centre[kept]) - reach[kept]
+    which, place = np.nonzero(apart <= np.maximum(apart.min(axis=1, keepdims=True), 0))
+    return which, among[kept][place]
+
+
+def _coordinates(mesh: Mesh, cells: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reference coordinates of points (k, 3) in cells (k,), and how deep inside they lie, negative outside."""
+    if mesh.cells.shape[1] == 8:
+        xi, found = _inverse_trilinear(mesh.X[mesh.cells[cells]], points)
+        depth = (1 - np.abs(xi).max(axis=1)) / 2
+        return xi, np.where(found, depth, np.minimum(depth, -1.0))
+    offset = points - mesh.X[_corners(mesh, cells)].mean(axis=1)
+    barycentric = 0.25 + np.einsum("kd,kad->ka", offset, barycentric_gradients(mesh.X, mesh.cells[cells]))
+    return barycentric, barycentric.min(axis=1)
+
+
+def _inverse_trilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """xi (k, 3) of points (k, 3) in hexahedra (k, 8, 3) by Newton's method from the centre, and whether it converged:
+    it does inside a cell that is not folded, and need not far outside."""
+    xi = np.zeros_like(points)
+    small = 1e-13 * (np.ptp(corners, axis=1).max(axis=1) + np.abs(points).max(axis=1))
+    left = np.arange(len(points))
+    for _ in range(_NEWTON):
+        here = corners[left]
+        missing = points[left] - np.einsum("kn,knd->kd", shape(8, xi[left]), here)
+        off = np.abs(missing).max(axis=1) > small[left]
+        left, here, missing = left[off], here[off], missing[off]
+        if len(left) == 0:
+            break
+        jacobian = np.swapaxes(shape_derivatives(8, xi[left]), 1, 2) @ here  # rows dx / dxi_a
+        minors = np.cross(jacobian[:, [1, 2, 0]], jacobian[:, [2, 0, 1]])
+        volume = np.einsum("kd,kd->k", jacobian[:, 0], minors[:, 0])
+        step = np.einsum("kad,kd->ka", minors, missing) / np.where(volume == 0, np.inf, volume)[:, None]
+        xi[left] = np.clip(xi[left] + np.clip(step, -1, 1), -_FAR, _FAR)
+    found = np.ones(len(points), dtype=bool)
+    found[left] = False
+    return xi, found
+
+
+def _gap(mesh: Mesh, cells: np.ndarray, coordinates: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(k,) mm: from each point to the point of its cell to which its coordinates are cut back."""
+    if mesh.cells.shape[1] == 8:
+        weights = shape(8, np.clip(coordinates, -1, 1))
+    else:
+        weights = np.maximum(coordinates, 0)
+        weights /= weights.sum(axis=1, keepdims=True)
+    return np.linalg.norm(points - np.einsum("ka,kad->kd", weights, mesh.X[_corners(mesh, cells)]), axis=1)
 
 
 def _ball() -> np.ndarray:
@@ -95,18 +163,10 @@ def _moving_least_squares(offset: np.ndarray, bump: np.ndarray) -> np.ndarray:
 
 
 def _combine(
-    mesh: Mesh, point: np.ndarray, cells: np.ndarray, barycentric: np.ndarray, weights: np.ndarray
+    mesh: Mesh, point: np.ndarray, cells: np.ndarray, coordinates: np.ndarray, weights: np.ndarray
 ) -> Attachment:
     """Sum of the samples' shape functions, one weight a node."""
-    values = weights[:, None] * shape(mesh.order, barycentric)
+    values = weights[:, None] * shape(mesh.cells.shape[1], coordinates)
     nodes, place = np.unique(mesh.cells[cells], return_inverse=True)
     sums = np.bincount(place.ravel(), values.ravel(), len(nodes))
     return Attachment(nodes, sums, point)
-
-
-def _cell_size(mesh: Mesh, cell: int) -> float:
-    return float(np.ptp(mesh.X[mesh.cells[cell, :4]], axis=0).max())
-
-
-def _show(point: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:g}" for value in point) + ")"

@@ -16,7 +16,7 @@ from cfem.core.errors import SpecError
 @dataclass(frozen=True)
 class Cable:
     """nodes (k,); along (s, k): segment vectors are d = along @ x[nodes] + start; start (s, 3) mm is minus the pull
-    point for the first segment where there is one, else 0; rest_length mm; rest (1,) is 0."""
+    point for the first segment where there is one, else 0; rest_length mm; cliques: one a segment; rest (1,) is 0."""
 
     nodes: np.ndarray
     along: np.ndarray
@@ -41,7 +41,7 @@ class Cable:
         t = d / length[:, None]
         across = -(np.eye(3) - t[:, :, None] * t[:, None, :]) / length[:, None, None]
         coupled = (row[row != 0.0] for row in self.along)
-        return [np.kron(np.outer(c, c), block) for c, block in zip(coupled, across, strict=True)]
+        return [np.kron(np.outer(c, c), block)[None] for c, block in zip(coupled, across, strict=True)]
 
 
 def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name: str) -> Cable:
@@ -61,5 +61,5 @@ def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name
     lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
     if lengths.min() < 1e-6 * max(lengths.max(), 1e-300):
         raise SpecError(f"cable '{name}': points {lengths.argmin() + 1} and {lengths.argmin() + 2} coincide")
-    cliques = tuple(nodes[row != 0.0] for row in along)
+    cliques = tuple(nodes[row != 0.0][None] for row in along)
     return Cable(nodes, along, start, float(lengths.sum()), cliques, np.zeros(1))

@@ -1,11 +1,14 @@
-"""The effector: a point whose position is watched and controlled, three rows x, y, z in mm."""
+"""Effectors: what is watched and controlled, rows x, y, z in mm and, if asked, a rotation vector rx, ry, rz in rad."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from cfem.constraint.attachment import Attachment, attach, locate
-from cfem.core.errors import SpecError
+from cfem.constraint.attachment import Attachment, attach, locate, show
+from cfem.constraint.carrier import Carrier, make_carrier
+from cfem.constraint.protocol import Watched
 from cfem.mechanics.mesh import Mesh
 
 
@@ -32,62 +35,129 @@ class PointEffector:
 
 @dataclass(frozen=True)
 class CarriedEffector:
-    """A point outside the body, carried by the best-fit rigid motion of a region (Kabsch, Acta Cryst. A32, 1976):
+    """A point outside the body, moved by the best-fit rigid motion of a region: y = c(x) + R(x) lever.
 
-        y = c(x) + R(x) (X_point - C),    R = argmin sum_i w_i |x_i - c - R (X_i - C)|^2
+    lever (3,) mm: from the centre of the region to the point, at rest; rest (3,) mm."""
 
-    nodes (k,); weights (k,) sum 1; arm (k, 3) = X_i - C mm; lever (3,) = X_point - C mm."""
-
-    nodes: np.ndarray
-    weights: np.ndarray
-    arm: np.ndarray
+    carrier: Carrier
     lever: np.ndarray
     rest: np.ndarray
 
+    @property
+    def nodes(self) -> np.ndarray:
+        return self.carrier.nodes
+
     def value(self, x: np.ndarray) -> np.ndarray:
-        rotation, _ = self._fit(x)
-        return self.weights @ x[self.nodes] + rotation @ self.lever
+        rotation, _ = self.carrier.rotation(x)
+        return self.carrier.weights @ x[self.nodes] + rotation @ self.lever
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        rotation, stretch = self._fit(x)
-        # R^T dB - dB^T R = Omega S + S Omega with B = sum w x arm^T, so omega = (tr S 1 - S)^-1 axial(...)
-        inverse = np.linalg.inv(np.trace(stretch) * np.eye(3) - stretch)
-        # for dx_i = e_a: dB = w_i e_a arm_i^T, whose axial vector is w_i arm_i x (row a of R)
-        axial = self.weights[None, :, None] * np.cross(self.arm[None, :, :], rotation[:, None, :])
-        omega = axial @ inverse.T  # (a, k, 3)
-        turned = np.cross(omega, self.lever) @ rotation.T  # (a, k, j): d y_j by dx_i = e_a
-        return turned.transpose(2, 1, 0) + np.einsum("ij,k->ikj", np.eye(3), self.weights)
+        rotation, stretch = self.carrier.rotation(x)
+        # R (omega x lever) = -R [lever] omega
+        turned = np.tensordot(-rotation @ _cross(self.lever), self.carrier.spin(rotation, stretch), axes=1)
+        return turned + np.einsum("ij,k->ikj", np.eye(3), self.carrier.weights)
 
-    def _fit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        B = (self.weights[:, None] * x[self.nodes]).T @ self.arm
-        U, s, Vt = np.linalg.svd(B)
-        handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-        return U @ handed @ Vt, Vt.T @ (s[:, None] * handed) @ Vt
+
+@dataclass(frozen=True)
+class RotationEffector:
+    """The rotation vector phi (rad) of the best-fit rotation R = exp [phi] of a region since rest.
+
+    Smooth for |phi| < pi. At |phi| = pi it jumps to -phi, as every rotation vector does: a motion that turns further
+    than half a turn from rest has to be watched by points instead."""
+
+    carrier: Carrier
+
+    @property
+    def nodes(self) -> np.ndarray:
+        return self.carrier.nodes
+
+    @property
+    def rest(self) -> np.ndarray:
+        return np.zeros(3)
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        return Rotation.from_matrix(self.carrier.rotation(x)[0]).as_rotvec()
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        rotation, stretch = self.carrier.rotation(x)
+        to_vector = inverse_left_jacobian(self.value(x)) @ rotation  # the spin is in the frame at rest
+        return np.tensordot(to_vector, self.carrier.spin(rotation, stretch), axes=1)
+
+
+@dataclass(frozen=True)
+class CombinedEffector:
+    """Rows that are fixed linear combinations of the rows of others: a mean, or a position with an orientation.
+
+    matrix (rows, rows of all parts); nodes: of any part."""
+
+    parts: tuple[Watched, ...]
+    matrix: np.ndarray
+    nodes: np.ndarray
+
+    @property
+    def rest(self) -> np.ndarray:
+        return self.matrix @ np.concatenate([part.rest for part in self.parts])
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        return self.matrix @ np.concatenate([part.value(x) for part in self.parts])
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        rows = np.zeros((self.matrix.shape[1], len(self.nodes), 3))
+        for index, part in enumerate(self.parts):
+            rows[3 * index : 3 * index + 3, np.searchsorted(self.nodes, part.nodes)] = part.gradient(x)
+        return np.tensordot(self.matrix, rows, axes=1)
 
 
 def make_effector(
-    mesh: Mesh, point: np.ndarray, radius: float, carrier_radius: float, name: str
+    mesh: Mesh,
+    points: np.ndarray,
+    radius: float,
+    carrier_radius: float,
+    name: str,
+    orientation: bool = False,
+    cells: np.ndarray | None = None,
+) -> Watched:
+    """An effector at `points` (3,) mm, or at the mean of (k, 3): three rows, or six with `orientation`.
+
+    Each point acts through its own region where it lies in the body, else it is carried by the nodes within
+    `carrier_radius` mm, which the orientation is of too. `cells` restricts all to these cells, one body of several.
+    Raises SpecError where nothing of the body is near, or too little to fix a rotation."""
+    points = np.atleast_2d(np.asarray(points, dtype=float))
+    label = f"effector '{name}'"
+    parts: list[Watched] = [_position(mesh, point, radius, carrier_radius, label, cells) for point in points]
+    matrix = np.tile(np.eye(3), len(points)) / len(points)
+    if orientation:
+        parts.append(RotationEffector(make_carrier(mesh, points, carrier_radius, label, cells)))
+        matrix = np.block([[matrix, np.zeros((3, 3))], [np.zeros_like(matrix), np.eye(3)]])
+    return parts[0] if len(parts) == 1 else _combined(parts, matrix)
+
+
+def inverse_left_jacobian(phi: np.ndarray) -> np.ndarray:
+    """(3, 3) J_l^-1: d phi = J_l^-1 omega where dR = [omega] R and R = exp [phi], |phi| = t < 2 pi (Sola, Deray and
+    Atchuthan, A micro Lie theory, arXiv 1812.01537, 2018, eq. 146):
+
+        J_l^-1 = 1 - [phi] / 2 + (1 - (t / 2) cot(t / 2)) / t^2 [phi]^2"""
+    t = float(np.linalg.norm(phi))
+    # up to 0.03 the series' next term, t^6 / 1209600, is under the rounding of the closed form
+    factor = 1 / 12 + t**2 / 720 + t**4 / 30240 if t < 0.03 else (1 - t / 2 / np.tan(t / 2)) / t**2
+    spin = _cross(phi)
+    return np.eye(3) - spin / 2 + factor * spin @ spin
+
+
+def _position(
+    mesh: Mesh, point: np.ndarray, radius: float, carrier_radius: float, label: str, cells: np.ndarray | None
 ) -> PointEffector | CarriedEffector:
-    """An effector at `point` (3,) mm: through its own region where it lies in the body, else carried by the nodes
-    within `carrier_radius` mm. Raises SpecError where fewer than four nodes are near."""
-    point = np.asarray(point, dtype=float)
-    cells, _ = locate(mesh, point[None, :], within=1e-9)
-    if cells[0] >= 0:
-        return PointEffector(attach(mesh, point, radius, name))
-    distance = np.linalg.norm(mesh.X - point, axis=1)
-    nodes = np.flatnonzero(distance < carrier_radius)
-    if len(nodes) < 4:
-        raise SpecError(
-            f"effector '{name}' lies outside the body with no part of it within {carrier_radius:g} mm",
-            do="move it or enlarge its carrier_radius",
-        )
-    weights = _node_volumes(mesh)[nodes] * (1 - (distance[nodes] / carrier_radius) ** 2) ** 2
-    weights = weights / weights.sum()
-    centre = weights @ mesh.X[nodes]
-    return CarriedEffector(nodes, weights, mesh.X[nodes] - centre, point - centre, point)
+    if locate(mesh, point[None], within=1e-9, cells=cells)[0][0] >= 0:
+        return PointEffector(attach(mesh, point, radius, label, cells))
+    label = f"{label} at {show(point)} mm lies outside the body and"
+    carrier = make_carrier(mesh, point[None], carrier_radius, label, cells)
+    return CarriedEffector(carrier, point - carrier.centre, point)
 
 
-def _node_volumes(mesh: Mesh) -> np.ndarray:
-    """(n,) mm^3: each cell's volume shared equally by its nodes, so that the weights tend to an integral."""
-    share = np.repeat(mesh.volumes / mesh.cells.shape[1], mesh.cells.shape[1])
-    return np.bincount(mesh.cells.ravel(), share, len(mesh.X))
+def _combined(parts: Sequence[Watched], matrix: np.ndarray) -> CombinedEffector:
+    return CombinedEffector(tuple(parts), matrix, np.unique(np.concatenate([part.nodes for part in parts])))
+
+
+def _cross(v: np.ndarray) -> np.ndarray:
+    """[v] (3, 3), such that [v] u = v x u."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -20,9 +20,11 @@ class Watched(Protocol):
 
 
 class Constraint(Watched, Protocol):
-    """One row of delta that carries a multiplier (cable, chamber): also its curvature, which is part of the tangent."""
+    """Rows of delta that carry a multiplier: one of a cable or a cavity, three of a contact point.
 
-    cliques: Sequence[np.ndarray]  # groups of nodes (k_g,) that the curvature couples
+    The curvature is part of the tangent; only a single row has one. It comes in batches of small symmetric matrices."""
+
+    cliques: tuple[np.ndarray, ...]  # a batch: (g, k) indices, g groups of k nodes that the curvature couples
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
-        """One symmetric (3 k_g, 3 k_g) matrix a clique; their sum is the second derivative of the value."""
+        """(g, 3 k, 3 k) a batch; the sum of all these, node by node, is the second derivative of the value."""
