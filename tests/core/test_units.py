@@ -16,6 +16,10 @@ from cfem.core.units import parse_array, parse_quantity
         ("500 mN", "N", 0.5),
         ("180 deg", "rad", np.pi),
         ("-3 mm", "mm", -3.0),
+        ("1070 kg/m^3", "t/mm^3", 1.07e-9),
+        ("9.81 m/s^2", "mm/s^2", 9810.0),
+        ("2 ml", "mm^3", 2000.0),
+        ("1 inch^3", "mm^3", 25.4**3),
     ],
 )
 def test_units_are_converted(text, unit, value):
@@ -41,6 +45,15 @@ def test_arrays_are_converted_and_read_only():
     np.testing.assert_array_equal(array, [[10, 20, 30]])
     with pytest.raises(ValueError, match="read-only"):
         array[0, 0] = 1
+
+
+def test_examples_are_in_units_that_people_write():
+    with pytest.raises(ValueError, match=r"density with its unit, such as '1070 kg/m\^3'"):
+        parse_quantity(1070, "t/mm^3")
+    with pytest.raises(ValueError, match=r"expected an angle with its unit, such as '30 deg'"):
+        parse_quantity(30, "rad")
+    with pytest.raises(ValueError, match=r"acceleration; expected e\.g\. m/s\^2"):
+        parse_array({"kg": [0, 0, 1]}, "mm/s^2", 1, 3)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ import pytest
 
 from cfem.robot.bar import bar
 from cfem.robot.cad import Box, Difference, Frustum, Prism, Union
+from cfem.robot.geometry import Bar, Refinement, SoftFinger
 from cfem.robot.meshing import run_gmsh
 from cfem.robot.soft_finger import cavity, soft_finger
-from cfem.robot.spec import Bar, Meshing, Refinement, SoftFinger
+from cfem.robot.spec import Meshing
 
 FINGER = SoftFinger(kind="soft-finger")
 COARSE = Meshing.model_construct(size=10.0, refine=[], element="tet4")

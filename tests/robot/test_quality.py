@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from support.blocks import block
+from support.blocks import block, hexahedra
 
 from cfem.mechanics.mesh import Mesh, boundary_facets
-from cfem.robot.quality import dihedral_angles, quality
+from cfem.robot.quality import dihedral_angles, quality, scaled_jacobians
 
 
 def test_regular_tetrahedron_has_one_dihedral_angle():
@@ -26,3 +26,24 @@ def test_inverted_cells_are_counted():
     cells = mesh.cells.copy()
     cells[:2] = cells[:2][:, [1, 0, 2, 3]]
     assert quality(Mesh(mesh.X, cells, mesh.facets), None).inverted == 2
+
+
+def test_figures_of_hexahedra_are_those_of_their_corners():
+    figures = quality(hexahedra((3, 2, 1), (3, 2, 1)), 6.0)
+    assert figures.smallest_scaled_jacobian == pytest.approx(1.0) and figures.smallest_dihedral_deg is None
+    assert figures.volume == pytest.approx(6.0) and figures.inverted == 0
+
+
+def test_a_sheared_cube_has_the_sine_of_its_angle_at_every_corner_whatever_its_edges():
+    mesh = hexahedra((1, 1, 1), (1, 1, 1))
+    slope = np.radians(60)
+    sheared = mesh.X @ np.array([[3.0, 0, 0], [5 * np.cos(slope), 5 * np.sin(slope), 0], [0, 0, 7]])
+    np.testing.assert_allclose(scaled_jacobians(Mesh(sheared, mesh.cells, mesh.facets)), np.sin(slope), rtol=1e-12)
+
+
+def test_a_hexahedron_with_one_corner_pushed_through_is_inverted_though_it_has_volume():
+    mesh = hexahedra((1, 1, 1), (1, 1, 1))
+    X = mesh.X.copy()
+    X[-1] = 0.3
+    figures = quality(Mesh(X, mesh.cells, mesh.facets), None)
+    assert figures.inverted == 1 and figures.volume > 0 and figures.smallest_scaled_jacobian < 0

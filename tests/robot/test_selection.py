@@ -1,14 +1,21 @@
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
-from support.blocks import block
+from support.blocks import block, box
 
 from cfem.core.errors import SpecError
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.selection import Selection, select_nodes
+from cfem.robot.selection import Selection, facets_of, select_cells, select_nodes
 
 PLAIN = block((4, 2, 2), (4, 2, 2))
-MESH = Mesh(PLAIN.X, PLAIN.cells, PLAIN.facets, {"held": np.array([0, 1])}, {"skin": np.array([0])})
+MESH = Mesh(
+    PLAIN.X,
+    PLAIN.cells,
+    PLAIN.facets,
+    {"held": np.array([0, 1])},
+    {"skin": np.array([0])},
+    {"core": np.array([5, 3])},
+)
 SELECTIONS = {
     "box": ({"kind": "box", "corners": {"mm": [[0, 0, 0], [1, 2, 2]]}}, PLAIN.X[:, 0] <= 1),
     "sphere": (
@@ -26,6 +33,29 @@ def selection(data):
 @pytest.mark.parametrize("data, expected", SELECTIONS.values(), ids=SELECTIONS.keys())
 def test_shapes_choose_their_nodes(data, expected):
     np.testing.assert_array_equal(select_nodes(MESH, selection(data), "fixed[0]"), np.flatnonzero(expected))
+
+
+@pytest.mark.parametrize("element", ["tet4", "tet10", "hex8"])
+def test_cells_are_chosen_by_their_centroid(element):
+    mesh = box((4, 2, 2), (4, 2, 2), element)
+    corners = mesh.X[mesh.cells[:, : 8 if element == "hex8" else 4]]
+    chosen = select_cells(mesh, selection(SELECTIONS["plane"][0]), "region")
+    np.testing.assert_array_equal(chosen, np.flatnonzero(corners[..., 0].min(axis=1) >= 3))
+    assert mesh.volumes[chosen].sum() == pytest.approx(4.0)
+
+
+def test_names_choose_cells_and_facets():
+    assert select_cells(MESH, selection({"kind": "name", "name": "core"}), "region").tolist() == [3, 5]
+    np.testing.assert_array_equal(facets_of(MESH, "skin", "wall"), PLAIN.facets[:1])
+    assert set(select_nodes(MESH, selection({"kind": "name", "name": "core"}), "rigid")) == set(
+        PLAIN.cells[[3, 5]].ravel()
+    )
+    with pytest.raises(SpecError, match=r"region: the mesh has no cell set 'skin' \(it has \['core'\]\)"):
+        select_cells(MESH, selection({"kind": "name", "name": "skin"}), "region")
+    with pytest.raises(SpecError, match=r"wall: the mesh has no facet set 'core' \(it has \['skin'\]\)"):
+        facets_of(MESH, "core", "wall")
+    with pytest.raises(SpecError, match="region: the sphere selects no cell"):
+        select_cells(MESH, selection({"kind": "sphere", "centre": {"mm": [0, 0, 0]}, "radius": "0.1 mm"}), "region")
 
 
 def test_names_choose_node_and_facet_sets():

@@ -1,4 +1,4 @@
-"""Quantities with explicit units, parsed once at the boundary into one system: mm, N, MPa.
+"""Quantities with explicit units, parsed once at the boundary into one system: mm, N, MPa, s, tonne.
 
 A field of a spec declares the unit that the code computes in, `young: Stress`; the user writes "3000 kPa" and the
 code sees 3.0. Arrays are written once for many numbers: `{mm: [[0, 10, -120]]}`.
@@ -20,6 +20,9 @@ _USUAL = {
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
     "MPa": {"MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "N/mm^2": 1.0},
     "rad": {"rad": 1.0, "deg": math.pi / 180},
+    "mm^3": {"mm^3": 1.0, "ul": 1.0, "ml": 1e3, "cm^3": 1e3, "l": 1e6},
+    "mm/s^2": {"mm/s^2": 1.0, "m/s^2": 1e3},
+    "t/mm^3": {"kg/m^3": 1e-12, "g/cm^3": 1e-9, "t/mm^3": 1.0},
 }
 
 
@@ -41,7 +44,9 @@ def _factor(unit: str, system_unit: str) -> float:
     try:
         return float(_registry().Quantity(1.0, unit).to(system_unit).magnitude)
     except (pint.PintError, AttributeError, AssertionError, TypeError, ValueError) as error:
-        raise ValueError(f"'{unit}' is not a unit of {_DIMENSION[system_unit]}; expected e.g. {system_unit}") from error
+        raise ValueError(
+            f"'{unit}' is not a unit of {_DIMENSION[system_unit]}; expected e.g. {_customary(system_unit)}"
+        ) from error
 
 
 _DIMENSION = {
@@ -49,17 +54,26 @@ _DIMENSION = {
     "N": "force",
     "MPa": "stress",
     "rad": "angle",
+    "mm^3": "volume",
+    "mm/s^2": "acceleration",
+    "t/mm^3": "density",
 }
+
+
+def _customary(system_unit: str) -> str:
+    """The unit that a person would write, where nobody would write the system's."""
+    return {"rad": "deg", "t/mm^3": "kg/m^3", "mm/s^2": "m/s^2"}.get(system_unit, system_unit)
 
 
 def parse_quantity(text: Any, system_unit: str) -> float:
     """'3000 kPa' -> 3.0 for system_unit 'MPa'. A bare number where a unit is due is an error naming the unit."""
-    expected = f"expected a {_DIMENSION[system_unit]} with its unit"
+    article = "an" if _DIMENSION[system_unit][0] in "aeiou" else "a"
+    expected = f"expected {article} {_DIMENSION[system_unit]} with its unit"
     if isinstance(text, int | float) and not isinstance(text, bool):
-        raise ValueError(f"{expected}, such as '{text} {system_unit}'; got the bare number {text}")
+        raise ValueError(f"{expected}, such as '{text} {_customary(system_unit)}'; got the bare number {text}")
     number = re.match(_NUMBER, text) if isinstance(text, str) else None
     if number is None or number.end() == len(text):
-        raise ValueError(f"{expected}: number, space and unit, such as '1 {system_unit}'; got {text!r}")
+        raise ValueError(f"{expected}: number, space and unit, such as '1 {_customary(system_unit)}'; got {text!r}")
     value = float(number.group()) * _factor(text[number.end() :].strip(), system_unit)
     if not np.isfinite(value):
         raise ValueError(f"expected a finite {_DIMENSION[system_unit]}; got '{text}'")
@@ -71,7 +85,7 @@ def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None)
     if isinstance(data, np.ndarray):
         return data
     if not isinstance(data, dict) or len(data) != 1:
-        raise ValueError(f"expected numbers under their unit, such as {{{system_unit}: [...]}}")
+        raise ValueError(f"expected numbers under their unit, such as {{{_customary(system_unit)}: [...]}}")
     ((unit, numbers),) = data.items()
     try:
         array = np.array(numbers, dtype=float) * _factor(str(unit), system_unit)
@@ -91,7 +105,7 @@ def _scalar(system_unit: str):
     schema = {
         "type": "string",
         "pattern": _NUMBER + r"\S.*$",
-        "description": f"{_DIMENSION[system_unit]} with its unit, e.g. '1 {system_unit}'",
+        "description": f"{_DIMENSION[system_unit]} with its unit, e.g. '1 {_customary(system_unit)}'",
     }
     return Annotated[float, BeforeValidator(lambda value: parse_quantity(value, system_unit)), WithJsonSchema(schema)]
 
@@ -106,7 +120,7 @@ def _vector(system_unit: str, ndim: int, last: int | None = None):
         "minProperties": 1,
         "maxProperties": 1,
         "additionalProperties": numbers,
-        "description": f"numbers under their unit, e.g. {{{system_unit}: ...}}",
+        "description": f"numbers under their unit, e.g. {{{_customary(system_unit)}: ...}}",
     }
     return Annotated[
         Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)), WithJsonSchema(schema)
@@ -117,8 +131,13 @@ Length = _scalar("mm")
 Force = _scalar("N")
 Stress = _scalar("MPa")
 Angle = _scalar("rad")
+Density = _scalar("t/mm^3")
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
 LengthRange = _vector("mm", 1, 2)  # (2,) mm
 Point = _vector("mm", 1, 3)  # (3,) mm
 Points = _vector("mm", 2, 3)  # (m, 3) mm
+StressVector = _vector("MPa", 1)  # (k,) MPa
+VolumeRange = _vector("mm^3", 1, 2)  # (2,) mm^3
+AccelerationVector = _vector("mm/s^2", 1, 3)  # (3,) mm/s^2
+ForceVector = _vector("N", 1, 3)  # (3,) N

@@ -54,7 +54,17 @@ class File:
     unit: float = 1.0
 
 
-Solid = Box | Prism | Frustum | Union | Difference | File
+@dataclass(frozen=True)
+class Placed:
+    """`solid` turned by `angle` (rad) about the line through the origin along `axis`, then moved by `translate`."""
+
+    solid: "Solid"
+    axis: Point
+    angle: float
+    translate: Point
+
+
+Solid = Box | Prism | Frustum | Union | Difference | File | Placed
 
 
 def as_data(solid: Solid) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """The one place that touches gmsh (GPL), which it runs in its own process: `python -m cfem.robot.gmsh_process OUT.npz`.
 
-A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}]}.
-The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3. One thread and fixed algorithms: the same
-job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry cannot be built or meshed; cause on stderr."""
+A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
+'regions': [trees whose surfaces the mesh is to conform to]}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and
+the CAD volume mm^3. One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be
+loaded; 11: the geometry cannot be built or meshed; cause on stderr."""
 
 import json
 import math
@@ -32,7 +33,20 @@ def build(occ, node: dict) -> list[tuple[int, int]]:
     if kind == "Difference":
         parts = [entity for part in node["parts"] for entity in build(occ, part)]
         return occ.cut(build(occ, node["whole"]), parts)[0]
+    if kind == "Placed":
+        moved = build(occ, node["solid"])
+        occ.rotate(moved, 0, 0, 0, *node["axis"], node["angle"])
+        occ.translate(moved, *node["translate"])
+        return moved
     return [entity for entity in occ.importShapes(node["path"]) if entity[0] == 3]
+
+
+def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
+    """Cuts the body along the surfaces of the regions into pieces that share their faces, hence their nodes."""
+    tools = [entity for region in regions for entity in build(occ, region)]
+    everything, made_of = occ.fragment([body], tools)
+    occ.remove([entity for entity in everything if entity not in made_of[0]], recursive=True)
+    occ.synchronize()
 
 
 def surface_volume(gmsh, path: str, unit: float) -> float:
@@ -68,6 +82,8 @@ def mesh(gmsh, job: dict) -> tuple[np.ndarray, np.ndarray, float]:
         if len(bodies) != 1:
             raise ValueError(f"the geometry is {len(bodies)} separate bodies, not one")
         volume = occ.getMass(*bodies[0])
+        if job["regions"]:
+            split(occ, bodies[0], job["regions"])
     _sizes(gmsh, job)
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")

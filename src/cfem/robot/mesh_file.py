@@ -1,4 +1,4 @@
-"""Meshes on disk: ours as .vtu that ParaView opens (sets as 0/1 arrays), and tetrahedra of the user's own."""
+"""Meshes on disk: ours as .vtu that ParaView opens (sets as 0/1 arrays), and the user's of tetrahedra or hexahedra."""
 
 from pathlib import Path
 
@@ -7,21 +7,25 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole
-from cfem.mechanics.mesh import Mesh, tet_volumes
+from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
+from cfem.robot.mesh_sets import CELL_SET, SET, arrays, named_sets
 
-_SET = "set:"
+# Cells by their number of nodes, as meshio calls them and their facets.
+_NAMES = {4: ("tetra", "triangle"), 10: ("tetra10", "triangle6"), 8: ("hexahedron", "quad")}
+# How the cells of the user's files are taken, by their corners: kind -> number of corners.
+_CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexahedron27": 8}
 
 
 def write_mesh(path: Path, mesh: Mesh) -> None:
-    """All cells and boundary facets; each set is an array 'set:<name>' on points (nodes) or cells (facets)."""
-    suffix = "10" if mesh.order == 2 else ""
-    blocks = [("tetra" + suffix, mesh.cells), ("triangle" + ("6" if suffix else ""), mesh.facets)]
-    on_points = {_SET + name: _flags(len(mesh.X), nodes) for name, nodes in mesh.node_sets.items()}
-    on_cells = {
-        _SET + name: [np.zeros(len(mesh.cells), np.int8), _flags(len(mesh.facets), facets)]
-        for name, facets in mesh.facet_sets.items()
-    }
-    whole = meshio.Mesh(mesh.X, blocks, point_data=on_points, cell_data=on_cells)
+    """All cells and boundary facets; each set is an array 'set:<name>' on points (nodes) or cells (facets), or
+    'cellset:<name>' on cells (cells)."""
+    solid, surface = _NAMES[mesh.cells.shape[1]]
+    m, k = len(mesh.cells), len(mesh.facets)
+    on_points = {SET + name: _flags(len(mesh.X), nodes) for name, nodes in mesh.node_sets.items()}
+    on_facets = {SET + name: [_flags(m, []), _flags(k, facets)] for name, facets in mesh.facet_sets.items()}
+    on_solid = {CELL_SET + name: [_flags(m, cells), _flags(k, [])] for name, cells in mesh.cell_sets.items()}
+    blocks = [(solid, mesh.cells), (surface, mesh.facets)]
+    whole = meshio.Mesh(mesh.X, blocks, point_data=on_points, cell_data=on_facets | on_solid)
     partial = path.with_suffix(".part.vtu")
     meshio.write(partial, whole, file_format="vtu")
     write_whole(path, partial.read_bytes())
@@ -32,60 +36,59 @@ def read_mesh(path: Path) -> Mesh:
     """What `write_mesh` wrote. InputError where it is missing or damaged."""
     data = _read(path)
     blocks = {block.type: index for index, block in enumerate(data.cells)}
-    solid = next((name for name in ("tetra10", "tetra") if name in blocks), None)
-    surface = {"tetra10": "triangle6", "tetra": "triangle"}.get(solid or "")
+    solid, surface = next((pair for pair in _NAMES.values() if pair[0] in blocks), (None, None))
     if solid is None or surface not in blocks:
-        raise InputError("is no mesh of cfem: tetrahedra and their boundary are missing", where=str(path))
-    facet_block = blocks[surface]
+        raise InputError("is no mesh of cfem: its cells and their boundary are missing", where=str(path))
+    solid_block, facet_block = blocks[solid], blocks[surface]
     return Mesh(
         X=np.ascontiguousarray(data.points, dtype=float),
-        cells=data.cells[blocks[solid]].data.astype(np.int64),
+        cells=data.cells[solid_block].data.astype(np.int64),
         facets=data.cells[facet_block].data.astype(np.int64),
-        node_sets={
-            name.removeprefix(_SET): np.flatnonzero(flags)
-            for name, flags in data.point_data.items()
-            if name.startswith(_SET)
-        },
-        facet_sets={
-            name.removeprefix(_SET): np.flatnonzero(flags[facet_block])
-            for name, flags in data.cell_data.items()
-            if name.startswith(_SET)
-        },
+        node_sets={name: np.flatnonzero(flags) for name, flags in arrays(data.point_data, SET)},
+        facet_sets={name: np.flatnonzero(flags[facet_block]) for name, flags in arrays(data.cell_data, SET)},
+        cell_sets={name: np.flatnonzero(flags[solid_block]) for name, flags in arrays(data.cell_data, CELL_SET)},
     )
 
 
-def read_tetrahedra(path: Path, unit: float) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """A user's mesh (.vtu, .vtk, .msh): X (n, 3) in mm (`unit` mm a number), cells (m, 4), named node sets from
-    physical groups and sets. Nodes that no tetrahedron uses are dropped, and mid-edge nodes."""
+def read_own(path: Path, unit: float) -> Mesh:
+    """A user's mesh (.vtu, .vtk, .msh) of tetrahedra or of hexahedra, corners only, upright, its numbers `unit` mm.
+
+    Sets are those of mesh_sets.py. Nodes that no cell uses are dropped. InputError for anything else."""
     data = _read(path)
-    cells = [block.data[:, :4] for block in data.cells if block.type in ("tetra", "tetra10")]
-    if not cells:
-        kinds = sorted({block.type for block in data.cells})
-        raise InputError(f"holds no tetrahedra, only {kinds}", where=str(path), do="mesh the volume with tetrahedra")
-    used, numbered = np.unique(np.concatenate(cells), return_inverse=True)
+    kinds = sorted({block.type for block in data.cells if block.dim == 3})
+    corners = {_CORNERS.get(kind, 0) for kind in kinds}
+    if corners not in ({4}, {8}):
+        found = kinds or sorted({block.type for block in data.cells})
+        raise InputError(
+            f"must hold tetrahedra or hexahedra and no other solid cells, got {', '.join(found) or 'none'}",
+            where=str(path),
+            do="mesh the volume with either",
+        )
+    solid = [index for index, block in enumerate(data.cells) if block.dim == 3]
+    cells = np.concatenate([data.cells[index].data[:, : max(corners)] for index in solid])
+    if len(np.unique(np.sort(cells, axis=1), axis=0)) < len(cells):
+        raise InputError(
+            "holds cells twice, as .msh 2 does where groups overlap", where=str(path), do="save it as .msh 4.1"
+        )
+    used, numbered = np.unique(cells, return_inverse=True)
     X = np.asarray(data.points, dtype=float)[used] * unit
     if X.shape[1] != 3 or not np.isfinite(X).all():
         raise InputError("has coordinates that are not finite numbers in three dimensions", where=str(path))
-    numbered = numbered.reshape(-1, 4)
-    if (np.abs(tet_volumes(X, numbered)) < 1e-12 * np.ptp(X, axis=0).max() ** 3).any():
-        raise InputError("has flat tetrahedra, of no volume", where=str(path), do="mesh it anew")
-    return X, numbered, {name: nodes for name, nodes in _named_nodes(data, used).items() if len(nodes)}
+    cells = _upright(X, numbered.reshape(cells.shape), path)
+    facets = boundary_facets(cells)
+    return Mesh(X, cells, facets, *named_sets(data, solid, used, facets))
 
 
-def _named_nodes(data: meshio.Mesh, used: np.ndarray) -> dict[str, np.ndarray]:
-    sets = {name: np.asarray(nodes, dtype=int) for name, nodes in data.point_sets.items()}
-    for name, flags in data.point_data.items():
-        if name.startswith(_SET):
-            sets[name.removeprefix(_SET)] = np.flatnonzero(flags)
-    for name, (tag, dimension) in data.field_data.items():
-        groups = data.cell_data.get("gmsh:physical", [])
-        inside = [
-            block.data[tags == tag].ravel()
-            for block, tags in zip(data.cells, groups, strict=False)
-            if block.dim == dimension
-        ]
-        sets[name] = np.unique(np.concatenate(inside)) if inside else np.empty(0, dtype=int)
-    return {name: np.flatnonzero(np.isin(used, nodes)) for name, nodes in sets.items()}
+def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
+    """The cells with those of negative volume turned inside out. InputError where one has no volume."""
+    volumes, mirror = (
+        (hex_volumes(X, cells), [4, 5, 6, 7, 0, 1, 2, 3])
+        if cells.shape[1] == 8
+        else (tet_volumes(X, cells), [0, 2, 1, 3])
+    )
+    if (np.abs(volumes) < 1e-12 * np.ptp(X, axis=0).max() ** 3).any():
+        raise InputError("has flat cells, of no volume", where=str(path), do="mesh it anew")
+    return np.where((volumes < 0)[:, None], cells[:, mirror], cells)
 
 
 def _read(path: Path) -> meshio.Mesh:
@@ -96,10 +99,12 @@ def _read(path: Path) -> meshio.Mesh:
     except SystemExit as error:  # meshio exits the process on formats that it does not know
         raise InputError("is of no mesh format that can be read", where=str(path)) from error
     except Exception as error:  # a parser of damaged bytes may raise anything
-        raise InputError(f"cannot be read as a mesh: {type(error).__name__} {error}", where=str(path)) from error
+        # meshio's own limit: a .msh 4 with Mesh.SaveAll
+        do = "save it from gmsh without Mesh.SaveAll: what is in groups only" if "gmsh:physical" in str(error) else None
+        raise InputError(f"cannot be read as a mesh: {type(error).__name__} {error}", where=str(path), do=do) from error
 
 
-def _flags(n: int, members: np.ndarray) -> np.ndarray:
-    flags = np.zeros(n, dtype=np.int8)
-    flags[members] = 1
+def _flags(size: int, members) -> np.ndarray:
+    flags = np.zeros(size, dtype=np.int8)
+    flags[np.asarray(members, dtype=int)] = 1
     return flags

@@ -1,48 +1,118 @@
-"""From a scene's geometry to its mesh, by gmsh in a process of its own or from the user's file."""
+"""From a scene's geometry to its mesh: by gmsh in a process of its own, as a block, or from the user's file."""
 
 import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from cfem.core.errors import InputError, NumericalError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.mechanics.element import ELEMENTS
-from cfem.mechanics.mesh import Mesh, boundary_facets, quadratic, tet_volumes
+from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
+from cfem.robot import hexahedra, selection
 from cfem.robot.bar import bar
-from cfem.robot.cad import File, Solid, as_data
-from cfem.robot.mesh_file import read_tetrahedra
+from cfem.robot.cad import Box, File, Placed, Solid, as_data
+from cfem.robot.geometry import Assembly, Bar, MeshFile, Part, Single, SoftFinger
+from cfem.robot.mesh_file import read_own
+from cfem.robot.placement import join, place, seen_from
 from cfem.robot.soft_finger import soft_finger
-from cfem.robot.spec import Bar, MeshFile, Meshing, SceneSpec, SoftFinger
+from cfem.robot.spec import Meshing, SceneSpec
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
+
+Region = Box | Placed
 
 
 def make_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
     """The scene's mesh, and the CAD volume in mm^3 where there is one. Paths in the spec are relative to `folder`.
 
-    Raises InputError (file, missing libraries), NumericalError (cannot be meshed)."""
-    geometry = scene.geometry
-    if isinstance(geometry, MeshFile) and geometry.path.suffix.lower() != ".stl":
-        X, cells, node_sets = read_tetrahedra(folder / geometry.path, geometry.unit)
-        volume = None
+    Raises InputError (file, missing libraries), SpecError (an element that the geometry cannot be meshed with),
+    NumericalError (cannot be meshed)."""
+    regions = [
+        Box(tuple(item.region.low.tolist()), tuple(item.region.high.tolist()))
+        for item in scene.materials
+        if isinstance(item.region, selection.Box)
+    ]
+    if isinstance(scene.geometry, Assembly):
+        made = {part.name: _part(part, scene.mesh, regions, folder) for part in scene.geometry.parts}
+        mesh = join({name: mesh for name, (mesh, _) in made.items()})
+        volumes = [volume for _, volume in made.values()]
+        volume = None if None in volumes else sum(volumes)
     else:
-        X, cells, volume = run_gmsh(solid_of(scene, folder), scene.mesh)
-        node_sets = {}
-    inverted = tet_volumes(X, cells) < 0
-    cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
-    facets = boundary_facets(cells)
-    if ELEMENTS[scene.mesh.element].order == 2:
-        X, cells, facets = quadratic(X, cells, facets)
-    return Mesh(X, cells, facets, node_sets), volume
+        mesh, volume = _corners(scene.geometry, scene.mesh, regions, folder, "geometry")
+    return _with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
 
 
-def solid_of(scene: SceneSpec, folder: Path) -> Solid:
-    """The scene's geometry as a tree of solids."""
-    geometry = scene.geometry
+def _part(part: Part, meshing: Meshing, regions: Sequence[Box], folder: Path) -> tuple[Mesh, float | None]:
+    """As `make_mesh`, corners only, in the scene's coordinates."""
+    own = meshing.model_copy(update={"size": part.size or meshing.size, "refine": part.refine})
+    mesh, volume = _corners(
+        part.geometry, own, [seen_from(region, part) for region in regions], folder, f"part '{part.name}'"
+    )
+    return place(mesh, part), volume
+
+
+def _corners(
+    geometry: Single, meshing: Meshing, regions: Sequence[Region], folder: Path, where: str
+) -> tuple[Mesh, float | None]:
+    """Mesh of corner nodes only in the geometry's own coordinates, and the CAD volume where there is one. A mesh that
+    is made here conforms to the regions, within an .stl excepted; one of hexahedra to those along its axes."""
+    kind = "hexahedra" if ELEMENTS[meshing.element].n_nodes == 8 else "tetrahedra"
+    if isinstance(geometry, MeshFile) and geometry.path.suffix.lower() != ".stl":
+        mesh, volume = read_own(folder / geometry.path, geometry.unit), None
+        held = "hexahedra" if mesh.cells.shape[1] == 8 else "tetrahedra"
+        if held != kind:
+            works = "hex8" if held == "hexahedra" else "tet4, tet10 or tet10p0"
+            raise SpecError(
+                f"{where}: {geometry.path} holds {held}, and mesh.element {meshing.element} is of {kind}",
+                do=f"set mesh.element to {works}",
+            )
+        return mesh, volume
+    solid = solid_of(geometry, folder)
+    if kind == "hexahedra":
+        X, cells, volume = _hexahedra(geometry, solid, meshing, regions, where)
+    else:
+        stl = isinstance(geometry, MeshFile)
+        X, cells, volume = run_gmsh(solid, meshing, () if stl else regions)
+        inverted = tet_volumes(X, cells) < 0
+        cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
+    return Mesh(X, cells, boundary_facets(cells)), volume
+
+
+def _hexahedra(
+    geometry: Single, solid: Solid, meshing: Meshing, regions: Sequence[Region], where: str
+) -> tuple[np.ndarray, np.ndarray, float]:
+    if not isinstance(geometry, Bar):
+        raise SpecError(
+            f"{where}: kind {geometry.kind} cannot be meshed with hex8",
+            do="hex8 works with kind bar and with mesh files of hexahedra; here use tet10p0, tet10 or tet4",
+        )
+    if meshing.refine:
+        raise SpecError(f"{where}: refine is for tetrahedra, not for hex8", do="leave it out and make size smaller")
+    X, cells = hexahedra.block(solid, meshing.size, [region for region in regions if isinstance(region, Box)])
+    return X, cells, geometry.length * geometry.width * geometry.height
+
+
+def _with_middles(mesh: Mesh) -> Mesh:
+    """Quadratic tetrahedra; a middle of an edge is in the node sets that both of its ends are in."""
+    X, cells, facets = quadratic(mesh.X, mesh.cells, mesh.facets)
+    edges = cells[:, :4][:, TET_EDGES].reshape(-1, 2)
+    middles = cells[:, 4:].ravel()
+    node_sets = {}
+    for name, nodes in mesh.node_sets.items():
+        inside = np.zeros(len(X), dtype=bool)
+        inside[nodes] = True
+        inside[middles[inside[edges].all(axis=1)]] = True
+        node_sets[name] = np.flatnonzero(inside)
+    return Mesh(X, cells, facets, node_sets, mesh.facet_sets, mesh.cell_sets)
+
+
+def solid_of(geometry: Single, folder: Path) -> Solid:
+    """A geometry as a tree of solids."""
     if isinstance(geometry, SoftFinger):
         return soft_finger(geometry)
     if isinstance(geometry, Bar):
@@ -53,8 +123,9 @@ def solid_of(scene: SceneSpec, folder: Path) -> Solid:
     return File(str(path), geometry.unit if isinstance(geometry, MeshFile) else 1.0)
 
 
-def run_gmsh(solid: Solid, meshing: Meshing) -> tuple[np.ndarray, np.ndarray, float]:
-    """X (n, 3) mm, cells (m, 4), CAD volume mm^3: the same for the same arguments."""
+def run_gmsh(solid: Solid, meshing: Meshing, regions: Sequence[Region] = ()) -> tuple[np.ndarray, np.ndarray, float]:
+    """X (n, 3) mm, cells (m, 4), CAD volume mm^3: the same for the same arguments. No cell straddles the surface of a
+    region."""
     refine = [
         {
             "low": part.corners.min(axis=0).tolist(),
@@ -64,11 +135,16 @@ def run_gmsh(solid: Solid, meshing: Meshing) -> tuple[np.ndarray, np.ndarray, fl
         }
         for part in meshing.refine
     ]
-    job = json.dumps({"solid": as_data(solid), "size": meshing.size, "refine": refine})
+    job = {
+        "solid": as_data(solid),
+        "size": meshing.size,
+        "refine": refine,
+        "regions": [as_data(region) for region in regions],
+    }
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "mesh.npz"
         command = [sys.executable, "-m", "cfem.robot.gmsh_process", str(out)]
-        done = subprocess.run(command, input=job, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, input=json.dumps(job), capture_output=True, text=True, check=False)
         cause = done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit {done.returncode}"
         if done.returncode == 10:
             raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")

@@ -1,4 +1,4 @@
-"""How good a mesh is: dihedral angles, inverted cells, and its volume against the CAD model's."""
+"""How good a mesh is: angles or corners, inverted cells, and its volume against the CAD model's."""
 
 from dataclasses import asdict, dataclass
 
@@ -7,15 +7,21 @@ import numpy as np
 from cfem.mechanics.element import barycentric_gradients
 from cfem.mechanics.mesh import Mesh
 
+# The three neighbours of each corner of a hexahedron in VTK's node order, right-handed.
+_NEIGHBOURS = np.array([[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]])
+
 
 @dataclass(frozen=True)
 class Quality:
-    """Angles in degrees, volumes in mm^3, volume_error relative to the CAD volume (None where there is none)."""
+    """Of tetrahedra the smallest and largest dihedral angle in degrees; of hexahedra the smallest scaled Jacobian of a
+    corner, 1 for a right angle on all sides; None each for the other. Volumes in mm^3, volume_error relative to the CAD
+    volume (None where there is none)."""
 
     nodes: int
     cells: int
-    smallest_dihedral_deg: float
-    largest_dihedral_deg: float
+    smallest_dihedral_deg: float | None
+    largest_dihedral_deg: float | None
+    smallest_scaled_jacobian: float | None
     inverted: int
     volume: float
     cad_volume: float | None
@@ -26,15 +32,23 @@ class Quality:
 
 
 def quality(mesh: Mesh, cad_volume: float | None) -> Quality:
-    """Inverted cells are those of negative volume."""
-    angles = dihedral_angles(mesh)
+    """Inverted cells are tetrahedra of negative volume, and hexahedra with a corner that is."""
     volume = float(mesh.volumes.sum())
+    if mesh.cells.shape[1] == 8:
+        corners = scaled_jacobians(mesh)
+        smallest, largest, jacobian = None, None, float(corners.min())
+        inverted = (corners <= 0).any(axis=1)
+    else:
+        angles = dihedral_angles(mesh)
+        smallest, largest, jacobian = float(angles.min()), float(angles.max()), None
+        inverted = mesh.volumes <= 0
     return Quality(
         nodes=len(mesh.X),
         cells=len(mesh.cells),
-        smallest_dihedral_deg=float(angles.min()),
-        largest_dihedral_deg=float(angles.max()),
-        inverted=int((mesh.volumes <= 0).sum()),
+        smallest_dihedral_deg=smallest,
+        largest_dihedral_deg=largest,
+        smallest_scaled_jacobian=jacobian,
+        inverted=int(inverted.sum()),
         volume=volume,
         cad_volume=cad_volume,
         volume_error=None if cad_volume is None else volume / cad_volume - 1,
@@ -48,3 +62,10 @@ def dihedral_angles(mesh: Mesh) -> np.ndarray:
     first, second = np.triu_indices(4, 1)
     cosines = -np.einsum("mfd,mfd->mf", normals[:, first], normals[:, second])
     return np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+
+
+def scaled_jacobians(mesh: Mesh) -> np.ndarray:
+    """(m, 8) in [-1, 1]: determinant of the unit vectors along the three edges at each corner of hexahedra (Knupp,
+    Int. J. Numer. Meth. Engng 48, 2000)."""
+    edges = mesh.X[mesh.cells[:, _NEIGHBOURS]] - mesh.X[mesh.cells][:, :, None]
+    return np.linalg.det(edges / np.linalg.norm(edges, axis=3, keepdims=True))

@@ -1,9 +1,9 @@
-"""Which part of a mesh is meant: boxes, balls, half spaces, or sets that the mesh file names."""
+"""Which part of a mesh is meant: boxes, balls, half spaces, or sets by name. Coordinates are the scene's."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Field
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
@@ -11,11 +11,28 @@ from cfem.core.units import Length, Point, Points
 from cfem.mechanics.mesh import Mesh
 
 
+def _directed(value: list[float]) -> list[float]:
+    if not any(value) or not np.isfinite(value).all():
+        raise ValueError(f"expected a direction, not ({', '.join(f'{number:g}' for number in value)})")
+    return value
+
+
+Direction = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(_directed)]
+
+
 class Box(Spec):
     """All points between two opposite corners."""
 
     kind: Literal["box"]
     corners: Points
+
+    @property
+    def low(self) -> np.ndarray:
+        return self.corners.min(axis=0)
+
+    @property
+    def high(self) -> np.ndarray:
+        return self.corners.max(axis=0)
 
 
 class Sphere(Spec):
@@ -31,52 +48,81 @@ class Plane(Spec):
 
     kind: Literal["plane"]
     point: Point
-    normal: list[float] = Field(min_length=3, max_length=3)
-
-    @field_validator("normal")
-    @classmethod
-    def _directed(cls, value: list[float]) -> list[float]:
-        if not any(value):
-            raise ValueError("expected a direction, not (0, 0, 0)")
-        return value
+    normal: Direction
 
 
 class Named(Spec):
-    """A node or facet set (physical group) of the mesh file."""
+    """A node, facet or cell set of the mesh: a physical group of the mesh file, or a part of an assembly."""
 
     kind: Literal["name"]
     name: str
 
 
-Selection = Box | Sphere | Plane | Named
+Shape = Box | Sphere | Plane
+Selection = Annotated[Shape | Named, Field(discriminator="kind")]
 
 
-def select_nodes(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
+def select_nodes(mesh: Mesh, selection: Shape | Named, where: str) -> np.ndarray:
     """Indices of the nodes meant, ascending. SpecError, naming `where`, if there are none."""
-    nodes = np.flatnonzero(_chosen(mesh, selection, where))
-    if len(nodes) == 0:
-        raise SpecError(
-            f"{where}: the {selection.kind} selects no node of the mesh", do="check its coordinates and units"
-        )
-    return nodes
-
-
-def _chosen(mesh: Mesh, selection: Selection, where: str) -> np.ndarray:
-    slack = 1e-6 * mesh.size
-    if isinstance(selection, Box):
-        low, high = selection.corners.min(axis=0), selection.corners.max(axis=0)
-        return ((low - slack <= mesh.X) & (high + slack >= mesh.X)).all(axis=1)
-    if isinstance(selection, Sphere):
-        return np.linalg.norm(mesh.X - selection.centre, axis=1) <= selection.radius + slack
-    if isinstance(selection, Plane):
-        normal = np.asarray(selection.normal)
-        return (mesh.X - selection.point) @ normal >= -slack * np.linalg.norm(normal)
-    chosen = np.zeros(len(mesh.X), dtype=bool)
-    if selection.name in mesh.node_sets:
-        chosen[mesh.node_sets[selection.name]] = True
-    elif selection.name in mesh.facet_sets:
-        chosen[mesh.facets[mesh.facet_sets[selection.name]]] = True
+    if isinstance(selection, Named):
+        chosen = np.zeros(len(mesh.X), dtype=bool)
+        chosen[_named_nodes(mesh, selection.name, where)] = True
     else:
-        known = sorted({*mesh.node_sets, *mesh.facet_sets})
-        raise SpecError(f"{where}: the mesh has no set '{selection.name}'", do=f"it has {known}")
-    return chosen
+        chosen = _inside(mesh.X, selection, 1e-6 * mesh.size)
+    return _some(chosen, selection, where, "node")
+
+
+def select_cells(mesh: Mesh, selection: Shape | Named, where: str) -> np.ndarray:
+    """Indices of the cells meant, ascending: those whose centroid lies inside, or a cell set. SpecError, naming
+    `where`, if there are none."""
+    if isinstance(selection, Named):
+        return cells_of(mesh, selection.name, where)
+    corners = mesh.cells[:, : 8 if mesh.cells.shape[1] == 8 else 4]
+    centroids = mesh.X[corners].mean(axis=1)
+    return _some(_inside(centroids, selection, 1e-6 * mesh.size), selection, where, "cell")
+
+
+def cells_of(mesh: Mesh, name: str, where: str) -> np.ndarray:
+    """The cell set `name`. SpecError, naming `where` and the sets that there are."""
+    if name not in mesh.cell_sets:
+        raise _unknown(where, "cell set", name, mesh.cell_sets)
+    return np.sort(mesh.cell_sets[name])
+
+
+def facets_of(mesh: Mesh, name: str, where: str) -> np.ndarray:
+    """The nodes (k, 3 | 6 | 4) of the facets in the set `name`. SpecError, naming `where` and the sets there are."""
+    if name not in mesh.facet_sets:
+        raise _unknown(where, "facet set", name, mesh.facet_sets)
+    return mesh.facets[mesh.facet_sets[name]]
+
+
+def _named_nodes(mesh: Mesh, name: str, where: str) -> np.ndarray:
+    if name in mesh.node_sets:
+        return mesh.node_sets[name]
+    if name in mesh.facet_sets:
+        return mesh.facets[mesh.facet_sets[name]]
+    if name in mesh.cell_sets:
+        return mesh.cells[mesh.cell_sets[name]]
+    raise _unknown(where, "set", name, {*mesh.node_sets, *mesh.facet_sets, *mesh.cell_sets})
+
+
+def _inside(points: np.ndarray, shape: Shape, slack: float) -> np.ndarray:
+    """(k,) whether each point (k, 3) lies in the shape, or within `slack` mm of it."""
+    if isinstance(shape, Box):
+        return ((shape.low - slack <= points) & (shape.high + slack >= points)).all(axis=1)
+    if isinstance(shape, Sphere):
+        return np.linalg.norm(points - shape.centre, axis=1) <= shape.radius + slack
+    normal = np.asarray(shape.normal)
+    return (points - shape.point) @ normal >= -slack * np.linalg.norm(normal)
+
+
+def _some(chosen: np.ndarray, selection: Shape | Named, where: str, what: str) -> np.ndarray:
+    if not chosen.any():
+        raise SpecError(
+            f"{where}: the {selection.kind} selects no {what} of the mesh", do="check its coordinates and units"
+        )
+    return np.flatnonzero(chosen)
+
+
+def _unknown(where: str, what: str, name: str, known) -> SpecError:
+    return SpecError(f"{where}: the mesh has no {what} '{name}'", do=f"it has {sorted(known) or 'none'}")

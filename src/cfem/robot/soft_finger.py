@@ -3,7 +3,7 @@
 from math import tan
 
 from cfem.robot.cad import Box, Difference, Frustum, Prism, Solid, Union
-from cfem.robot.spec import SoftFinger
+from cfem.robot.geometry import SoftFinger
 
 # mm; not design parameters of the paper
 BELLOW_OVERHANG = 6.0

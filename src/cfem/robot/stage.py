@@ -1,14 +1,15 @@
 """`cfem mesh`: scene.yaml to a mesh folder."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.mechanics.mesh import Mesh
-from cfem.robot.spec import MeshFile, SceneSpec, StepFile
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, StepFile
+from cfem.robot.spec import SceneSpec
 
 MESH = "mesh.vtu"
 
@@ -17,10 +18,18 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     """Make (or find up to date) the mesh of a scene; returns the manifest."""
     scene = load_spec(spec_path, SceneSpec, overrides)
     folder = spec_path.parent
-    geometry = scene.geometry
-    source = {"geometry": folder / geometry.path} if isinstance(geometry, MeshFile | StepFile) else {}
+    source = {name: folder / path for name, path in files(scene.geometry).items()}
     stage = Stage("mesh", 1, scene, source, out or folder / scene.out, paths=("out",))
     return run_stage(stage, lambda target: _work(scene, folder, target), options)
+
+
+def files(geometry: Geometry) -> dict[str, Path]:
+    """The files that a geometry is read from, each by the name of what it is an input of."""
+    if isinstance(geometry, Assembly):
+        own = {f"part {part.name}": part.geometry for part in geometry.parts}
+    else:
+        own = {"geometry": geometry}
+    return {name: one.path for name, one in own.items() if isinstance(one, MeshFile | StepFile)}
 
 
 def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
@@ -32,8 +41,7 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     mesh, volume = make_mesh(scene, folder)
     figures = quality(mesh, volume)
     if figures.inverted:
-        raise InputError(f"{figures.inverted} tetrahedra are inverted", where=scene.name, do="mesh it anew")
+        raise InputError(f"{figures.inverted} cells are inverted", where=scene.name, do="mesh it anew")
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
-    mesh = Mesh(mesh.X, mesh.cells, mesh.facets, {**mesh.node_sets, "fixed": robot.fixed}, mesh.facet_sets)
-    write_mesh(target / MESH, mesh)
+    write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
     return figures.as_dict()

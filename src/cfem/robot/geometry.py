@@ -1,0 +1,97 @@
+"""The shapes that a robot may have: from the catalogue, from a file, or several of these placed side by side."""
+
+from math import pi
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from cfem.core.spec import Spec
+from cfem.core.units import Angle, Length, Point, Points
+from cfem.robot.selection import Direction
+
+
+class SoftFinger(Spec):
+    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025); defaults are the paper's."""
+
+    kind: Literal["soft-finger"]
+    segment_length: Length = Field(default=40.0, gt=0)
+    height: Length = Field(default=20.0, gt=0)
+    joint_height: Length = Field(default=6.0, gt=0)
+    thickness: Length = Field(default=17.5, gt=0)
+    slope: Angle = Field(default=pi / 4, gt=0, lt=pi / 2)
+
+
+class Bar(Spec):
+    """A bar along x from the origin, centred on the x axis."""
+
+    kind: Literal["bar"]
+    length: Length = Field(default=60.0, gt=0)
+    width: Length = Field(default=10.0, gt=0)
+    height: Length = Field(default=10.0, gt=0)
+
+
+class MeshFile(Spec):
+    """A mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh) or closed surface (.stl) of the user's own, its numbers in
+    `unit`."""
+
+    kind: Literal["mesh-file"]
+    path: Path
+    unit: Length = Field(default=1.0, gt=0)
+
+
+class StepFile(Spec):
+    """A solid in a STEP file, whose units it states itself."""
+
+    kind: Literal["step"]
+    path: Path
+
+
+Single = SoftFinger | Bar | MeshFile | StepFile
+
+
+class Refinement(Spec):
+    """A finer mesh size within a box, blending into the rest over `blend`."""
+
+    corners: Points
+    size: Length = Field(gt=0)
+    blend: Length = Field(default=6.0, ge=0)
+
+
+class Turn(Spec):
+    """A rotation by `angle` about the line through the origin along `axis`, by the right-hand rule."""
+
+    axis: Direction
+    angle: Angle
+
+
+class Part(Spec):
+    """One body of several: its geometry turned by `rotate` about its own origin and then moved by `translate`. size:
+    of its mesh, in the place of mesh.size. refine: in the part's own coordinates, those of its geometry before it is
+    placed, so that equal parts have equal meshes. All else in a scene is in the scene's coordinates."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    geometry: Annotated[Single, Field(discriminator="kind")]
+    rotate: Turn | None = None
+    translate: Point | None = None
+    size: Annotated[Length, Field(gt=0)] | None = None
+    refine: list[Refinement] = []
+
+
+class Assembly(Spec):
+    """Several bodies, each meshed on its own. The name of a part is that of its cells, nodes and facets; a set `end` of
+    its mesh file is `part.end`. Touching parts are not joined, unless by a rigid group."""
+
+    kind: Literal["assembly"]
+    parts: list[Part] = Field(min_length=1)
+
+    @field_validator("parts")
+    @classmethod
+    def _distinct(cls, parts: list[Part]) -> list[Part]:
+        names = [part.name for part in parts]
+        if len(set(names)) < len(names):
+            raise ValueError(f"names of parts must differ, got {names}")
+        return parts
+
+
+Geometry = Annotated[Single | Assembly, Field(discriminator="kind")]
