@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test bench lint schemas soft-finger-paper figures clean $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures clean $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -14,6 +14,9 @@ demo: .venv/all
 
 test: .venv/dev
 	$(PYTHON) -m pytest
+
+test-slow: .venv/dev
+	$(PYTHON) -m pytest -m slow
 
 bench: .venv/dev
 	$(PYTHON) -m pytest benchmarks

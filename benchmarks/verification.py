@@ -22,12 +22,12 @@ EXACT = Settings(tolerance=1e-12)
 def tangent_error(problem: Problem, base) -> float:
     """Relative error of A v against central differences of the residual along a random v."""
     v = np.random.default_rng(0).standard_normal(problem.pattern.n_dof)
-    lambda_a = base.state.lambda_a
+    lambda_a = base.lambda_a
     at = problem.evaluate(base.state.x, np.empty(0))
     data, _ = problem.stiffness(at, lambda_a)
     product = symmetric_product(problem.pattern, data, v[:, None])[:, 0]
     h = 1e-4
-    moved = (base.state.x + sign * h * problem.spread(v) for sign in (1, -1))
+    moved = (base.state.x + sign * h * problem.kinematics.spread(base.state.x, v) for sign in (1, -1))
     up, down = (problem.evaluate(x, np.empty(0)).residual(lambda_a) for x in moved)
     slope = (up - down) / (2 * h)
     return float(np.linalg.norm(product - slope) / np.linalg.norm(slope))
@@ -38,10 +38,9 @@ def solve_errors(problem: Problem, base) -> tuple[float, float]:
     rows = problem.robot.rows
     compliance, force = [], []
     for j in range(rows.n_a):
-        h = 1e-2 * base.state.lambda_a[j] * np.eye(rows.n_a)[j]
+        h = 1e-2 * base.lambda_a[j] * np.eye(rows.n_a)[j]
         up, down, up2, down2 = (
-            solve(problem, actuation.force(base.state.lambda_a + k * h), base.state, settings=EXACT)
-            for k in (1, -1, 2, -2)
+            solve(problem, actuation.force(base.lambda_a + k * h), base.state, settings=EXACT) for k in (1, -1, 2, -2)
         )
         full = [np.concatenate([state.delta_e, state.delta_a]) for state in (up, down, up2, down2)]
         slope = (8 * (full[0] - full[1]) - (full[2] - full[3])) / (12 * h[j])
@@ -53,7 +52,7 @@ def solve_errors(problem: Problem, base) -> tuple[float, float]:
             solve(problem, actuation.displacement(delta_a), base.state, settings=EXACT) for delta_a in moved
         )
         slope = (8 * (up.energy - down.energy) - (up2.energy - down2.energy)) / (12 * h)
-        force.append(abs(slope / base.state.lambda_a[j] - 1))
+        force.append(abs(slope / base.lambda_a[j] - 1))
     return float(max(compliance)), float(max(force))
 
 

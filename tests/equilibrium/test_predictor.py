@@ -50,7 +50,7 @@ def test_a_quadratic_map_is_met_exactly_from_scattered_states():
     target = np.array([0.4, 0.6])
     start = predict(knots, target, displacement(target))
     np.testing.assert_allclose(start.x, at(target).x, atol=1e-11)
-    np.testing.assert_allclose(start.lambda_a, K @ target, atol=1e-11)
+    np.testing.assert_allclose(start.lam, K @ target, atol=1e-11)
 
 
 def test_the_predicted_state_meets_what_is_asked():
@@ -58,7 +58,7 @@ def test_the_predicted_state_meets_what_is_asked():
     knots = [solved(u + 0.1 * step) for step in np.random.default_rng(2).uniform(-1, 1, (8, 2))]
     asked = actuation("pulling", u, FACTS.reach)
     start = predict(knots, u, asked)
-    np.testing.assert_allclose(start.lambda_a / asked.C[0], start.lambda_a[0] / asked.C[0, 0], rtol=1e-8)
+    np.testing.assert_allclose(start.lam / asked.C[0], start.lam[0] / asked.C[0, 0], rtol=1e-8)
     assert asked.C @ start.x[0, :2] == pytest.approx(asked.target, abs=1e-8)
     assert len(start.pressure) == 0
 
@@ -67,7 +67,7 @@ def test_prescribed_forces_are_met_too():
     u = np.array([0.5, 0.5])
     knots = [solved(u + 0.05 * step) for step in np.random.default_rng(2).uniform(-1, 1, (14, 2))]
     wanted = solved(u)
-    start = predict(knots, u, force(wanted.lambda_a))
+    start = predict(knots, u, force(wanted.lam))
     np.testing.assert_allclose(start.x, wanted.x, atol=1e-4)
 
 
@@ -91,6 +91,6 @@ def test_tangents_are_those_of_the_map():
     here = solved(u)
     for axis in range(2):
         step = h * np.eye(2)[axis]
-        ahead, behind = (SOLVER.solve(displacement(here.delta_a + sign * step), None).state.x for sign in (1, -1))
+        ahead, behind = (SOLVER.solve(displacement(here.delta + sign * step), None).state.x for sign in (1, -1))
         np.testing.assert_allclose(here.dx[..., axis], (ahead - behind) / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(here.stiffness, energy(here.delta_a[None])[2][0], rtol=1e-10)
+    np.testing.assert_allclose(here.stiffness, energy(here.delta[None])[2][0], rtol=1e-10)

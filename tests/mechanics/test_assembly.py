@@ -13,14 +13,14 @@ def test_blocks_land_where_a_dense_assembly_puts_them(seed, n, m, n_fixed):
     cells = np.array([rng.choice(n, 4, replace=False) for _ in range(m)])
     fixed = rng.choice(n, n_fixed, replace=False)
     clique = rng.choice(n, 3, replace=False)
-    pattern = make_pattern(n, cells, fixed, [clique])
+    pattern = make_pattern(n, [cells, clique[None]], fixed)
     dense = np.zeros((n, 3, n, 3))
     data = np.zeros(pattern.nnz)
-    groups = [(cell, pattern.cells[i]) for i, cell in enumerate(cells)] + [(clique, pattern.cliques[0])]
+    groups = [(cell, pattern.slots[0][i]) for i, cell in enumerate(cells)] + [(clique, pattern.slots[1][0])]
     for nodes, slots in groups:
         block = rng.standard_normal((3 * len(nodes), 3 * len(nodes)))
         block = block + block.T
-        add_blocks(block, slots, data)
+        add_blocks(block[None], slots[None], data)
         for a, node_a in enumerate(nodes):
             for b, node_b in enumerate(nodes):
                 dense[node_a, :, node_b, :] += block[3 * a : 3 * a + 3, 3 * b : 3 * b + 3]

@@ -4,7 +4,7 @@ import pytest
 from cfem.mechanics.assembly import make_pattern
 from cfem.mechanics.factorization import SingularMatrixError, analyze
 
-PATTERN = make_pattern(3, np.array([[0, 1, 2]]), np.array([], dtype=int))
+PATTERN = make_pattern(3, [np.array([[0, 1, 2]])], np.array([], dtype=int))
 
 
 def lower(matrix):

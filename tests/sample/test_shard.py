@@ -40,5 +40,5 @@ def test_states_come_back_bit_for_bit(tmp_path):
     known = [knot(u, SyntheticSolver().solve(ASKED, None)) for u in np.eye(2)]
     write_knots(tmp_path / "skeleton.npz", known)
     for before, after in zip(known, read_knots(tmp_path / "skeleton.npz"), strict=True):
-        for name in ("place", "delta_a", "lambda_a", "stiffness", "x", "dx"):
+        for name in ("place", "delta", "lam", "stiffness", "x", "dx"):
             np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

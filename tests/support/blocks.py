@@ -7,11 +7,14 @@ import numpy as np
 from cfem.condensed import Rows
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
+from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
+from cfem.mechanics.body import Body, make_body
 from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.load import gravity
 from cfem.mechanics.material import LAWS
+from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh, boundary_facets, quadratic, tet_volumes
-from cfem.mechanics.solid import make_solid
 from cfem.robot.robot import Robot
 
 
@@ -38,12 +41,46 @@ def block(size, divisions, order=1, distort=0.0, seed=0) -> Mesh:
     return Mesh(X, cells, facets)
 
 
+def hexahedra(size, divisions, distort=0.0, seed=0) -> Mesh:
+    """A box [0, size] of divisions[0] x [1] x [2] hexahedra, interior nodes moved as in `block`."""
+    tets = block(size, divisions, 1, distort, seed)
+    nx, ny, nz = divisions
+    strides = np.array([(ny + 1) * (nz + 1), nz + 1, 1])
+    corner = np.stack(np.meshgrid(*(np.arange(n) for n in (nx, ny, nz)), indexing="ij"), axis=-1).reshape(-1, 3)
+    offsets = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
+    cells = (corner @ strides)[:, None] + offsets @ strides
+    return Mesh(tets.X, cells, boundary_facets(cells))
+
+
+def box(size, divisions, element: str, distort=0.0) -> Mesh:
+    """A structured box in the cells that the element needs."""
+    if ELEMENTS[element].n_nodes == 8:
+        return hexahedra(size, divisions, distort)
+    return block(size, divisions, ELEMENTS[element].order, distort)
+
+
+def box_body(size, divisions, element="tet10p0", law="neo-hookean", young=1.0, poisson=0.45, distort=0.0) -> Body:
+    """One homogeneous box."""
+    material = Material(LAWS[law], young, poisson)
+    return make_body(box(size, divisions, element, distort), ELEMENTS[element], material)
+
+
 def bar(
-    element="tet10p0", law="neo-hookean", young=1.0, poisson=0.45, divisions=(8, 2, 2), radius=2.0, cables=2
+    element="tet10p0",
+    law="neo-hookean",
+    young=1.0,
+    poisson=0.45,
+    divisions=(8, 2, 2),
+    radius=2.0,
+    cables=2,
+    contact=False,
+    rigid_end=False,
+    weight=0.0,
 ) -> Robot:
-    """A 60 x 10 x 10 mm bar along x, held at x = 0, with cables along its lower and upper sides, watched at its end."""
-    mesh = block((60, 10, 10), divisions, ELEMENTS[element].order)
-    solid = make_solid(mesh, ELEMENTS[element], LAWS[law], young, poisson)
+    """A 60 x 10 x 10 mm bar along x, held at x = 0, with cables along its lower and upper sides, watched at its end.
+    contact: at the middle of its upper side; rigid_end: the last cubes; weight: in N, downwards (-z)."""
+    body = box_body((60, 10, 10), divisions, element, law, young, poisson)
+    mesh = body.mesh
     actuators = []
     for index, (y, z) in enumerate([(5.0, 1.0), (3.0, 9.0), (8.0, 8.0)][:cables]):
         points = [attach(mesh, np.array([x, y, z]), radius, f"cable {index}") for x in (15.0, 35.0, 55.0)]
@@ -51,12 +88,19 @@ def bar(
     effector = make_effector(mesh, np.array([60.0, 5.0, 5.0]), radius, 10.0, "tip")
     return Robot(
         name="bar",
-        body=solid,
+        body=body,
         fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
         actuators=tuple(actuators),
         effectors=(effector,),
-        rows=Rows(("tip.x", "tip.y", "tip.z"), tuple(f"cable {i}" for i in range(cables))),
+        rows=Rows(
+            ("tip.x", "tip.y", "tip.z"),
+            tuple(f"cable {i}" for i in range(cables)),
+            ("touch.x", "touch.y", "touch.z") if contact else (),
+        ),
         reach=np.tile([0.0, 8.0], (cables, 1)),
         unilateral=np.ones(cables, dtype=bool),
         length=60.0,
+        contacts=(make_contact(mesh, np.array([30.0, 5.0, 9.0]), radius, "touch"),) if contact else (),
+        rigid=(np.flatnonzero(mesh.X[:, 0] > 60 - 60 / divisions[0] - 1e-9),) if rigid_end else (),
+        loads=gravity(body, weight / 6000.0, np.array([0.0, 0.0, -1.0])) if weight else None,
     )

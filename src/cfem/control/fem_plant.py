@@ -93,10 +93,10 @@ class FemPlant:
         return self._last is not None and bool(np.abs(self._last.delta_a - delta_a).max() < 1e-9)
 
     def _pushes(self) -> bool:
-        lam = self._last.state.lambda_a
+        lam = self._last.lambda_a
         return bool((self._problem.robot.unilateral & (lam < -1e-9 * np.abs(lam).max())).any())
 
     def _measurement(self) -> Measurement:
         last = self._last
         x_e = self._problem.robot.rest_e + last.delta_e
-        return Measurement(x_e, last.delta_a, last.state.lambda_a, self._t, "converged")
+        return Measurement(x_e, last.delta_a, last.lambda_a, self._t, "converged")

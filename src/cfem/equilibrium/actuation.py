@@ -1,39 +1,50 @@
-"""What is prescribed to the actuators: displacements, forces, or a mixture, in one form.
+"""What is prescribed to the active rows (actuators, then contacts): displacements, forces, or a mixture, in one form.
 
-lambda_a = offset + C^T mu      and      C delta_a = target
+lambda = offset + C^T mu      and      C delta = target
 
-with C (m, n_a) and unknown mu (m,). C = 1 prescribes every displacement; m = 0 prescribes every force; C = the unit
+with C (m, n) and unknown mu (m,). C = 1 prescribes every displacement; m = 0 prescribes every force; C = the unit
 rows of the taut cables leaves the others slack (offset 0); C = one row u^T pulls all cables in proportion u until the
 weighted displacement reaches its target, which stays well posed wherever the robot can be."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """C: (m, n_a) rows, dimensionless; target: (m,) mm; offset: (n_a,) N."""
+    """C: (m, n) rows, dimensionless; target: (m,) mm (mm^3 for chambers); offset: (n,) N (MPa); load: share of the
+    scene's constant loads that acts."""
 
     C: np.ndarray
     target: np.ndarray
     offset: np.ndarray
+    load: float = 1.0
 
     @property
-    def n_a(self) -> int:
+    def n(self) -> int:
+        """Active rows."""
         return len(self.offset)
 
+    def padded(self, n: int) -> "Actuation":
+        """For n active rows, of which those after mine (contacts) are left free: their multipliers are 0."""
+        extra = n - self.n
+        if extra == 0:
+            return self
+        C = np.hstack([self.C, np.zeros((len(self.C), extra))])
+        return replace(self, C=C, offset=np.concatenate([self.offset, np.zeros(extra)]))
 
-def displacement(delta_a: np.ndarray) -> Actuation:
-    """Every actuator displacement prescribed, (n_a,) mm."""
-    delta_a = np.asarray(delta_a, dtype=float)
-    return Actuation(np.eye(len(delta_a)), delta_a, np.zeros(len(delta_a)))
+
+def displacement(delta: np.ndarray) -> Actuation:
+    """Every displacement prescribed, (n,) mm: of the actuators, or of actuators and contacts."""
+    delta = np.asarray(delta, dtype=float)
+    return Actuation(np.eye(len(delta)), delta, np.zeros(len(delta)))
 
 
-def force(lambda_a: np.ndarray) -> Actuation:
-    """Every multiplier prescribed, (n_a,) N."""
-    lambda_a = np.asarray(lambda_a, dtype=float)
-    return Actuation(np.zeros((0, len(lambda_a))), np.zeros(0), lambda_a)
+def force(lam: np.ndarray) -> Actuation:
+    """Every multiplier prescribed, (n,) N."""
+    lam = np.asarray(lam, dtype=float)
+    return Actuation(np.zeros((0, len(lam))), np.zeros(0), lam)
 
 
 def pull(share: np.ndarray, reach: np.ndarray, amount: float | None = None) -> Actuation:

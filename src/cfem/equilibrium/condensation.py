@@ -14,25 +14,26 @@ _ENOUGH = 1e-7
 
 
 def condense(
-    problem: Problem, at: Evaluation, lambda_a: np.ndarray, tangent: Tangent, cost: Cost
+    problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, cost: Cost
 ) -> tuple[Condensed, np.ndarray, Factor]:
-    """W and delta_free at an equilibrium; the response dx/dlambda (n, 3, n_a) mm/N; the factor that gave them.
+    """W and delta_free at an equilibrium; the response dx/dlambda (n, 3, n) mm/N of the active rows; the factor that
+    gave them.
 
     Raises SingularMatrixError where A has to be factored anew and is singular."""
     robot = problem.robot
     B = np.hstack([problem.gradients(robot.effectors, at.x), at.H])
-    data, _ = problem.stiffness(at, lambda_a)
+    data, _ = problem.stiffness(at, lam)
     factor = tangent.factor
     Z, rest, error = _refine(problem, data, factor, B)
     if error > _ENOUGH:
-        factor = problem.factor(at, lambda_a, cost).factor
+        factor = problem.factor(at, lam, cost).factor
         Z, rest, error = _refine(problem, data, factor, B)
     W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2
-    delta = np.concatenate([*(row.value(at.x) - row.rest for row in robot.effectors), at.delta_a])
+    delta = np.concatenate([*(row.value(at.x) - row.rest for row in robot.effectors), at.delta])
     rows = robot.rows
-    condensed = Condensed(rows, W, delta - W[:, rows.active] @ lambda_a, lambda_a.copy())
-    response = np.stack([problem.spread(column) for column in Z[:, rows.a].T], axis=-1)
+    condensed = Condensed(rows, W, delta - W[:, rows.active] @ lam, lam.copy())
+    response = np.stack([problem.kinematics.spread(at.x, column) for column in Z[:, rows.active].T], axis=-1)
     return condensed, response, factor
 
 
@@ -49,4 +50,5 @@ def _refine(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -
 
 
 def _relative(rest: np.ndarray, B: np.ndarray) -> float:
-    return float((np.linalg.norm(rest, axis=0) / np.linalg.norm(B, axis=0)).max())
+    size = np.maximum(np.linalg.norm(B, axis=0), np.finfo(float).tiny)  # a watched point may be one that is held
+    return float((np.linalg.norm(rest, axis=0) / size).max())

@@ -1,10 +1,14 @@
 """Newton's method on (x, p, mu) for one actuation, reusing each factorisation while it converges.
 
 With A dx = -R + H C^T dmu and C (delta + H^T dx) = target, the border is eliminated: S = C H^T A^-1 H C^T is m x m.
-The correction at a trial point, by the same factor, judges the step that led there (the affine-invariant monotonicity
-test: Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 3.3) and is the next chord step for nothing. Its
-ratio to the correction before, theta, decides: below `slow` the factor serves on; above, the tangent is factored anew;
-a step from a fresh factor that does not contract, or inverts an element, is halved."""
+The correction at the new point, by the same factor, is the next chord step for nothing, and its ratio to the one before
+says how fast the chord converges (Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1): below `slow`
+the factor serves on; above, the tangent is factored anew.
+
+A fresh tangent takes the stress in its geometric part from the linearisation that led there (solid.stress_lag). Full
+steps then converge over large rotations of stiff parts, where a line search would creep: it judges by residuals that
+the false strain of a linear step dominates. A step is shortened only where it would invert an element; one whose
+corrections grow is given up, and continuation takes a shorter one."""
 
 from dataclasses import dataclass
 
@@ -18,40 +22,56 @@ from cfem.mechanics.factorization import SingularMatrixError
 
 @dataclass(frozen=True)
 class Settings:
-    """tolerance:      of the relative residual
-    rounding_tolerance: residual that is accepted where corrections have sunk to the rounding of positions
+    """tolerance:      of the relative residual, where rounding lets it be reached
     max_iterations: of one load step
     slow:           contraction above which the tangent is factored anew (0.4: fewest seconds on the finger)
+    max_growth:     fresh corrections in a row that may be larger than the one before
     smallest_step:  fraction of the whole load at which continuation gives up
     first_step:     fraction that a cold start tries first"""
 
     tolerance: float = 1e-10
-    rounding_tolerance: float = 1e-8
-    max_iterations: int = 30
+    max_iterations: int = 40
     slow: float = 0.4
+    max_growth: int = 3
     smallest_step: float = 1e-3
     first_step: float = 0.5
 
 
 @dataclass(frozen=True)
 class NewtonResult:
-    """at, lambda_a: last iterate; tangent: the last factored one; residual: relative, at the last iterate."""
+    """at, lam: last iterate; tangent: the last factored one; residual: relative, at the last iterate, and the level
+    that rounding sets it; beyond: negative eigenvalues of A beyond those that the actuation holds, 0 where the
+    equilibrium is stable."""
 
     status: Status
     at: Evaluation
-    lambda_a: np.ndarray
+    lam: np.ndarray
     tangent: Tangent | None
     residual: float
+    rounding: float
     iterations: int
+    beyond: int = 0
 
     @property
     def state(self) -> State:
-        return State(self.at.x, self.at.pressure, self.lambda_a)
+        return State(self.at.x, self.at.pressure, self.lam, self.at.load)
+
+
+@dataclass(frozen=True)
+class _Border:
+    """ZC = A^-1 H C^T (n_dof, m) and S = C H^T A^-1 H C^T (m, m) at the factored state."""
+
+    ZC: np.ndarray
+    S: np.ndarray
+
+    @property
+    def negative(self) -> int:
+        return int((np.linalg.eigvalsh((self.S + self.S.T) / 2) < 0).sum()) if len(self.S) else 0
 
 
 @dataclass(frozen=True)
 class _Correction:
-    """step (n, 3) mm, pressure (m,) MPa, multipliers (n_a,) N: the change that the factor at hand proposes."""
+    """step (n_dof,) mm, pressure (m,) MPa, multipliers (n,) N: the change that the factor at hand proposes."""
 
     step: np.ndarray
     pressure: np.ndarray
@@ -64,79 +84,83 @@ class _Correction:
 
 def newton(problem: Problem, start: State, actuation: Actuation, settings: Settings, cost: Cost) -> NewtonResult:
     """Solve for `actuation` from `start`. Never raises for numerical failure: see `status`."""
-    lambda_a = _admissible(start.lambda_a, actuation)
-    at = problem.evaluate(problem.hold(start.x), start.pressure)
-    rounding = 1e-13 * problem.robot.body.mesh.size
-    tangent, residual = None, np.inf
-    for iteration in range(settings.max_iterations + 1):
-        fresh = tangent is None
-        if fresh:
+    lam = _admissible(start.lam, actuation)
+    at = problem.evaluate(problem.kinematics.hold(start.x), start.pressure, actuation.load)
+    smallest = 1e-13 * problem.robot.body.mesh.size  # mm a node: positions are no more exact
+    tangent, border, residual, rounding, status = None, None, np.inf, 0.0, Status.TOO_MANY_ITERATIONS
+    before, last, growth = None, np.inf, 0
+    begin = cost.iterations
+    for _ in range(settings.max_iterations + 1):
+        if tangent is None:
             try:
-                tangent = problem.factor(at, lambda_a, cost)
-            except SingularMatrixError:
-                return NewtonResult(Status.SINGULAR, at, lambda_a, None, residual, iteration)
-            ZC = (
-                tangent.factor.solve(at.H @ actuation.C.T) if len(actuation.C) else np.zeros((problem.pattern.n_dof, 0))
-            )
-            correction = _correct(problem, at, lambda_a, tangent, actuation, ZC)
-        residual = relative_residual(problem, at, lambda_a, tangent)
-        if _closed(problem, actuation, at) and (
-            residual <= settings.tolerance or (correction.size <= rounding and residual <= settings.rounding_tolerance)
-        ):
-            return NewtonResult(Status.CONVERGED, at, lambda_a, tangent, residual, iteration)
-        cost.iterations += 1
-        for halvings in range(5 if fresh else 1):
-            part = 0.5**halvings
-            trial = problem.evaluate(at.x + part * correction.step, at.pressure + part * correction.pressure)
-            if not trial.response.min_J > 0.0:
-                continue
-            lambda_trial = lambda_a + part * correction.multipliers
-            following = _correct(problem, trial, lambda_trial, tangent, actuation, ZC)
-            if following.size <= max((1 - part / 4) * correction.size, rounding):
+                tangent = problem.factor(at, lam, cost, before)
+                border = _border(at, tangent, actuation)
+                correction = _correct(problem, at, lam, tangent, actuation, border)
+            except (SingularMatrixError, np.linalg.LinAlgError):
+                status, tangent = Status.SINGULAR, None
                 break
-        else:
-            if fresh:
-                return NewtonResult(Status.STEP_TOO_SMALL, at, lambda_a, tangent, residual, iteration)
+            rounding = problem.rounding(at, lam, tangent)
+            growth = growth + 1 if correction.size > last else 0
+            last = correction.size
+        stalled, residual = residual, problem.relative_residual(at, lam, tangent)
+        stalled = residual <= rounding and residual > 0.5 * stalled
+        if _closed(problem, actuation, at) and (residual <= settings.tolerance or stalled):
+            status = Status.CONVERGED
+            break
+        trial, part = _step(problem, at, correction)
+        if trial is None or growth >= settings.max_growth or not np.isfinite(correction.size):
+            status = Status.STEP_TOO_SMALL
+            break
+        cost.iterations += 1
+        before, at, lam = at, trial, lam + part * correction.multipliers
+        following = _correct(problem, at, lam, tangent, actuation, border)
+        if part < 1.0 or following.size > max(settings.slow * correction.size, smallest):
             tangent = None
-            continue
-        slow = following.size > max(settings.slow * correction.size, rounding)
-        at, lambda_a, correction, tangent = trial, lambda_trial, following, (None if slow else tangent)
-    return NewtonResult(Status.TOO_MANY_ITERATIONS, at, lambda_a, tangent, residual, settings.max_iterations)
+        correction = following
+    beyond = 0 if tangent is None else tangent.factor.negative - border.negative
+    return NewtonResult(status, at, lam, tangent, residual, rounding, cost.iterations - begin, beyond)
+
+
+def _step(problem: Problem, at: Evaluation, correction: _Correction) -> tuple[Evaluation | None, float]:
+    """The state after the step, halved as often as it inverts an element, and the part taken; None where it cannot."""
+    for halvings in range(6):
+        part = 0.5**halvings
+        x = problem.kinematics.move(at.x, part * correction.step)
+        trial = problem.evaluate(x, at.pressure + part * correction.pressure, at.load)
+        if trial.response.min_J > 0.0:
+            return trial, part
+    return None, 0.0
+
+
+def _border(at: Evaluation, tangent: Tangent, actuation: Actuation) -> _Border:
+    HC = at.H @ actuation.C.T
+    ZC = tangent.factor.solve(HC) if len(actuation.C) else HC
+    return _Border(ZC, HC.T @ ZC)
 
 
 def _correct(
-    problem: Problem,
-    at: Evaluation,
-    lambda_a: np.ndarray,
-    tangent: Tangent,
-    actuation: Actuation,
-    ZC: np.ndarray,
-):
-    """The (chord) Newton correction at `at` with the factor of `tangent`; ZC = A^-1 H C^T belongs to that factor."""
+    problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, actuation: Actuation, border: _Border
+) -> _Correction:
+    """The (chord) Newton correction at `at` with the factor of `tangent`, to which `border` belongs."""
     C = actuation.C
-    imbalance = at.residual(lambda_a) + problem.pressure_residual(at, tangent)
+    imbalance = at.residual(lam) + problem.pressure_residual(at, tangent)
     free = -tangent.factor.solve(imbalance[:, None])[:, 0]
     dmu = np.zeros(0)
     if len(C):
-        gap = actuation.target - C @ at.delta_a
-        dmu = np.linalg.solve(C @ at.H.T @ ZC, gap - C @ (at.H.T @ free))
-    step = problem.spread(free + ZC @ dmu)
+        gap = actuation.target - C @ at.delta
+        dmu = np.linalg.solve(C @ at.H.T @ border.ZC, gap - C @ (at.H.T @ free))
+    step = free + border.ZC @ dmu
     return _Correction(step, problem.pressure_step(at, tangent, step), C.T @ dmu)
 
 
-def relative_residual(problem: Problem, at: Evaluation, lambda_a: np.ndarray, tangent: Tangent) -> float:
-    """|R with the demanded pressures| over the largest of |f_int|, |H lambda| and the floor."""
-    size = max(np.linalg.norm(at.force), np.linalg.norm(at.H @ lambda_a), problem.force_floor)
-    parts = np.linalg.norm(at.residual(lambda_a)), np.linalg.norm(problem.pressure_residual(at, tangent))
-    return float(sum(parts) / size)
-
-
-def _admissible(lambda_a: np.ndarray, actuation: Actuation) -> np.ndarray:
-    """The multipliers nearest to lambda_a of the form offset + C^T mu."""
-    mu = np.linalg.lstsq(actuation.C.T, lambda_a - actuation.offset, rcond=None)[0]
+def _admissible(lam: np.ndarray, actuation: Actuation) -> np.ndarray:
+    """The multipliers nearest to lam of the form offset + C^T mu."""
+    mu = np.linalg.lstsq(actuation.C.T, lam - actuation.offset, rcond=None)[0]
     return actuation.offset + actuation.C.T @ mu
 
 
 def _closed(problem: Problem, actuation: Actuation, at: Evaluation) -> bool:
-    gap = actuation.target - actuation.C @ at.delta_a
-    return bool((np.abs(gap) <= 1e-12 * problem.robot.body.mesh.size * np.linalg.norm(actuation.C, axis=1)).all())
+    """Whether C delta is what it should be, to the rounding of positions."""
+    gap = actuation.target - actuation.C @ at.delta
+    per_row = np.abs(actuation.C) @ np.abs(at.H).sum(axis=0)
+    return bool((np.abs(gap) <= 1e-13 * problem.robot.body.mesh.size * per_row).all())

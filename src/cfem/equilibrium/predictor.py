@@ -1,8 +1,9 @@
 """Where to start a solve: Hermite prediction from solved states nearby.
 
-Every solved state knows x, lambda_a and their derivatives by delta_a: dx/ddelta_a = dx/dlambda_a W_aa^-1 and
-dlambda_a/ddelta_a = W_aa^-1. A polynomial in delta_a, fitted to all of them by weighted least squares, errs by the
-power degree + 1 of the distance; its degree grows with the number of neighbours, from the tangent of a single one."""
+Every solved state knows x, lambda and their derivatives by delta: dx/ddelta = dx/dlambda W^-1, dlambda/ddelta = W^-1
+(of the actuators, and of the contacts where they are prescribed as well). A polynomial in delta, fitted to all of them
+by weighted least squares, errs by the power degree + 1 of the distance; its degree grows with the number of neighbours,
+from the tangent of a single one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +25,12 @@ _EQUATIONS_PER_TERM = 1.5
 class Knot:
     """A solved state.
 
-    place (n_a,): coordinates by which nearness is judged (those of the plan, or delta_a); delta_a (n_a,) mm;
-    lambda_a (n_a,) N; stiffness (n_a, n_a) = W_aa^-1 N/mm; x (n, 3) mm; dx (n, 3, n_a) = dx/ddelta_a."""
+    place: coordinates by which nearness is judged (those of the plan, or delta); delta (n_a,) mm; lam (n_a,) N;
+    stiffness (n_a, n_a) = W_aa^-1 N/mm; x (n, 3) mm; dx (n, 3, n_a) = dx/ddelta. n_a counts the rows involved."""
 
     place: np.ndarray
-    delta_a: np.ndarray
-    lambda_a: np.ndarray
+    delta: np.ndarray
+    lam: np.ndarray
     stiffness: np.ndarray
     x: np.ndarray
     dx: np.ndarray
@@ -40,11 +41,13 @@ def is_new(knots: Sequence[Knot], candidate: Knot, distance: float) -> bool:
     return all(float(np.linalg.norm(known.place - candidate.place)) > distance for known in knots)
 
 
-def knot(place: np.ndarray, solved: Equilibrium) -> Knot:
-    """Of a converged, condensed equilibrium."""
-    stiffness = np.linalg.inv(solved.condensed.W_aa)
-    dx = np.einsum("nia,ab->nib", solved.dx_dlambda, stiffness)
-    return Knot(place, solved.delta_a, solved.state.lambda_a, stiffness, solved.state.x, dx)
+def knot(place: np.ndarray, solved: Equilibrium, contacts: bool = False) -> Knot:
+    """Of a converged, condensed equilibrium; contacts: whether their rows are involved, or free of force."""
+    rows = solved.condensed.rows.active if contacts else solved.condensed.rows.a
+    stiffness = np.linalg.inv(solved.condensed.W[rows, rows])
+    n = len(stiffness)
+    dx = np.einsum("nia,ab->nib", solved.response[:, :, :n], stiffness)
+    return Knot(place, solved.delta[:n], solved.state.lam[:n], stiffness, solved.state.x, dx)
 
 
 def predict(knots: Sequence[Knot], place: np.ndarray, actuation: Actuation) -> State | None:
@@ -60,14 +63,14 @@ def predict(knots: Sequence[Knot], place: np.ndarray, actuation: Actuation) -> S
         local = _fit(members)
         place = _match(local, actuation)
         if place is not None:
-            delta_a, lambda_a = place
-            return State(local.x(delta_a), np.empty(0), lambda_a)
-    return State(around[0].x, np.empty(0), around[0].lambda_a)
+            delta, lam = place
+            return State(local.x(delta), np.empty(0), lam)
+    return State(around[0].x, np.empty(0), around[0].lam)
 
 
 @dataclass(frozen=True)
 class _Local:
-    """Polynomial in xi = to_xi (delta_a - centre) as weights of the knots' values and xi-derivatives.
+    """Polynomial in xi = to_xi (delta - centre) as weights of the knots' values and xi-derivatives.
 
     solution (terms, m (1 + n_a)) takes those to coefficients."""
 
@@ -78,19 +81,19 @@ class _Local:
     exponents: np.ndarray
     solution: np.ndarray
 
-    def weights(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) of the values and (m, n_a) of the derivatives by delta_a, whose sum is the polynomial at delta_a."""
-        basis, _ = _monomials((self.to_xi @ (delta_a - self.centre))[None], self.exponents)
+    def weights(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(m,) of the values and (m, n_a) of the derivatives by delta, whose sum is the polynomial at delta."""
+        basis, _ = _monomials((self.to_xi @ (delta - self.centre))[None], self.exponents)
         weights = (basis[0] @ self.solution).reshape(len(self.knots), -1)
         return weights[:, 0], weights[:, 1:] @ self.from_xi.T
 
-    def lambda_a(self, delta_a: np.ndarray) -> np.ndarray:
-        value, slope = self.weights(delta_a)
+    def lam(self, delta: np.ndarray) -> np.ndarray:
+        value, slope = self.weights(delta)
         terms = zip(self.knots, value, slope, strict=True)
-        return sum(w * known.lambda_a + known.stiffness @ v for known, w, v in terms)
+        return sum(w * known.lam + known.stiffness @ v for known, w, v in terms)
 
-    def x(self, delta_a: np.ndarray) -> np.ndarray:
-        value, slope = self.weights(delta_a)
+    def x(self, delta: np.ndarray) -> np.ndarray:
+        value, slope = self.weights(delta)
         terms = zip(self.knots, value, slope, strict=True)
         first = self.knots[0].x  # relative to it, so that held nodes do not move by the rounding of the weights
         return first + sum(w * (known.x - first) + known.dx @ v for known, w, v in terms)
@@ -99,8 +102,8 @@ class _Local:
 def _fit(knots: Sequence[Knot]) -> _Local:
     """Polynomial around knots[0], the nearest. Distances are measured in energy, d^T W_aa^-1 d, which has the same unit
     for cables and chambers and stretches the directions in which the robot is stiff; near knots weigh more."""
-    n_a = len(knots[0].delta_a)
-    offsets = np.array([known.delta_a - knots[0].delta_a for known in knots])
+    n_a = len(knots[0].delta)
+    offsets = np.array([known.delta - knots[0].delta for known in knots])
     root = np.linalg.cholesky(knots[0].stiffness).T
     size = np.sqrt(((offsets @ root.T) ** 2).sum(axis=1).max()) or 1.0
     to_xi = root / size
@@ -112,25 +115,25 @@ def _fit(knots: Sequence[Knot]) -> _Local:
     weight = (0.03 + (xi**2).sum(axis=1)) ** -3.0
     weighted = (weight[:, None, None] * system).reshape(-1, len(exponents))
     solution = np.linalg.pinv(weighted, rcond=1e-10) * np.repeat(weight, 1 + n_a)
-    return _Local(knots, knots[0].delta_a, to_xi, from_xi, exponents, solution)
+    return _Local(knots, knots[0].delta, to_xi, from_xi, exponents, solution)
 
 
 def _match(local: _Local, actuation: Actuation) -> tuple[np.ndarray, np.ndarray] | None:
-    """delta_a and lambda_a with lambda(delta_a) = offset + C^T mu and C delta_a = target, by Newton's method with the
+    """delta and lam with lambda(delta) = offset + C^T mu and C delta = target, by Newton's method with the
     nearest knot's derivative throughout; None where it does not converge."""
-    C, n_a = actuation.C, actuation.n_a
+    C, n_a = actuation.C, actuation.n
     first = local.knots[0]
     jacobian = np.block([[first.stiffness, -C.T], [C, np.zeros((len(C), len(C)))]])
-    delta_a, mu = first.delta_a, np.linalg.lstsq(C.T, first.lambda_a - actuation.offset, rcond=None)[0]
+    delta, mu = first.delta, np.linalg.lstsq(C.T, first.lam - actuation.offset, rcond=None)[0]
     smallest = np.inf
     for _ in range(30):
-        lambda_a = actuation.offset + C.T @ mu
-        residual = np.concatenate([local.lambda_a(delta_a) - lambda_a, C @ delta_a - actuation.target])
+        lam = actuation.offset + C.T @ mu
+        residual = np.concatenate([local.lam(delta) - lam, C @ delta - actuation.target])
         step = np.linalg.solve(jacobian, -residual)
-        delta_a, mu = delta_a + step[:n_a], mu + step[n_a:]
+        delta, mu = delta + step[:n_a], mu + step[n_a:]
         size = float(np.linalg.norm(local.to_xi @ step[:n_a]))
         if size < 1e-10:
-            return delta_a, actuation.offset + C.T @ mu
+            return delta, actuation.offset + C.T @ mu
         if size > 2 * smallest:
             return None
         smallest = min(smallest, size)

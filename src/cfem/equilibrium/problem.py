@@ -1,15 +1,18 @@
-"""The equations of one robot on its free unknowns: residual, gap of the actuation, and the factored tangent.
+"""The equations of one robot on its unknowns: residual, gap of the actuation, and the factored tangent.
 
-R(x, lambda) = f_int(x) - sum_j lambda_j grad delta_j(x) = 0        C delta_a(x) = target"""
+R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C delta(x) = target
+
+on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from cfem.constraint.protocol import Watched
-from cfem.mechanics.assembly import Pattern, add_blocks, make_pattern
+from cfem.mechanics.assembly import Pattern, add_blocks
+from cfem.mechanics.body import Response, bulk_over_volume, pressure_force, response, tangent, without
 from cfem.mechanics.factorization import Factor, analyze
-from cfem.mechanics.solid import Response, pressure_force, response, tangent
+from cfem.mechanics.rigid import make_kinematics
 from cfem.robot.robot import Robot
 
 
@@ -26,27 +29,29 @@ class Cost:
 class Evaluation:
     """The equations at one x and element pressure p.
 
-    force: (n_dof,) N internal forces on the free nodes; delta_a: (n_a,); H: (n_dof, n_a) gradients of delta_a"""
+    force: (n_dof,) N internal less the constant loads' share; delta: (n,); H: (n_dof, n) gradients of delta"""
 
     x: np.ndarray
     pressure: np.ndarray
+    load: float
     response: Response
     force: np.ndarray
-    delta_a: np.ndarray
+    delta: np.ndarray
     H: np.ndarray
 
-    def residual(self, lambda_a: np.ndarray) -> np.ndarray:
+    def residual(self, lam: np.ndarray) -> np.ndarray:
         """(n_dof,) N."""
-        return self.force - self.H @ lambda_a
+        return self.force - self.H @ lam
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """A factored at one state, with what the element pressures need: bulk / V and the gradient of theta_mean V."""
+    """A factored at one state, with the gradient of theta_mean V that the element pressures need; stiffest: (n_dof,)
+    N/mm, |diag A|."""
 
     factor: Factor
-    data: np.ndarray
     dtheta: np.ndarray
+    stiffest: np.ndarray
 
 
 class Problem:
@@ -54,81 +59,116 @@ class Problem:
 
     def __init__(self, robot: Robot):
         self.robot = robot
-        body = robot.body
-        cliques = [clique for actuator in robot.actuators for clique in actuator.cliques]
-        self.pattern: Pattern = make_pattern(len(body.mesh.X), body.mesh.cells, robot.fixed, cliques)
+        owner = np.full(len(robot.body.mesh.X), -1)
+        for number, nodes in enumerate(robot.rigid):
+            owner[nodes] = number
+        self.body = without(robot.body, owner) if robot.rigid else robot.body
+        cliques = [clique for row in robot.active for clique in row.cliques]
+        self.kinematics = make_kinematics(self.rest, [self.body.cells, *cliques], robot.fixed, robot.rigid)
         self._factor = analyze(self.pattern)
-        self._bulk_over_volume = body.bulk / body.weights.sum(axis=1)
+        self._bulk_over_volume = bulk_over_volume(self.body) if self.body.n_pressures else np.empty(0)
+        self._loads = None if robot.loads is None else self.kinematics.reduce(self.rest, robot.loads)
         # residuals are relative to the forces at hand, but never to less than a strain of 1e-10 over the whole body
-        self.force_floor = 1e-10 * body.shear * body.mesh.size**2
+        shear = min(part.shear for part in self.body.solids)
+        self.force_floor = 1e-10 * shear * robot.body.mesh.size**2
+
+    @property
+    def n_active(self) -> int:
+        """Active rows, of actuators and contacts."""
+        return self.robot.rows.n_a + self.robot.rows.n_c
+
+    @property
+    def pattern(self) -> Pattern:
+        return self.kinematics.pattern
 
     @property
     def rest(self) -> np.ndarray:
         return self.robot.body.mesh.X
 
-    def evaluate(self, x: np.ndarray, pressure: np.ndarray) -> Evaluation:
+    def evaluate(self, x: np.ndarray, pressure: np.ndarray, load: float = 1.0) -> Evaluation:
         """An empty pressure stands for the one that x itself demands."""
-        body = self.robot.body
-        at = response(body, x, pressure)
-        if body.n_pressures and len(pressure) == 0:
-            pressure = at.point_pressure[:: body.weights.shape[1]]
-        delta_a = np.array([actuator.value(x)[0] for actuator in self.robot.actuators])
-        return Evaluation(
-            x,
-            pressure,
-            at,
-            at.force[self.pattern.free].ravel(),
-            delta_a,
-            self.gradients(self.robot.actuators, x),
-        )
+        at = response(self.body, x, pressure)
+        nodal = at.force if self.robot.loads is None else at.force - load * self.robot.loads
+        delta = np.concatenate([row.value(x) - row.rest for row in self.robot.active])
+        H = self.gradients(self.robot.active, x)
+        return Evaluation(x, at.pressure, load, at, self.kinematics.reduce(x, nodal), delta, H)
 
     def gradients(self, rows: tuple[Watched, ...], x: np.ndarray) -> np.ndarray:
-        """(n_dof, sum of rows) on the free unknowns."""
-        columns = []
+        """(n_dof, sum of rows) on the unknowns."""
+        count = sum(len(row.rest) for row in rows)
+        nodal = np.zeros((len(x), 3, count))
+        column = 0
         for row in rows:
-            dense = np.zeros((len(row.rest), *x.shape))
-            dense[:, row.nodes] = row.gradient(x)
-            columns.append(dense[:, self.pattern.free].reshape(len(row.rest), -1).T)
-        return np.ascontiguousarray(np.hstack(columns))
+            end = column + len(row.rest)
+            nodal[row.nodes, :, column:end] = row.gradient(x).transpose(1, 2, 0)
+            column = end
+        return self.kinematics.reduce(x, nodal)
 
-    def stiffness(self, at: Evaluation, lambda_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Lower triangle of A = d f_int/dx - sum_j lambda_j hess delta_j, and dtheta of the elements."""
-        data = np.zeros(self.pattern.nnz)
-        dtheta = tangent(self.robot.body, at.response, self.pattern.cells, data)
-        slots = iter(self.pattern.cliques)
-        for actuator, multiplier in zip(self.robot.actuators, lambda_a, strict=True):
-            for slot, block in zip((next(slots) for _ in actuator.cliques), actuator.curvature(at.x), strict=True):
-                if multiplier != 0.0:
-                    add_blocks(-multiplier * block, slot, data)
-        return data, dtheta
+    def stiffness(
+        self, at: Evaluation, lam: np.ndarray, before: Evaluation | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Lower triangle of A = d f_int/dx - sum_j lambda_j hess delta_j, and dtheta of the elements. before: where the
+        linear step to `at` began, whose predicted stress then stiffens or softens A (body.tangent)."""
+        full = self.kinematics.full
+        data = np.zeros(full.nnz)
+        dtheta = tangent(self.body, at.response, full.slots[0], data, before and before.response)
+        slots, column = iter(full.slots[1:]), 0
+        for row in self.robot.active:
+            mine = [next(slots) for _ in row.cliques]
+            if mine and lam[column] != 0.0:
+                for slot, blocks in zip(mine, row.curvature(at.x), strict=True):
+                    add_blocks(-lam[column] * blocks, slot, data)
+            column += len(row.rest)
+        if not self.robot.rigid:
+            return data, dtheta
+        return self.kinematics.stiffness(at.x, data, self._unbalanced(at, lam)), dtheta
 
-    def factor(self, at: Evaluation, lambda_a: np.ndarray, cost: Cost) -> Tangent:
+    def factor(self, at: Evaluation, lam: np.ndarray, cost: Cost, before: Evaluation | None = None) -> Tangent:
         """Raises SingularMatrixError."""
-        data, dtheta = self.stiffness(at, lambda_a)
+        data, dtheta = self.stiffness(at, lam, before)
         cost.factorizations += 1
-        return Tangent(self._factor(data), data, dtheta)
+        return Tangent(self._factor(data), dtheta, np.abs(data[self.pattern.indptr[:-1]]))
 
     def pressure_residual(self, at: Evaluation, tangent: Tangent) -> np.ndarray:
         """(n_dof,) N: force of the pressure that the elements have yet to gain."""
         if len(at.response.mismatch) == 0:
             return np.zeros(self.pattern.n_dof)
-        return pressure_force(self.robot.body, tangent.dtheta, at.response.mismatch)[self.pattern.free].ravel()
+        return self.kinematics.reduce(at.x, pressure_force(self.body, tangent.dtheta, at.response.mismatch))
 
     def pressure_step(self, at: Evaluation, tangent: Tangent, step: np.ndarray) -> np.ndarray:
-        """(m,) MPa change of the element pressures that goes with nodal displacements `step` (n, 3)."""
+        """(m,) MPa change of the element pressures that goes with the change `step` (n_dof,) of the unknowns."""
         if len(at.response.mismatch) == 0:
             return np.empty(0)
-        work = np.einsum("mai,mai->m", tangent.dtheta, step[self.robot.body.mesh.cells])
+        moved = self.kinematics.spread(at.x, step)
+        work = np.einsum("mai,mai->m", tangent.dtheta, moved[self.body.cells])
         return at.response.mismatch + self._bulk_over_volume * work
 
-    def hold(self, x: np.ndarray) -> np.ndarray:
-        """x (n, 3) with the held nodes where they belong: no residual would tell if a start had moved them."""
-        held = x.copy()
-        held[self.robot.fixed] = self.rest[self.robot.fixed]
-        return held
+    def scale(self, at: Evaluation, lam: np.ndarray) -> float:
+        """N: what residuals are relative to, the largest of |f_int|, |f_ext|, |H lambda| and the floor."""
+        load = 0.0 if self._loads is None else at.load * float(np.linalg.norm(self._loads))
+        internal = at.force if self._loads is None else at.force + at.load * self._loads
+        return max(float(np.linalg.norm(internal)), load, float(np.linalg.norm(at.H @ lam)), self.force_floor)
 
-    def spread(self, free: np.ndarray) -> np.ndarray:
-        """(n_dof,) -> (n, 3), zero at held nodes."""
-        full = np.zeros_like(self.rest)
-        full[self.pattern.free] = free.reshape(-1, 3)
-        return full
+    def rounding(self, at: Evaluation, lam: np.ndarray, tangent: Tangent) -> float:
+        """Relative residual that rounding of the positions alone makes: eps |diag A| |x|."""
+        noise = np.finfo(float).eps * np.linalg.norm(tangent.stiffest) * np.abs(at.x).max()
+        return float(noise / self.scale(at, lam))
+
+    def relative_residual(self, at: Evaluation, lam: np.ndarray, tangent: Tangent | None = None) -> float:
+        """|R with the demanded pressures| over `scale`; the tangent is needed where pressures lag behind."""
+        parts = np.linalg.norm(at.residual(lam)) + (
+            np.linalg.norm(self.pressure_residual(at, tangent)) if len(at.response.mismatch) and tangent else 0.0
+        )
+        return float(parts / self.scale(at, lam))
+
+    def _unbalanced(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
+        """(n, 3) N nodal residual."""
+        nodal = at.response.force.copy()
+        if self.robot.loads is not None:
+            nodal -= at.load * self.robot.loads
+        column = 0
+        for row in self.robot.active:
+            end = column + len(row.rest)
+            nodal[row.nodes] -= np.einsum("j,jki->ki", lam[column:end], row.gradient(at.x))
+            column = end
+        return nodal

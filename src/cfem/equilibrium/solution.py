@@ -12,9 +12,12 @@ class Status(Enum):
     """How a solve ended; the value is the sentence that the user reads."""
 
     CONVERGED = "converged"
-    STEP_TOO_SMALL = "the load step fell below its smallest size: a limit point, or beyond what the robot can reach"
+    STEP_TOO_SMALL = "the load step fell below its smallest size, for no cause that the tangent stiffness shows"
+    LIMIT_POINT = "a limit point: no equilibrium follows the path beyond this load"
+    BIFURCATION = "a bifurcation: beyond this load the equilibrium buckles sideways"
+    OUT_OF_REACH = "out of reach: the multipliers grow without bound, or an element is about to invert"
     TOO_MANY_ITERATIONS = "the iterations allowed were used up"
-    SINGULAR = "the tangent stiffness is singular: a free rigid motion or a limit point"
+    SINGULAR = "the tangent stiffness is singular: a free rigid motion, or actuators that depend on each other"
     UNSTABLE = "the equilibrium is unstable: the tangent stiffness has negative eigenvalues"
     NOT_FINITE = "the input or the state holds numbers that are not finite"
 
@@ -23,35 +26,63 @@ class Status(Enum):
 class State:
     """All that a solve can start from.
 
-    x: (n, 3) mm nodal positions; pressure: (n_elements,) MPa, empty where the element has none; lambda_a: (n_a,) N."""
+    x: (n, 3) mm nodal positions; pressure: (n_elements,) MPa, empty where the element has none, or to be found from x;
+    lam: (n,) N multipliers of the active rows, actuators then contacts; load: share of the constant loads."""
 
     x: np.ndarray
     pressure: np.ndarray
-    lambda_a: np.ndarray
+    lam: np.ndarray
+    load: float = 1.0
 
 
 @dataclass(frozen=True)
 class Equilibrium:
     """One solved (or failed) state.
 
-    delta_a (n_a,) mm; delta_e (n_e,) mm from the rest position; slack (n_a,) cables that carry nothing;
-    energy: Psi = U - f_ext . u (N mm) in the state; residual: relative, recomputed after convergence;
+    delta: (n,) active displacements, those of the n_a actuators first; delta_e: (n_e,) mm from the rest position;
+    slack: (n_a,) cables that carry nothing; energy: Psi = U - f_ext . u (N mm) in the state;
+    residual: relative, recomputed after convergence; rounding: the relative residual that double precision resolves
+    here, below which nothing is asked;
+    path: share of the way to the actuation at which stability was lost or no further step was found, 1 where neither;
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
-    dx_dlambda: (n, 3, n_a) mm/N response of the nodes to the active multipliers, for predictors."""
+    response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors."""
 
     status: Status
     state: State
-    delta_a: np.ndarray
+    n_a: int
+    delta: np.ndarray
     delta_e: np.ndarray
     slack: np.ndarray
     energy: float
     residual: float
+    rounding: float
+    path: float
     iterations: int
     factorizations: int
     steps: int
     seconds: float
     condensed: Condensed | None
-    dx_dlambda: np.ndarray | None = None
+    response: np.ndarray | None = None
+
+    @property
+    def delta_a(self) -> np.ndarray:
+        """(n_a,) mm."""
+        return self.delta[: self.n_a]
+
+    @property
+    def delta_c(self) -> np.ndarray:
+        """(n_c,) mm."""
+        return self.delta[self.n_a :]
+
+    @property
+    def lambda_a(self) -> np.ndarray:
+        """(n_a,) N."""
+        return self.state.lam[: self.n_a]
+
+    @property
+    def lambda_c(self) -> np.ndarray:
+        """(n_c,) N."""
+        return self.state.lam[self.n_a :]
 
     @property
     def converged(self) -> bool:

@@ -1,27 +1,30 @@
 """From an actuation to an equilibrium: directly where a good start is given, else by adaptive continuation.
 
 Continuation leads the actuation from that of an equilibrium to the one asked for, halving a load step that fails and
-doubling one that went easily. A cable that would have to push is let slack, and pulled again where it would tighten."""
+doubling one that went easily. It watches the inertia of the tangent: where a path loses its stability, or ends, the
+status says of which kind the critical point is. A cable that would have to push is let slack, and pulled again where it
+would tighten."""
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.actuation import Actuation, force
 from cfem.equilibrium.condensation import condense as condensation
+from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.newton import NewtonResult, Settings, newton
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
-from cfem.mechanics.solid import response
 
 DEFAULT = Settings()
 
 
 def rest_state(problem: Problem) -> State:
-    """The undeformed robot, unloaded."""
-    return State(problem.rest, np.zeros(problem.robot.body.n_pressures), np.zeros(problem.robot.rows.n_a))
+    """The undeformed robot, no load on it."""
+    load = 1.0 if problem.robot.loads is None else 0.0
+    return State(problem.rest, np.zeros(problem.body.n_pressures), np.zeros(problem.n_active), load)
 
 
 def solve(
@@ -34,22 +37,34 @@ def solve(
     slack: bool = True,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
-    from the equilibrium `base`; failing that from rest.
+    from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
 
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
+    actuation = actuation.padded(problem.n_active)
     taut = np.ones(len(actuation.C), dtype=bool)
     allowed = 4 * len(actuation.C) if slack else 0
-    result = _reach(problem, actuation, start, base, settings, cost)
-    while result.status is Status.CONVERGED and allowed > 0:
-        change = _change_of_slack(problem, actuation, taut, result)
+    path = _reach(problem, actuation, start, base, settings, cost)
+    while path.result.status is Status.CONVERGED and allowed > 0:
+        change = _change_of_slack(problem, actuation, taut, path.result)
         if change is None:
             break
         taut[change] = not taut[change]
         allowed -= 1
-        result = _reach(problem, _only(actuation, taut), result.state, result.state, settings, cost)
-    return _answer(problem, result, actuation.C[taut], cost, begin, condense)
+        path = _reach(problem, _only(actuation, taut), path.result.state, path.result.state, settings, cost)
+    return _answer(problem, path, _only(actuation, taut), cost, begin, condense)
+
+
+@dataclass(frozen=True)
+class _Path:
+    """result: of the last Newton solve; lost: (stable, unstable) shares of the way between which stability was lost,
+    None where it never was; stable: the last converged stable result on the way; share: reached."""
+
+    result: NewtonResult
+    lost: tuple[float, float] | None = None
+    stable: NewtonResult | None = None
+    share: float = 1.0
 
 
 def _reach(
@@ -59,59 +74,72 @@ def _reach(
     base: State | None,
     settings: Settings,
     cost: Cost,
-) -> NewtonResult:
+) -> _Path:
     """Directly from the start, else by continuation from the base, else from rest."""
     if not all(_finite(actuation, state) for state in (start, base)):
         at = problem.evaluate(problem.rest, np.empty(0))
-        return NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n_a), None, np.inf, 0)
+        return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0))
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost)
-        if result.status is Status.CONVERGED:
-            return result
+        if result.status is Status.CONVERGED and result.beyond == 0:
+            return _Path(result)
     if base is not None:
-        result = _continuation(problem, actuation, base, settings, cost)
-        if result.status is Status.CONVERGED:
-            return result
+        path = _continuation(problem, actuation, base, settings, cost)
+        if path.result.status is Status.CONVERGED and path.lost is None:
+            return path
     return _continuation(problem, actuation, rest_state(problem), settings, cost)
 
 
-def _continuation(problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost) -> NewtonResult:
+def _continuation(problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost) -> _Path:
     C = actuation.C
-    first = np.array([actuator.value(start.x)[0] for actuator in problem.robot.actuators])
-    mu = np.linalg.lstsq(C.T, start.lambda_a, rcond=None)[0]
-    offset = start.lambda_a - C.T @ mu
-    done, step, state = 0.0, settings.first_step, start
+    first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
+    mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
+    offset = start.lam - C.T @ mu
+    done, step, state, lost, stable = 0.0, settings.first_step, start, None, None
+
+    def part(to: float) -> Actuation:
+        return Actuation(
+            C,
+            (1 - to) * (C @ first) + to * actuation.target,
+            (1 - to) * offset + to * actuation.offset,
+            (1 - to) * start.load + to * actuation.load,
+        )
+
     while True:
         to = min(1.0, done + step)
         cost.steps += 1
-        part = Actuation(C, (1 - to) * (C @ first) + to * actuation.target, (1 - to) * offset + to * actuation.offset)
         # loose on the way: only the last step has to be exact
         tuned = settings if to == 1.0 else replace(settings, tolerance=max(1e-4, settings.tolerance))
-        result = newton(problem, state, part, tuned, cost)
+        result = newton(problem, state, part(to), tuned, cost)
         if result.status is Status.CONVERGED:
+            if result.beyond > 0 and lost is None:
+                lost = (done, to)
+            elif lost is None:
+                stable = result
             if to == 1.0:
-                return result
+                return _Path(result, lost, stable)
             done, state = to, result.state
             step *= 2.0 if result.iterations <= 5 else 1.0
         else:
             step = (to - done) / 2
             if step < settings.smallest_step:
-                return result
+                return _Path(result, lost, stable, done)
 
 
 def _change_of_slack(problem: Problem, actuation: Actuation, taut: np.ndarray, result: NewtonResult) -> int | None:
     """The prescribed row to let go (it pushes) or to take up (its path has become too long), None where all is well."""
     rows = [np.flatnonzero(row) for row in actuation.C]
+    n_a = problem.robot.rows.n_a
     tension = np.zeros(len(rows))
     lack = np.zeros(len(rows))
     for index, row in enumerate(rows):
-        if len(row) == 1 and problem.robot.unilateral[row[0]]:
+        if len(row) == 1 and row[0] < n_a and problem.robot.unilateral[row[0]]:
             if taut[index]:
-                tension[index] = result.lambda_a[row[0]]
+                tension[index] = result.lam[row[0]]
             else:
-                lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta_a
-    if len(rows) and tension.min() < -1e-9 * max(np.abs(result.lambda_a).max(), problem.force_floor):
+                lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta
+    if len(rows) and tension.min() < -1e-9 * max(np.abs(result.lam).max(), problem.force_floor):
         return int(tension.argmin())
     if len(rows) and lack.max() > 1e-9 * problem.robot.body.mesh.size:
         return int(lack.argmax())
@@ -119,51 +147,74 @@ def _change_of_slack(problem: Problem, actuation: Actuation, taut: np.ndarray, r
 
 
 def _only(actuation: Actuation, taut: np.ndarray) -> Actuation:
-    return Actuation(actuation.C[taut], actuation.target[taut], actuation.offset)
+    return replace(actuation, C=actuation.C[taut], target=actuation.target[taut])
 
 
 def _finite(actuation: Actuation, start: State | None) -> bool:
     arrays = [actuation.C, actuation.target, actuation.offset]
-    arrays += [start.x, start.pressure, start.lambda_a] if start is not None else []
+    arrays += [start.x, start.pressure, start.lam] if start is not None else []
     return all(np.isfinite(array).all() for array in arrays)
 
 
 def _answer(
-    problem: Problem, result: NewtonResult, held: np.ndarray, cost: Cost, begin: float, condense: bool
+    problem: Problem, path: _Path, actuation: Actuation, cost: Cost, begin: float, condense: bool
 ) -> Equilibrium:
-    """held (m, n_a): rows of C that the actuation ended with."""
-    status, robot, x = result.status, problem.robot, result.at.x
-    condensed, response_a = None, None
+    """actuation: with the rows that are held at the end."""
+    result, robot, x = path.result, problem.robot, path.result.at.x
+    status, condensed, response_a = result.status, None, None
     if status is Status.CONVERGED and condense:
         try:
-            condensed, response_a, factor = condensation(problem, result.at, result.lambda_a, result.tangent, cost)
-            # stable with those rows held if A has no more negative eigenvalues than C W_aa C^T (Haynsworth's inertia)
-            if factor.negative > (np.linalg.eigvalsh(held @ condensed.W_aa @ held.T) < 0).sum():
+            condensed, response_a, factor = condensation(problem, result.at, result.lam, result.tangent, cost)
+            # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
+            act = robot.rows.active
+            held = actuation.C @ condensed.W[act, act] @ actuation.C.T
+            if factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
                 status = Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR
-    settled = response(robot.body, x)
-    imbalance = settled.force[problem.pattern.free].ravel() - result.at.H @ result.lambda_a
-    scale = max(
-        np.linalg.norm(settled.force[problem.pattern.free]),
-        np.linalg.norm(result.at.H @ result.lambda_a),
-        problem.force_floor,
-    )
-    slack = robot.unilateral & (
-        np.abs(result.lambda_a) <= 1e-9 * max(np.abs(result.lambda_a).max(initial=0.0), problem.force_floor)
-    )
+    if status not in (Status.CONVERGED, Status.NOT_FINITE):
+        status = _cause(problem, path, actuation, status, cost)
+    settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
+    work = 0.0 if robot.loads is None else result.at.load * float(np.sum(robot.loads * (x - problem.rest)))
+    n_a = robot.rows.n_a
+    largest = np.abs(result.lam).max(initial=0.0)
+    slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
     return Equilibrium(
         status=status,
         state=result.state,
-        delta_a=result.at.delta_a,
+        n_a=n_a,
+        delta=result.at.delta,
         delta_e=np.concatenate([effector.value(x) - effector.rest for effector in robot.effectors]),
         slack=slack,
-        energy=settled.energy,
-        residual=float(np.linalg.norm(imbalance) / scale),
+        energy=settled.response.energy - work,
+        residual=problem.relative_residual(settled, result.lam),
+        rounding=result.rounding,
+        path=path.share if path.lost is None else path.lost[1],
         iterations=cost.iterations,
         factorizations=cost.factorizations,
         steps=cost.steps,
         seconds=time.perf_counter() - begin,
         condensed=condensed,
-        dx_dlambda=response_a,
+        response=response_a,
     )
+
+
+def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, cost: Cost) -> Status:
+    """The name of what the path ended at: judged by the softest mode where it lost its stability or where the last
+    stable state lies, against that at rest."""
+    near = path.stable
+    if near is None or near.tangent is None:
+        return status
+    nothing = force(np.zeros(actuation.n))
+    try:
+        at = problem.evaluate(problem.rest, np.empty(0), 0.0)
+        tangent = problem.factor(at, np.zeros(actuation.n), cost)
+        rest = NewtonResult(Status.CONVERGED, at, np.zeros(actuation.n), tangent, 0.0, 0.0, 0)
+        stiffness = softest_mode(problem, rest, replace(nothing, C=actuation.C, target=actuation.target))[0]
+        fresh = replace(near, tangent=problem.factor(near.at, near.lam, cost))
+    except (SingularMatrixError, np.linalg.LinAlgError):
+        return status
+    found = classify(problem, fresh, actuation, stiffness)
+    if found is not None:
+        return found
+    return Status.OUT_OF_REACH if status is Status.STEP_TOO_SMALL else status

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """n_free: of nodes; free: (n_free,) their indices; number: (n,) place of each node among the free, -1 where held;
+    """free: (k,) indices of the free nodes; number: (n,) place of each node among the free, -1 where held;
     indptr, indices: of the lower triangle in compressed columns, rows ascending;
-    cells: (m, n_nodes, n_nodes, 3) slots of the element blocks; cliques: likewise (k, k, 3) for each clique.
+    slots: for each group of nodes (g, k) that was coupled, (g, k, k, 3).
 
     A slot is the place in the data array where column j of the 3 x 3 block (a, b) begins, such that entry (i, j) lies
     at slot + i (for a diagonal block, i >= j); -1 where the block is above the diagonal or a node is held."""
@@ -20,8 +21,7 @@ class Pattern:
     number: np.ndarray
     indptr: np.ndarray
     indices: np.ndarray
-    cells: np.ndarray
-    cliques: tuple[np.ndarray, ...]
+    slots: tuple[np.ndarray, ...]
 
     @property
     def n_dof(self) -> int:
@@ -32,14 +32,16 @@ class Pattern:
         return len(self.indices)
 
 
-def make_pattern(n_nodes: int, cells: np.ndarray, fixed: np.ndarray, cliques: Sequence[np.ndarray] = ()) -> Pattern:
-    """Couples the nodes of every cell (m, k) and of every clique (k,) (a constraint whose curvature couples them)."""
-    number = np.zeros(n_nodes, dtype=np.int64)
+def make_pattern(n_nodes: int, groups: Sequence[np.ndarray], fixed: np.ndarray) -> Pattern:
+    """Couples the nodes in every row of every group (g, k): the cells, and the cliques of constraints whose curvature
+    couples them. A node -1 stands for none; no row names a node twice."""
+    number = np.zeros(n_nodes + 1, dtype=np.int64)  # the last for node -1
     number[fixed] = -1
+    number[-1] = -1
     free = np.flatnonzero(number == 0)
     number[free] = np.arange(len(free))
-    groups = [number[cells]] + [number[clique][None, :] for clique in cliques]
-    keys = np.unique(np.concatenate([np.unique(_keys(group, len(free))) for group in groups]))
+    numbered = [number[group] for group in groups]
+    keys = np.unique(np.concatenate([np.unique(_keys(group, len(free))) for group in numbered]))
     keys = keys[keys >= 0]
     column, row = np.divmod(keys, max(len(free), 1))
     first = np.searchsorted(column, np.arange(len(free) + 1))  # place of each node column's diagonal block
@@ -55,8 +57,8 @@ def make_pattern(n_nodes: int, cells: np.ndarray, fixed: np.ndarray, cliques: Se
         for i in range(3):
             wanted = (place > 0) | (i >= j)
             indices[slot[wanted, j] + i] = 3 * row[wanted] + i
-    slots = [_slots(group, len(free), keys, slot) for group in groups]
-    return Pattern(free, number, indptr, indices, slots[0], tuple(s[0] for s in slots[1:]))
+    slots = tuple(_slots(group, len(free), keys, slot) for group in numbered)
+    return Pattern(free, number[:-1], indptr, indices, slots)
 
 
 def _keys(groups: np.ndarray, n: int) -> np.ndarray:
@@ -73,15 +75,21 @@ def _slots(groups: np.ndarray, n: int, keys: np.ndarray, slot: np.ndarray) -> np
     return np.where(wanted[..., None] >= 0, found, -1).astype(np.int32)
 
 
-def add_blocks(matrix: np.ndarray, slots: np.ndarray, data: np.ndarray) -> None:
-    """Adds a symmetric (3 k, 3 k) matrix of a clique to the lower triangle in `data`, slots (k, k, 3)."""
-    blocks = matrix.reshape(len(slots), 3, len(slots), 3)
-    for i in range(3):
-        for j in range(3):
-            keep = slots[:, :, 0] >= 0
-            if i < j:
-                keep = keep & ~np.eye(len(slots), dtype=bool)
-            np.add.at(data, slots[:, :, j][keep] + i, blocks[:, i, :, j][keep])
+def add_blocks(matrices: np.ndarray, slots: np.ndarray, data: np.ndarray) -> None:
+    """Adds symmetric matrices (g, 3 k, 3 k) of a group to the lower triangle in `data`, slots (g, k, k, 3)."""
+    _add_blocks(np.ascontiguousarray(matrices), slots, data)
+
+
+@njit(cache=True)
+def _add_blocks(matrices, slots, data):
+    g, k = slots.shape[:2]
+    for e in range(g):
+        for a in range(k):
+            for b in range(k):
+                if slots[e, a, b, 0] >= 0:
+                    for j in range(3):
+                        for i in range(j if a == b else 0, 3):
+                            data[slots[e, a, b, j] + i] += matrices[e, 3 * a + i, 3 * b + j]
 
 
 def symmetric_product(pattern: Pattern, data: np.ndarray, B: np.ndarray) -> np.ndarray:

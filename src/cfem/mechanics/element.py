@@ -1,60 +1,100 @@
-"""Tetrahedral elements as declared facts: nodes, quadrature, shape functions, and whether they carry a pressure."""
+"""Elements as declared facts: nodes, quadrature, shape functions, and what they carry inside.
+
+pressure: one value an element in the place of the pointwise volume change, against volume locking (solid.py).
+bubbles: incompatible displacement modes of an element's own, against shear locking: the hexahedron's three modes
+(1 - xi_k^2) / 2 with the gradient (j0 / j) J0^-T grad_xi, which integrates to zero over the element, so that the patch
+test holds (Wilson modes as an enhanced gradient: Simo, Armero and Taylor, CMAME 110, 1993, Q1/E9)."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.mechanics.mesh import TET_EDGES
+from cfem.mechanics.mesh import TET_EDGES, tet_volumes
 
 # Centroid, and the symmetric four-point rule of degree 2 (Zienkiewicz and Taylor, The Finite Element Method, 6.3).
 _CENTROID = np.full((1, 4), 0.25)
 _A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
 _FOUR = np.full((4, 4), _B) + (_A - _B) * np.eye(4)
+# Corners of the reference cube [-1, 1]^3 in VTK's order, and the 2 x 2 x 2 Gauss rule.
+HEX_CORNERS = np.array(
+    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float
+)
+_GAUSS = HEX_CORNERS / np.sqrt(3)
 
 
 @dataclass(frozen=True)
 class Element:
-    """name as in specs; order 1 or 2; points (q, 4) barycentric, of equal weight; pressure: one value an element."""
+    """name as in specs; n_nodes; points (q, 4) barycentric or (q, 3) in [-1, 1]^3, of equal weight; pressure: whether
+    it has one; bubbles: how many incompatible modes."""
 
     name: str
-    order: int
+    n_nodes: int
     points: np.ndarray
     pressure: bool = False
+    bubbles: int = 0
 
     @property
-    def n_nodes(self) -> int:
-        return 4 if self.order == 1 else 10
+    def order(self) -> int:
+        return 2 if self.n_nodes == 10 else 1
 
 
 ELEMENTS = {
     element.name: element
     for element in (
-        Element("tet4", 1, _CENTROID),
-        Element("tet10", 2, _FOUR),
-        Element("tet10p0", 2, _FOUR, pressure=True),
+        Element("tet4", 4, _CENTROID),
+        Element("tet10", 10, _FOUR),
+        Element("tet10p0", 10, _FOUR, pressure=True),
+        Element("hex8", 8, _GAUSS, bubbles=3),
     )
 }
 
 
-def shape(order: int, barycentric: np.ndarray) -> np.ndarray:
-    """(k, n_nodes) shape functions at barycentric coordinates (k, 4), VTK node order."""
-    L = np.asarray(barycentric, dtype=float)
-    if order == 1:
+def shape(n_nodes: int, coordinates: np.ndarray) -> np.ndarray:
+    """(k, n_nodes) shape functions, VTK node order, at barycentric coordinates (k, 4), or (k, 3) in [-1, 1]^3."""
+    L = np.asarray(coordinates, dtype=float)
+    if n_nodes == 4:
         return L
+    if n_nodes == 8:
+        return (1 + L[:, None, :] * HEX_CORNERS).prod(axis=2) / 8
     return np.hstack([L * (2 * L - 1), 4 * L[:, TET_EDGES[:, 0]] * L[:, TET_EDGES[:, 1]]])
 
 
-def shape_derivatives(order: int, barycentric: np.ndarray) -> np.ndarray:
-    """(k, n_nodes, 4) derivatives of the shape functions by the four barycentric coordinates."""
-    L = np.asarray(barycentric, dtype=float)
+def shape_derivatives(n_nodes: int, coordinates: np.ndarray) -> np.ndarray:
+    """(k, n_nodes, 4 or 3) derivatives of the shape functions by the coordinates."""
+    L = np.asarray(coordinates, dtype=float)
+    if n_nodes == 8:
+        factors = 1 + L[:, None, :] * HEX_CORNERS
+        others = np.stack(
+            [factors[..., 1] * factors[..., 2], factors[..., 0] * factors[..., 2], factors[..., 0] * factors[..., 1]],
+            axis=-1,
+        )
+        return HEX_CORNERS * others / 8
     corner = np.zeros((len(L), 4, 4))
-    corner[:, range(4), range(4)] = 1.0 if order == 1 else 4 * L - 1
-    if order == 1:
+    corner[:, range(4), range(4)] = 1.0 if n_nodes == 4 else 4 * L - 1
+    if n_nodes == 4:
         return corner
     middle = np.zeros((len(L), 6, 4))
     for edge, (a, b) in enumerate(TET_EDGES):
         middle[:, edge, a], middle[:, edge, b] = 4 * L[:, b], 4 * L[:, a]
     return np.concatenate([corner, middle], axis=1)
+
+
+def reference_gradients(element: Element, X: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients (m, q, n_nodes + bubbles, 3) 1/mm at the quadrature points, those of the bubbles last, and the weights
+    (m, q) mm^3, which are negative where a cell is inverted."""
+    q = len(element.points)
+    if element.n_nodes != 8:
+        by_barycentric = shape_derivatives(element.n_nodes, element.points)
+        gradients = np.einsum("qna,mad->mqnd", by_barycentric, barycentric_gradients(X, cells))
+        return np.ascontiguousarray(gradients), np.repeat(tet_volumes(X, cells)[:, None] / q, q, axis=1)
+    by_xi = shape_derivatives(8, element.points)
+    jacobian = np.einsum("qnk,mnd->mqdk", by_xi, X[cells])
+    centre = np.einsum("nk,mnd->mdk", shape_derivatives(8, np.zeros((1, 3)))[0], X[cells])
+    weights, j0 = np.linalg.det(jacobian), np.linalg.det(centre)
+    gradients = np.einsum("qnk,mqkd->mqnd", by_xi, np.linalg.inv(jacobian))
+    # row k of inv(J0) is J0^-T e_k; the derivative of the mode by xi_k is -xi_k, whose sign is of no matter
+    modes = (j0[:, None] / weights)[:, :, None, None] * np.einsum("qk,mkd->mqkd", element.points, np.linalg.inv(centre))
+    return np.ascontiguousarray(np.concatenate([gradients, modes], axis=2)), weights
 
 
 def barycentric_gradients(X: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A tetrahedral mesh as a value: nodes, cells, boundary facets, named sets."""
+"""A mesh as a value: nodes, tetrahedra or hexahedra, boundary facets, named sets."""
 
 from dataclasses import dataclass, field
 
@@ -9,28 +9,34 @@ TET_EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
 TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 # Faces of a positively oriented tetrahedron, normals outward.
 TET_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+# Faces of a hexahedron in VTK's node order, normals outward.
+HEX_FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
+# A hexahedron as six tetrahedra around the diagonal 0-6 (Kuhn), each positively oriented.
+HEX_TETS = np.array([[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]])
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """X: (n, 3) mm; cells: (m, 4) or (m, 10), mid-edge nodes at the middle of straight edges; facets: (k, 3) or (k, 6)
-    boundary triangles, normals outward; node_sets and facet_sets: name -> indices of nodes or of facets."""
+    """X: (n, 3) mm; cells: (m, 4) or (m, 10) tetrahedra, mid-edge nodes at the middle of straight edges, or (m, 8)
+    hexahedra; facets: (k, 3), (k, 6) or (k, 4) of the boundary, normals outward; node_sets, facet_sets, cell_sets:
+    name -> indices of nodes, facets, cells."""
 
     X: np.ndarray
     cells: np.ndarray
     facets: np.ndarray
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     facet_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    cell_sets: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def order(self) -> int:
-        """1 for linear, 2 for quadratic tetrahedra."""
-        return 1 if self.cells.shape[1] == 4 else 2
+        """1 for linear tetrahedra and hexahedra, 2 for quadratic tetrahedra."""
+        return 2 if self.cells.shape[1] == 10 else 1
 
     @property
     def volumes(self) -> np.ndarray:
         """(m,) mm^3, negative where a cell is inverted."""
-        return tet_volumes(self.X, self.cells)
+        return hex_volumes(self.X, self.cells) if self.cells.shape[1] == 8 else tet_volumes(self.X, self.cells)
 
     @property
     def size(self) -> float:
@@ -44,9 +50,15 @@ def tet_volumes(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
 
 
+def hex_volumes(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) signed volumes of the six tetrahedra that each hexahedron is cut into (exact where its faces are flat)."""
+    return sum(tet_volumes(X, cells[:, corners]) for corners in HEX_TETS)
+
+
 def boundary_facets(cells: np.ndarray) -> np.ndarray:
-    """(k, 3) faces that belong to one cell only, normals outward, in a fixed order."""
-    faces = cells[:, :4][:, TET_FACES].reshape(-1, 3)
+    """(k, 3) or (k, 4) faces that belong to one cell only, normals outward, in a fixed order."""
+    table = HEX_FACES if cells.shape[1] == 8 else TET_FACES
+    faces = cells[:, table].reshape(-1, table.shape[1])
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])]
 

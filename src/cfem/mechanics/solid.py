@@ -1,4 +1,4 @@
-"""An elastic solid of tetrahedra: energy, internal force and tangent stiffness on its nodal positions.
+"""One region of elastic solid: elements of one kind and one material; energy, internal force and tangent stiffness.
 
 Without an element pressure, p = bulk theta at every point. With one (a mixed formulation: quadratic displacement,
 constant pressure), theta is replaced by its mean over the element, which does not lock as nu -> 1/2, and p is an
@@ -6,38 +6,48 @@ independent unknown that is condensed on the element:
 
     Pi = int psi_rest + p theta_mean V - p^2 V / (2 bulk)
 
-Newton on (x, p) then needs no more iterations at nu = 0.499 than at 0.3 (Simo, Taylor and Pister, CMAME 51, 1985)."""
+Newton on (x, p) then needs no more iterations at nu = 0.499 than at 0.3 (Simo, Taylor and Pister, CMAME 51, 1985).
+
+Bubbles (incompatible modes, element.py) are eliminated at once: their amplitudes alpha minimise the element's energy
+at given x, so that energy, force and tangent depend on x alone."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from cfem.mechanics.element import Element, barycentric_gradients, shape_derivatives
+from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material import Law
-from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.material.law import Material
 
 
 @dataclass(frozen=True)
 class Solid:
-    """mesh:      at rest
-    element:   whose order is the mesh's
-    law:       of the one material
-    shear, bulk: MPa, as the law defines them
-    gradients: (m, q, n_nodes, 3) 1/mm, of the shape functions at the quadrature points
-    weights:   (m, q) mm^3"""
+    """X: (n, 3) mm all nodes at rest; cells: (m, n_nodes) those of this region
+    parameters: of the law's kernels, MPa and numbers; bulk: MPa
+    gradients:  (m, q, n_nodes + bubbles, 3) 1/mm, of the shape functions at the quadrature points
+    weights:    (m, q) mm^3"""
 
-    mesh: Mesh
+    X: np.ndarray
+    cells: np.ndarray
     element: Element
     law: Law
-    shear: float
+    parameters: np.ndarray
     bulk: float
     gradients: np.ndarray
     weights: np.ndarray
 
     @property
-    def n_pressures(self) -> int:
-        return len(self.mesh.cells) if self.element.pressure else 0
+    def volumes(self) -> np.ndarray:
+        """(m,) mm^3."""
+        return self.weights.sum(axis=1)
+
+    @property
+    def shear(self) -> float:
+        """MPa: shear modulus at rest."""
+        C = np.empty((1, 9, 9))
+        self.law.curvature(np.zeros((1, 3, 3)), self.parameters, np.zeros(1), C)
+        return float(C[0, 1, 1])
 
 
 @dataclass(frozen=True)
@@ -45,78 +55,187 @@ class Response:
     """Of a solid at positions x and element pressures p.
 
     energy:   N mm, of the displacement alone (p eliminated)
-    force:    (n, 3) N internal nodal force with the given p
     mismatch: (m,) MPa, bulk theta_mean - p: what the pressure has yet to gain; empty without element pressures
-    min_J:    smallest det F over the quadrature points; <= 0 where an element is inverted
-    D:        (m q, 3, 3) displacement gradients, kept for the tangent
-    g:        (m q, 3, 3) d theta / dF"""
+    pressure: (m,) MPa, p itself; empty likewise
+    min_J:    smallest det F over the quadrature points; <= 0 where an element is inverted, NaN where bubbles have no
+              equilibrium
+    D, P, g: (m q, 3, 3) displacement gradient, d psi_rest / dF, d theta / dF; point_pressure: (m q,) p there"""
 
     energy: float
-    force: np.ndarray
     mismatch: np.ndarray
+    pressure: np.ndarray
     min_J: float
     D: np.ndarray
+    P: np.ndarray
     g: np.ndarray
     point_pressure: np.ndarray
 
 
-def make_solid(mesh: Mesh, element: Element, law: Law, young: float, poisson: float) -> Solid:
-    """Reference gradients and weights computed once. young in MPa."""
-    by_barycentric = shape_derivatives(element.order, element.points)  # (q, n_nodes, 4)
-    gradients = np.einsum("qna,mad->mqnd", by_barycentric, barycentric_gradients(mesh.X, mesh.cells))
-    q = len(element.points)
-    weights = np.repeat(mesh.volumes[:, None] / q, q, axis=1)
-    shear, bulk = law.moduli(young, poisson)
-    return Solid(mesh, element, law, shear, bulk, np.ascontiguousarray(gradients), weights)
+def make_solid(X: np.ndarray, cells: np.ndarray, element: Element, material: Material) -> Solid:
+    """Reference gradients and weights computed once."""
+    parameters, bulk = material.moduli
+    return Solid(X, cells, element, material.law, parameters, bulk, *reference_gradients(element, X, cells))
 
 
-def response(solid: Solid, x: np.ndarray, pressure: np.ndarray | None = None) -> Response:
-    """Energy and internal force at positions x (n, 3) mm; pressure (m,) MPa, by default what x itself demands."""
-    D, min_J = _displacement_gradients(x - solid.mesh.X, solid.mesh.cells, solid.gradients)
-    k = len(D)
-    psi, theta, P, g = np.empty(k), np.empty(k), np.empty((k, 3, 3)), np.empty((k, 3, 3))
-    solid.law.response(D, solid.shear, psi, theta, P, g)
+def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> Response:
+    """Energy at positions x (n, 3) mm, and the internal force added to `force` (n, 3) N. pressure: (m,) MPa, or empty
+    for what x itself demands."""
+    D = _displacement_gradients(x - solid.X, solid.cells, solid.gradients)
+    settled = _settle_bubbles(solid, D) if solid.element.bubbles else True
+    psi, theta, P, g = _law_response(solid, D)
     m, q = solid.weights.shape
     if solid.element.pressure:
-        theta_mean = (theta.reshape(m, q) * solid.weights).sum(axis=1) / solid.weights.sum(axis=1)
+        volumes = solid.volumes
+        theta_mean = (theta.reshape(m, q) * solid.weights).sum(axis=1) / volumes
         demanded = solid.bulk * theta_mean
-        p = demanded if pressure is None or len(pressure) == 0 else pressure
+        p = demanded if len(pressure) == 0 else pressure
         mismatch, point_pressure = demanded - p, np.repeat(p, q)
-        energy = psi @ solid.weights.ravel() + solid.bulk / 2 * (theta_mean**2 @ solid.weights.sum(axis=1))
+        energy = psi @ solid.weights.ravel() + solid.bulk / 2 * (theta_mean**2 @ volumes)
     else:
-        mismatch, point_pressure = np.empty(0), solid.bulk * theta
+        p, mismatch, point_pressure = np.empty(0), np.empty(0), solid.bulk * theta
         energy = (psi + solid.bulk / 2 * theta**2) @ solid.weights.ravel()
-    force = np.zeros_like(x)
-    _scatter_force(P, g, point_pressure, solid.gradients, solid.weights, solid.mesh.cells, force)
-    return Response(float(energy), force, mismatch, min_J, D, g, point_pressure)
+    _scatter_force(P, g, point_pressure, solid.gradients, solid.weights, solid.cells, force)
+    min_J = _smallest_J(D) if settled else np.nan
+    return Response(float(energy), mismatch, p, min_J, D, P, g, point_pressure)
 
 
-def pressure_force(solid: Solid, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(n, 3) N: sum over elements of pressure (m,) times dtheta (m, n_nodes, 3), the gradient of theta_mean V."""
-    force = np.zeros_like(solid.mesh.X)
-    _scatter_pressure(dtheta, pressure, solid.mesh.cells, force)
-    return force
+def pressure_force(solid: Solid, dtheta: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> None:
+    """Adds to `force` (n, 3) N the sum over elements of pressure (m,) times dtheta (m, n_nodes, 3), the gradient of
+    theta_mean V."""
+    _scatter_pressure(dtheta, pressure, solid.cells, force)
 
 
-def tangent(solid: Solid, at: Response, slots: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """Adds the tangent stiffness (N/mm), the element pressure condensed, to the lower triangle stored in `data`, where
-    slots (m, n_nodes, n_nodes, 3) says where each nodal block's columns begin (assembly.py), -1 for none.
+def tangent(
+    solid: Solid, at: Response, slots: np.ndarray, data: np.ndarray, lag: np.ndarray | None = None
+) -> np.ndarray:
+    """Adds the tangent stiffness (N/mm), element pressure and bubbles condensed, to the lower triangle stored in
+    `data`, where slots (m, n_nodes, n_nodes, 3) says where each nodal block's columns begin (assembly.py), -1 for none.
 
+    lag: (m q, 3, 3) MPa of `stress_lag`, added to the stress that the geometric part is made of.
     Returns dtheta (m, n_nodes, 3) mm^2, the gradient of theta_mean V; empty without element pressures."""
-    C = np.empty((len(at.D), 9, 9))
-    solid.law.curvature(at.D, solid.shear, at.point_pressure, C)
+    C = _curvature(solid, at)
+    if lag is not None:
+        blocks = C.reshape(-1, 3, 3, 3, 3)
+        for i in range(3):
+            blocks[:, i, :, i, :] += lag
+    if solid.element.bubbles:
+        K = _condensed(_point_stiffness(solid, C, at.g), solid.element.n_nodes)
+        _scatter_blocks(K, slots, data)
+        return np.zeros((0, solid.element.n_nodes, 3))
     mixed = solid.element.pressure
-    dtheta = np.zeros((*solid.mesh.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
+    dtheta = np.zeros((*solid.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
     _scatter_stiffness(C, at.g, solid.bulk, mixed, solid.gradients, solid.weights, slots, data, dtheta)
     return dtheta
 
 
+def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
+    """(m q, 3, 3) MPa: second Piola-Kirchhoff stress that the linearisation at `before` predicted for `now`, less the
+    stress there. A tangent whose geometric part uses the predicted stress does not see the false strain, of second
+    order in the rotation, that a linear step leaves: Newton's method with an independent stress at every quadrature
+    point, condensed (Magisano, Leonetti and Garcea, IJNME 109, 2017). With F S = P:
+
+        S* = S + F^-1 (dP - dF S),    dP = (d2 psi / dF2) dF + dp d theta / dF"""
+    D, dD = before.D, now.D - before.D
+    S = _second_stress(before)
+    mixed = 0.0 if solid.element.pressure else solid.bulk * (before.g * dD).sum(axis=(1, 2))
+    dp = (now.point_pressure - before.point_pressure) if solid.element.pressure else mixed
+    dP = (_curvature(solid, before) @ dD.reshape(-1, 9, 1)).reshape(-1, 3, 3) + dp[:, None, None] * before.g
+    predicted = S + np.linalg.solve(np.eye(3) + D, dP - dD @ S)
+    return (predicted + predicted.transpose(0, 2, 1)) / 2 - _second_stress(now)
+
+
+def _second_stress(at: Response) -> np.ndarray:
+    """(m q, 3, 3) MPa: S = F^-1 P."""
+    return np.linalg.solve(np.eye(3) + at.D, at.P + at.point_pressure[:, None, None] * at.g)
+
+
+def _curvature(solid: Solid, at: Response) -> np.ndarray:
+    C = np.empty((len(at.D), 9, 9))
+    solid.law.curvature(at.D, solid.parameters, at.point_pressure, C)
+    return C
+
+
+def _law_response(solid: Solid, D: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    k = len(D)
+    out = np.empty(k), np.empty(k), np.empty((k, 3, 3)), np.empty((k, 3, 3))
+    solid.law.response(D, solid.parameters, *out)
+    return out
+
+
+def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
+    """Adds to D (m q, 3, 3) the bubbles' part, their amplitudes found by Newton's method from zero, element by element
+    with halved steps where the residual does not fall; whether all have come to rest."""
+    m, q = solid.weights.shape
+    modes = solid.gradients[:, :, solid.element.n_nodes :]
+    at_zero = D.reshape(m, q, 3, 3).copy()
+    alpha, part = np.zeros((m, modes.shape[2], 3)), np.ones(m)
+    step, before = np.zeros_like(alpha), np.full(m, np.inf)
+    for _ in range(40):
+        trial = alpha + part[:, None, None] * step
+        D[:] = (at_zero + np.einsum("mka,mqkb->mqab", trial, modes)).reshape(-1, 3, 3)
+        _, theta, P, g = _law_response(solid, D)
+        pressure = solid.bulk * theta
+        S = ((P + pressure[:, None, None] * g) * solid.weights.reshape(-1, 1, 1)).reshape(m, q, 3, 3)
+        rest = np.einsum("mqab,mqkb->mka", S, modes)
+        size = np.linalg.norm(rest, axis=(1, 2))
+        floor = 1e-14 * np.abs(S).sum(axis=(1, 2, 3)) * np.abs(modes).max(axis=(1, 2, 3)) + 1e-300
+        better = (size < before) | (size <= floor)
+        if (size <= floor).all():
+            return True
+        alpha[better], before[better], part[better] = trial[better], size[better], 1.0
+        part[~better] *= 0.5
+        stuck = part < 2.0**-6  # rounding, or no equilibrium
+        if stuck.any():
+            break
+        C = np.empty((len(D), 9, 9))
+        solid.law.curvature(D, solid.parameters, pressure, C)
+        K = _point_stiffness(solid, C, g, first=solid.element.n_nodes)
+        if not np.isfinite(K).all():
+            return False
+        new = -np.linalg.solve(K + 1e-300 * np.eye(K.shape[1]), rest.reshape(m, -1, 1)).reshape(alpha.shape)
+        step[better] = new[better]
+    return bool((before <= 1e3 * floor).all())
+
+
+def _point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0) -> np.ndarray:
+    """(m, 3 n, 3 n) element stiffness of the shape functions from `first` on, bubbles included."""
+    m, q = solid.weights.shape
+    dN = solid.gradients[:, :, first:]
+    full = C.reshape(m, q, 3, 3, 3, 3) + solid.bulk * np.einsum("kab,kcd->kabcd", g, g).reshape(m, q, 3, 3, 3, 3)
+    left = np.einsum("mqabcd,mqnd->mqabnc", full, dN * solid.weights[:, :, None, None], optimize=True)
+    K = np.einsum("mqpb,mqabnc->mpanc", dN, left, optimize=True)
+    return K.reshape(m, 3 * dN.shape[2], 3 * dN.shape[2])
+
+
+def _condensed(K: np.ndarray, n_nodes: int) -> np.ndarray:
+    """(m, n_nodes, n_nodes, 3, 3) without the bubbles: K_uu - K_ub K_bb^-1 K_bu."""
+    n = 3 * n_nodes
+    K = K[:, :n, :n] - K[:, :n, n:] @ np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
+    return np.ascontiguousarray(K.reshape(len(K), n_nodes, 3, n_nodes, 3).transpose(0, 1, 3, 2, 4))
+
+
+@njit(cache=True)
+def _smallest_J(D):
+    min_J = np.inf
+    for k in range(len(D)):
+        d = D[k]
+        f00, f11, f22 = 1.0 + d[0, 0], 1.0 + d[1, 1], 1.0 + d[2, 2]
+        J = (
+            f00 * (f11 * f22 - d[1, 2] * d[2, 1])
+            - d[0, 1] * (d[1, 0] * f22 - d[1, 2] * d[2, 0])
+            + d[0, 2] * (d[1, 0] * d[2, 1] - f11 * d[2, 0])
+        )
+        if not (min_J <= J):  # a NaN ends up in min_J, where it is seen
+            min_J = J
+    return min_J
+
+
 @njit(cache=True)
 def _displacement_gradients(u, cells, gradients):
-    """D = F - 1 at every quadrature point, (m q, 3, 3), and the smallest det F."""
-    m, q, n, _ = gradients.shape
+    """D = F - 1 at every quadrature point, (m q, 3, 3), without bubbles."""
+    m, q = gradients.shape[:2]
+    n = cells.shape[1]
     D = np.zeros((m * q, 3, 3))
-    min_J = np.inf
     for e in range(m):
         for point in range(q):
             d = D[e * q + point]
@@ -125,20 +244,26 @@ def _displacement_gradients(u, cells, gradients):
                 for i in range(3):
                     for j in range(3):
                         d[i, j] += u[node, i] * gradients[e, point, a, j]
-            f00, f11, f22 = 1.0 + d[0, 0], 1.0 + d[1, 1], 1.0 + d[2, 2]
-            J = (
-                f00 * (f11 * f22 - d[1, 2] * d[2, 1])
-                - d[0, 1] * (d[1, 0] * f22 - d[1, 2] * d[2, 0])
-                + d[0, 2] * (d[1, 0] * d[2, 1] - f11 * d[2, 0])
-            )
-            if not (min_J <= J):  # a NaN ends up in min_J, where it is seen
-                min_J = J
-    return D, min_J
+    return D
+
+
+@njit(cache=True)
+def _scatter_blocks(K, slots, data):
+    """Adds element matrices K (m, n, n, 3, 3) to the lower triangle."""
+    m, n = K.shape[:2]
+    for e in range(m):
+        for a in range(n):
+            for b in range(n):
+                if slots[e, a, b, 0] >= 0:
+                    for j in range(3):
+                        for i in range(j if a == b else 0, 3):
+                            data[slots[e, a, b, j] + i] += K[e, a, b, i, j]
 
 
 @njit(cache=True)
 def _scatter_force(P, g, pressure, gradients, weights, cells, force):
-    m, q, n, _ = gradients.shape
+    m, q = weights.shape
+    n = cells.shape[1]
     S = np.empty((3, 3))
     for e in range(m):
         for point in range(q):

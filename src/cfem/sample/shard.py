@@ -103,7 +103,7 @@ def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
         row |= {
             "delta_a": solved.delta_a,
             "delta_e": solved.delta_e,
-            "lambda_a": solved.state.lambda_a,
+            "lambda_a": solved.lambda_a,
             "W": pack_upper(solved.condensed.W),
             "delta_free": solved.condensed.delta_free,
             "energy": solved.energy,

@@ -1,0 +1,139 @@
+"""A body: all its elastic regions on one set of nodes; sums of what they give.
+
+A body is whatever gives energy, internal force and tangent on its nodes; several robots in one scene are one body in
+several pieces."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.mechanics import solid as region
+from cfem.mechanics.element import Element
+from cfem.mechanics.material.law import Material
+from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.solid import Solid, make_solid
+
+
+@dataclass(frozen=True)
+class Body:
+    """mesh: at rest; element: whose nodes the mesh has; solids: its regions; cells: (m, n_nodes) of all of them, one
+    region after the other: the order of element pressures."""
+
+    mesh: Mesh
+    element: Element
+    solids: tuple[Solid, ...]
+
+    @property
+    def cells(self) -> np.ndarray:
+        return self.solids[0].cells if len(self.solids) == 1 else np.concatenate([part.cells for part in self.solids])
+
+    @property
+    def n_pressures(self) -> int:
+        return sum(len(part.cells) for part in self.solids) if self.element.pressure else 0
+
+    def parts(self) -> list[tuple[Solid, slice]]:
+        """Each region and its place among the element pressures."""
+        ends = np.cumsum([0] + [len(part.cells) for part in self.solids])
+        return [(part, slice(a, b)) for part, a, b in zip(self.solids, ends[:-1], ends[1:], strict=True)]
+
+
+@dataclass(frozen=True)
+class Response:
+    """Of a body at positions x and element pressures p: energy N mm; force (n, 3) N internal, with the given p;
+    mismatch, pressure (m,) MPa and min_J as of its regions (solid.py)."""
+
+    energy: float
+    force: np.ndarray
+    mismatch: np.ndarray
+    pressure: np.ndarray
+    min_J: float
+    solids: tuple[region.Response, ...]
+
+
+def make_body(
+    mesh: Mesh,
+    element: Element,
+    material: Material,
+    regions: Sequence[tuple[np.ndarray, Material]] = (),
+) -> Body:
+    """All cells of `material`, but those of the regions (cell indices, material), of which later ones win.
+
+    Raises InputError where a cell is inverted or flat."""
+    owner = np.zeros(len(mesh.cells), dtype=int)
+    for number, (cells, _) in enumerate(regions, 1):
+        owner[cells] = number
+    materials = [material, *(other for _, other in regions)]
+    try:
+        solids = tuple(
+            make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, each)
+            for number, each in enumerate(materials)
+            if (owner == number).any()
+        )
+        bad = sum(int((~(part.weights > 0)).any(axis=1).sum()) for part in solids)
+    except np.linalg.LinAlgError:
+        bad = int((mesh.volumes == 0).sum())
+    if bad:
+        raise InputError(f"{bad} of {len(mesh.cells)} cells of the mesh are inverted or flat", do="mesh it anew")
+    return Body(mesh, element, solids)
+
+
+def without(body: Body, cells_within: np.ndarray) -> Body:
+    """The body without the cells all of whose nodes carry the same number >= 0 in cells_within (n,): the inside of a
+    rigid group deforms nothing."""
+
+    def kept(part: Solid) -> Solid:
+        numbers = cells_within[part.cells]
+        keep = (numbers < 0).any(axis=1) | (numbers != numbers[:, :1]).any(axis=1)
+        return replace(part, cells=part.cells[keep], gradients=part.gradients[keep], weights=part.weights[keep])
+
+    return replace(body, solids=tuple(part for part in map(kept, body.solids) if len(part.cells)))
+
+
+def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> Response:
+    """At positions x (n, 3) mm and element pressures (m,) MPa, by default (or empty) what x itself demands."""
+    force = np.zeros_like(x)
+    given = np.empty(0) if pressure is None else pressure
+    found = tuple(
+        region.response(part, x, given[place] if len(given) else given, force) for part, place in body.parts()
+    )
+    return Response(
+        energy=sum(each.energy for each in found),
+        force=force,
+        mismatch=np.concatenate([each.mismatch for each in found]),
+        pressure=np.concatenate([each.pressure for each in found]),
+        min_J=float(np.min([each.min_J for each in found])),
+        solids=found,
+    )
+
+
+def tangent(
+    body: Body, at: Response, slots: np.ndarray, data: np.ndarray, before: Response | None = None
+) -> np.ndarray:
+    """Adds the tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of assembly.py.
+    Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
+
+    before: where the linear step to `at` began; the geometric part then uses the stress predicted there."""
+    lags = [None] * len(body.solids)
+    if before is not None:
+        lags = [region.stress_lag(*each) for each in zip(body.solids, before.solids, at.solids, strict=True)]
+    return np.concatenate(
+        [
+            region.tangent(part, each, slots[place], data, lag)
+            for (part, place), each, lag in zip(body.parts(), at.solids, lags, strict=True)
+        ]
+    )
+
+
+def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """(n, 3) N: force of element pressures (m,) MPa."""
+    force = np.zeros_like(body.mesh.X)
+    for part, place in body.parts():
+        region.pressure_force(part, dtheta[place], pressure[place], force)
+    return force
+
+
+def bulk_over_volume(body: Body) -> np.ndarray:
+    """(m,) MPa/mm^3."""
+    return np.concatenate([part.bulk / part.volumes for part in body.solids])

@@ -1,0 +1,17 @@
+"""Constant external loads as nodal forces: what a scene asks for, and nothing by default."""
+
+import numpy as np
+
+from cfem.mechanics.body import Body
+from cfem.mechanics.element import reference_gradients, shape
+
+
+def gravity(body: Body, density: np.ndarray | float, acceleration: np.ndarray) -> np.ndarray:
+    """(n, 3) N: consistent nodal forces of the weight, int N rho g dV. density: t/mm^3, one or one a cell of the mesh
+    (m,); acceleration: (3,) mm/s^2. Exact for the linear and the quadratic tetrahedra's quadrature points."""
+    mesh, element = body.mesh, body.element
+    _, weights = reference_gradients(element, mesh.X, mesh.cells)
+    N = shape(element.n_nodes, element.points)
+    mass = (weights * np.broadcast_to(density, len(mesh.cells))[:, None]) @ N  # (m, n_nodes) t
+    nodal = np.bincount(mesh.cells.ravel(), mass.ravel(), len(mesh.X))
+    return nodal[:, None] * np.asarray(acceleration, float)
