@@ -14,7 +14,7 @@ from cfem.equilibrium.predictor import Knot, is_new, knot, predict
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
-from cfem.robot.robot import Robot
+from cfem.equilibrium.robot import Robot
 
 MEMORY = 200  # solved states that predictions draw on
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new

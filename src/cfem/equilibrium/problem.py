@@ -13,7 +13,7 @@ from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import Response, bulk_over_volume, pressure_force, response, tangent, without
 from cfem.mechanics.factorization import Factor, analyze
 from cfem.mechanics.rigid import make_kinematics
-from cfem.robot.robot import Robot
+from cfem.equilibrium.robot import Robot
 
 
 @dataclass

@@ -85,9 +85,9 @@ def _solve(scene: SceneSpec, folder: Path, shares: Sequence[Sequence[float]]) ->
     from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve
     from cfem.robot.build import build_robot
-    from cfem.robot.meshing import make_mesh
+    from cfem.robot.grading import scene_mesh
 
-    mesh, _ = make_mesh(scene, folder)
+    mesh, _ = scene_mesh(scene, folder)
     robot = build_robot(scene, mesh)
     problem, state, tips, Ws, seconds = Problem(robot), None, [], [], []
     for share in shares:

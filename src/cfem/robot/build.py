@@ -18,7 +18,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints, spec
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.rigid import rigid_groups
-from cfem.robot.robot import Robot
+from cfem.equilibrium.robot import Robot
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 
 

@@ -1,7 +1,8 @@
 """The one place that touches gmsh (GPL), which it runs in its own process: `python -m cfem.robot.gmsh_process OUT.npz`.
 
 A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
-'regions': [trees whose surfaces the mesh is to conform to]}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and
+'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
+corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and
 the CAD volume mm^3. One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be
 loaded; 11: the geometry cannot be built or meshed; cause on stderr."""
 
@@ -107,6 +108,12 @@ def _sizes(gmsh, job: dict) -> None:
         values = {"VIn": part["size"], "VOut": job["size"], "Thickness": part["blend"], **dict(sides)}
         for name, value in values.items():
             gmsh.model.mesh.field.setNumber(field, name, value)
+        fields.append(field)
+    if job.get("grading"):
+        view = gmsh.view.add("sizes")
+        gmsh.view.addListData(view, "SS", len(job["grading"]), [value for row in job["grading"] for value in row])
+        field = gmsh.model.mesh.field.add("PostView")
+        gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
         fields.append(field)
     if fields:
         smallest = gmsh.model.mesh.field.add("Min")

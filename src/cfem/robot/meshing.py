@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from cfem.robot.bar import bar
 from cfem.robot.cad import Box, File, Placed, Solid, as_data
 from cfem.robot.geometry import Assembly, Bar, MeshFile, Part, Single, SoftFinger
 from cfem.robot.mesh_file import read_own
-from cfem.robot.placement import join, place, seen_from
+from cfem.robot.placement import join, place, place_back, seen_from
 from cfem.robot.soft_finger import soft_finger
 from cfem.robot.spec import Meshing, SceneSpec
 
@@ -27,8 +28,17 @@ DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1
 Region = Box | Placed
 
 
-def make_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
+@dataclass(frozen=True)
+class Grading:
+    """Sizes (n,) mm wanted at the nodes of a mesh, linear between its corners."""
+
+    mesh: Mesh
+    sizes: np.ndarray
+
+
+def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) -> tuple[Mesh, float | None]:
     """The scene's mesh, and the CAD volume in mm^3 where there is one. Paths in the spec are relative to `folder`.
+    grading: sizes beside those of the spec, of which the smallest counts.
 
     Raises InputError (file, missing libraries), SpecError (an element that the geometry cannot be meshed with),
     NumericalError (cannot be meshed)."""
@@ -38,26 +48,35 @@ def make_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
         if isinstance(item.region, selection.Box)
     ]
     if isinstance(scene.geometry, Assembly):
-        made = {part.name: _part(part, scene.mesh, regions, folder) for part in scene.geometry.parts}
+        made = {part.name: _part(part, scene.mesh, regions, folder, grading) for part in scene.geometry.parts}
         mesh = join({name: mesh for name, (mesh, _) in made.items()})
         volumes = [volume for _, volume in made.values()]
         volume = None if None in volumes else sum(volumes)
     else:
-        mesh, volume = _corners(scene.geometry, scene.mesh, regions, folder, "geometry")
+        mesh, volume = _corners(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
     return _with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
 
 
-def _part(part: Part, meshing: Meshing, regions: Sequence[Box], folder: Path) -> tuple[Mesh, float | None]:
+def _part(
+    part: Part, meshing: Meshing, regions: Sequence[Box], folder: Path, grading: Grading | None
+) -> tuple[Mesh, float | None]:
     """As `make_mesh`, corners only, in the scene's coordinates."""
     own = meshing.model_copy(update={"size": part.size or meshing.size, "refine": part.refine})
-    mesh, volume = _corners(
-        part.geometry, own, [seen_from(region, part) for region in regions], folder, f"part '{part.name}'"
-    )
+    seen = [seen_from(region, part) for region in regions]
+    if grading is not None:
+        mine = replace(grading.mesh, cells=grading.mesh.cells[grading.mesh.cell_sets[part.name]])
+        grading = Grading(place_back(mine, part), grading.sizes)
+    mesh, volume = _corners(part.geometry, own, seen, folder, f"part '{part.name}'", grading)
     return place(mesh, part), volume
 
 
 def _corners(
-    geometry: Single, meshing: Meshing, regions: Sequence[Region], folder: Path, where: str
+    geometry: Single,
+    meshing: Meshing,
+    regions: Sequence[Region],
+    folder: Path,
+    where: str,
+    grading: Grading | None = None,
 ) -> tuple[Mesh, float | None]:
     """Mesh of corner nodes only in the geometry's own coordinates, and the CAD volume where there is one. A mesh that
     is made here conforms to the regions, within an .stl excepted; one of hexahedra to those along its axes."""
@@ -77,10 +96,18 @@ def _corners(
         X, cells, volume = _hexahedra(geometry, solid, meshing, regions, where)
     else:
         stl = isinstance(geometry, MeshFile)
-        X, cells, volume = run_gmsh(solid, meshing, () if stl else regions)
+        X, cells, volume = run_gmsh(solid, meshing, () if stl else regions, grading)
         inverted = tet_volumes(X, cells) < 0
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
     return Mesh(X, cells, boundary_facets(cells)), volume
+
+
+def _corner_sizes(grading: Grading) -> list[list[float]]:
+    """A row a cell: x of its four corners, y, z, then their sizes; in steps of 2 %, so that the rounding of whatever
+    computed them does not change the mesh."""
+    corners = grading.mesh.cells[:, :4]
+    sizes = np.exp(np.round(np.log(grading.sizes) * 50) / 50)
+    return np.hstack([*(grading.mesh.X[corners][:, :, axis] for axis in range(3)), sizes[corners]]).tolist()
 
 
 def _hexahedra(
@@ -123,7 +150,9 @@ def solid_of(geometry: Single, folder: Path) -> Solid:
     return File(str(path), geometry.unit if isinstance(geometry, MeshFile) else 1.0)
 
 
-def run_gmsh(solid: Solid, meshing: Meshing, regions: Sequence[Region] = ()) -> tuple[np.ndarray, np.ndarray, float]:
+def run_gmsh(
+    solid: Solid, meshing: Meshing, regions: Sequence[Region] = (), grading: Grading | None = None
+) -> tuple[np.ndarray, np.ndarray, float]:
     """X (n, 3) mm, cells (m, 4), CAD volume mm^3: the same for the same arguments. No cell straddles the surface of a
     region."""
     refine = [
@@ -140,6 +169,7 @@ def run_gmsh(solid: Solid, meshing: Meshing, regions: Sequence[Region] = ()) -> 
         "size": meshing.size,
         "refine": refine,
         "regions": [as_data(region) for region in regions],
+        "grading": None if grading is None else _corner_sizes(grading),
     }
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "mesh.npz"

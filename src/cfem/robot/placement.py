@@ -17,6 +17,12 @@ def place(mesh: Mesh, part: Part) -> Mesh:
     return replace(mesh, X=mesh.X @ rotation.T + shift)
 
 
+def place_back(mesh: Mesh, part: Part) -> Mesh:
+    """The inverse of `place`."""
+    rotation, shift = _motion(part)
+    return replace(mesh, X=(mesh.X - shift) @ rotation)
+
+
 def seen_from(box: Box, part: Part) -> Box | Placed:
     """A box in the scene's coordinates, in those of the part's geometry: the inverse of `place`."""
     rotation, shift = _motion(part)

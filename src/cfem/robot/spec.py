@@ -9,16 +9,18 @@ from pydantic import Field, model_validator
 from cfem.core.spec import Spec
 from cfem.core.units import AccelerationVector, Length
 from cfem.robot.constraints import Actuator, Contact, Effector, Load
-from cfem.robot.geometry import Assembly, Geometry, Refinement
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 
 
 class Meshing(Spec):
     """element: linear (tet4), quadratic (tet10), or quadratic tetrahedra with one pressure an element (tet10p0: never
-    locks); hexahedra (hex8) of a bar, or of a mesh file that holds them. refine: of tetrahedra that are made here."""
+    locks); hexahedra (hex8) of a bar, or of a mesh file that holds them. size: the largest. refine: boxes of finer
+    tetrahedra. cells: about how many tetrahedra; they are then graded, finest where W needs it."""
 
     size: Length = Field(gt=0)
+    cells: int | None = Field(default=None, ge=100)
     refine: list[Refinement] = []
     element: Literal["tet4", "tet10", "tet10p0", "hex8"] = "tet10p0"
 
@@ -67,6 +69,14 @@ class SceneSpec(Spec):
         lacking = [name for name, material in materials.items() if material.density is None]
         if self.gravity is not None and lacking:
             raise ValueError(f"gravity needs the density of each material, such as '1070 kg/m^3': {lacking} lacks it")
+        return self
+
+    @model_validator(mode="after")
+    def _graded(self):
+        if self.mesh.cells is not None and (
+            self.mesh.element == "hex8" or isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl"
+        ):
+            raise ValueError("mesh.cells grades tetrahedra that are made here, not hexahedra or a mesh file")
         return self
 
     @model_validator(mode="after")

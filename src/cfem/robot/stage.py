@@ -35,10 +35,10 @@ def files(geometry: Geometry) -> dict[str, Path]:
 def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
     from cfem.robot.mesh_file import write_mesh
-    from cfem.robot.meshing import make_mesh
+    from cfem.robot.grading import scene_mesh
     from cfem.robot.quality import quality
 
-    mesh, volume = make_mesh(scene, folder)
+    mesh, volume = scene_mesh(scene, folder)
     figures = quality(mesh, volume)
     if figures.inverted:
         raise InputError(f"{figures.inverted} cells are inverted", where=scene.name, do="mesh it anew")

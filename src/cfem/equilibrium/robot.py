@@ -1,0 +1,47 @@
+"""A robot ready for mechanics: what is meshed, what holds it, what drives it, what touches it, what is watched."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.constraint.protocol import Constraint, Watched
+from cfem.mechanics.body import Body
+
+
+@dataclass(frozen=True)
+class Robot:
+    """name:      of the scene
+    body:       the elastic body at rest
+    fixed:      indices of held nodes
+    actuators:  one constraint a row, in the order of rows.actuators
+    effectors:  in the order of rows.effectors
+    reach:      (n_a, 2) smallest and largest actuator displacement, mm (chambers: mm^3)
+    unilateral: (n_a,) True where the actuator can pull and cannot push
+    length:     mm, what '% of length' refers to
+    contacts:   contact points, three rows each, in the order of rows.contacts
+    rigid:      groups of nodes, each of which moves as one rigid body
+    loads:      (n, 3) N constant external nodal forces, None without any"""
+
+    name: str
+    body: Body
+    fixed: np.ndarray
+    actuators: tuple[Constraint, ...]
+    effectors: tuple[Watched, ...]
+    rows: Rows
+    reach: np.ndarray
+    unilateral: np.ndarray
+    length: float
+    contacts: tuple[Constraint, ...] = ()
+    rigid: tuple[np.ndarray, ...] = ()
+    loads: np.ndarray | None = None
+
+    @property
+    def active(self) -> tuple[Constraint, ...]:
+        """What carries multipliers: actuators, then contacts."""
+        return self.actuators + self.contacts
+
+    @property
+    def rest_e(self) -> np.ndarray:
+        """(n_e,) rest positions (mm) and orientations (rad) of the effectors."""
+        return np.concatenate([effector.rest for effector in self.effectors])
