@@ -1,12 +1,13 @@
 import json
 
 import jsonschema
+import numpy as np
 import pytest
 from pydantic import Field
 
 from cfem.core.errors import SpecError
-from cfem.core.spec import Spec, json_schema, load_spec
-from cfem.core.units import Length, LengthMatrix
+from cfem.core.spec import Spec, json_schema, load_spec, meaning
+from cfem.core.units import Length, LengthMatrix, Points
 
 
 class Inner(Spec):
@@ -74,3 +75,24 @@ def test_schema_is_draft_07_and_agrees_with_the_model():
     assert validator.is_valid(good)
     assert not validator.is_valid({**good, "other": 1})
     assert not validator.is_valid({**good, "inner": {"stiffness": 3}})
+
+
+def test_meaning_leaves_out_what_is_default_and_what_is_named():
+    class Part(Spec):
+        size: float
+        note: str | None = None
+        corners: Points | None = None
+
+    class Whole(Spec):
+        out: str
+        parts: list[Part]
+        kind: str = "plain"
+
+    corners = np.zeros((2, 3))
+    whole = Whole.model_construct(
+        out="x", parts=[Part(size=1.0), Part.model_construct(size=2.0, note=None, corners=corners)], kind="plain"
+    )
+    found = meaning(whole, {"out"})
+    assert found["parts"][0] == {"size": 1.0} and set(found) == {"parts"}
+    np.testing.assert_array_equal(found["parts"][1]["corners"], corners)
+    assert meaning(Whole(out="x", parts=[], kind="other")) == {"out": "x", "parts": [], "kind": "other"}

@@ -12,9 +12,9 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import Actuation, displacement, force, pull
 from cfem.equilibrium.predictor import Knot, is_new, knot, predict
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
-from cfem.equilibrium.robot import Robot
 
 MEMORY = 200  # solved states that predictions draw on
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new

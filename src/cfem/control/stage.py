@@ -10,7 +10,7 @@ import numpy as np
 
 from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
-from cfem.core.spec import load_spec
+from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import SceneSpec
 
@@ -31,7 +31,7 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
         inputs=inputs,
         out=out or base / spec.out,
         paths=("scene", "mesh", "models", "out"),
-        extra={"scene": load_spec(scene, SceneSpec).model_dump(exclude={"out"})},
+        extra={"scene": meaning(load_spec(scene, SceneSpec), {"out"})},
     )
     return run_stage(stage, lambda folder: _work(folder, spec, scene, inputs["mesh"], models, options), options)
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from cfem.core.errors import SpecError
@@ -18,6 +19,23 @@ class Spec(BaseModel):
 
 
 S = TypeVar("S", bound=Spec)
+
+
+def meaning(spec: Any, without: Iterable[str] = ()) -> Any:
+    """A spec as plain data, without the fields named and without values that are their defaults: an optional field that
+    a later version adds leaves the meaning of what is written today alone."""
+    if isinstance(spec, Spec):
+        fields = type(spec).model_fields.items()
+        mine = {name: getattr(spec, name) for name, field in fields if name not in without}
+        optional = {name: field.get_default(call_default_factory=True) for name, field in fields if name in mine}
+        return {
+            name: meaning(value)
+            for name, value in mine.items()
+            if type(spec).model_fields[name].is_required() or not np.array_equal(value, optional[name])
+        }
+    if isinstance(spec, dict):
+        return {key: meaning(value) for key, value in spec.items()}
+    return [meaning(value) for value in spec] if isinstance(spec, list | tuple) else spec
 
 
 def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:

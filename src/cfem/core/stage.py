@@ -14,7 +14,7 @@ from typing import Any
 from cfem.core.errors import GateError, InputError, OutputError
 from cfem.core.files import content_sha256, file_sha256, locked, read_json, replace_folder, write_json
 from cfem.core.provenance import versions
-from cfem.core.spec import Spec
+from cfem.core.spec import Spec, meaning
 
 MANIFEST = "manifest.json"
 
@@ -55,7 +55,7 @@ class Stage:
             {
                 "stage": self.name,
                 "version": self.version,
-                "spec": self.spec.model_dump(exclude=set(self.paths)),
+                "spec": meaning(self.spec, self.paths),
                 "inputs": {name: artefact_content(path) for name, path in self.inputs.items()},
                 "extra": dict(self.extra),
             }

@@ -1,4 +1,4 @@
-"""What the mesh costs and what it errs: the same robot on several meshes, judged by the finest of them."""
+"""What the discretisation costs and what it errs: the same robot on several meshes, judged by a finer one."""
 
 import time
 from collections.abc import Sequence
@@ -8,80 +8,125 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import NumericalError
-from cfem.report.spec import MeshCase
+from cfem.core.progress import progress
+from cfem.report.spec import Discretisation, MeshCase
 from cfem.robot.spec import SceneSpec
+
+# A sample starts from a neighbour this far away, as on a tour through some hundred samples.
+_NEIGHBOUR = 0.95
 
 
 @dataclass(frozen=True)
-class CaseResult:
-    """tip: (k,) mm and W: (k,) relative, difference from the finest mesh in each state; seconds: a state,
-    median; front: no other mesh is both faster and better in W."""
+class Solved:
+    """tip: (k, n_e) mm and W: (k, n, n_a) in each state; sample_seconds: CPU, one state from a neighbour with its
+    condensation, median; factorizations: of a cold solve of each state, mean."""
 
-    case: MeshCase
     nodes: int
     cells: int
     tip: np.ndarray
     W: np.ndarray
-    seconds: float
-    front: bool
-
-    def as_json(self) -> dict:
-        return {
-            "element": self.case.element,
-            "size": self.case.size,
-            "nodes": self.nodes,
-            "cells": self.cells,
-            "tip_mm_max": float(self.tip.max()),
-            "W_relative_max": float(self.W.max()),
-            "seconds": self.seconds,
-            "front": self.front,
-        }
+    lam: np.ndarray
+    sample_seconds: float
+    factorizations: float
 
 
-def study(
-    scene: SceneSpec, folder: Path, cases: Sequence[MeshCase], shares: Sequence[Sequence[float]]
-) -> list[CaseResult]:
-    """shares: (k, n_a) in the pulling cube, the states to compare. The case of most unknowns is the reference
-    and errs, by definition, by nothing. Raises NumericalError where a state does not converge."""
-    solved = [_solve(_at(scene, case), folder, shares) for case in cases]
-    finest = max(range(len(cases)), key=lambda i: solved[i][0])
-    _, _, tip_ref, W_ref, _ = solved[finest]
-    errors = []
-    for nodes, cells, tip, W, seconds in solved:
-        apart = np.linalg.norm(tip - tip_ref, axis=1)
-        W_apart = np.linalg.norm(W - W_ref, axis=(1, 2)) / np.linalg.norm(W_ref, axis=(1, 2))
-        errors.append((nodes, cells, apart, W_apart, seconds))
-    return [
-        CaseResult(case, *row, front=not any(_beats(other, row) for other in errors))
-        for case, row in zip(cases, errors, strict=True)
-    ]
+def study(scene: SceneSpec, folder: Path, spec: Discretisation, quiet: bool = True) -> dict:
+    """Rows (plain data) of all meshes at every Poisson's ratio, of all tolerances, and of the orders of convergence.
+
+    Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
+    forces' by the largest. Raises NumericalError where a state does not converge."""
+    ratios = spec.poisson or [scene.material.poisson]
+    rows = []
+    with progress("discretisation", len(ratios) * (len(spec.cases) + 1), quiet=quiet) as advance:
+        for nu in ratios:
+            material = scene.material.model_copy(update={"poisson": nu})
+            mine = scene.model_copy(update={"material": material})
+            reference = _solve(_at(mine, spec.reference), folder, spec.states)
+            advance(1)
+            for case in spec.cases:
+                rows.append(_row(case, nu, _solve(_at(mine, case), folder, spec.states), reference))
+                advance(1)
+            rows.append(_row(spec.reference, nu, reference, reference))
+    for row in rows:
+        row["front"] = not any(_beats(other, row) for other in rows if other["poisson"] == row["poisson"])
+    return {"meshes": rows, "orders": orders(rows), "tolerances": _tolerances(scene, folder, spec)}
+
+
+def orders(rows: Sequence[dict]) -> list[dict]:
+    """Order of W's error in h ~ cells^(-1/3), by least squares over three meshes or more of one kind."""
+    found = []
+    kinds = {(row["poisson"], row["element"], row["graded"], row["radius"]) for row in rows if not row["reference"]}
+    for kind in sorted(kinds, key=str):
+        mine = [
+            row
+            for row in rows
+            if not row["reference"] and (row["poisson"], row["element"], row["graded"], row["radius"]) == kind
+        ]
+        if len(mine) >= 3:
+            h, error = (np.log([row[key] for row in mine]) for key in ("cells", "W"))
+            slope = -3 * np.polyfit(h, error, 1)[0]
+            found.append(dict(zip(("poisson", "element", "graded", "radius"), kind, strict=True), order=float(slope)))
+    return found
 
 
 def headline(meshes: Sequence[dict]) -> list[str]:
     """One sentence a mesh that is not the reference."""
     return [
-        f"discretisation, {mesh['element']} at {mesh['size']:g} mm: W off by {100 * mesh['W_relative_max']:.1f} %, "
-        f"tip by {mesh['tip_mm_max']:.2g} mm from the finest mesh"
+        f"discretisation, {label(mesh)}, nu {mesh['poisson']:g}: W off by {100 * mesh['W']:.2g} %, the tip by "
+        f"{100 * mesh['tip']:.2g} % ({mesh['tip_mm']:.2g} mm), {1e3 * mesh['sample_seconds']:.3g} ms a sample"
         for mesh in meshes
-        if mesh["W_relative_max"] > 0
+        if not mesh["reference"]
     ]
 
 
-def _beats(one: tuple, other: tuple) -> bool:
-    return one[4] < other[4] and one[3].max() < other[3].max()
+def label(row: dict) -> str:
+    """Of a mesh, for a reader."""
+    kind = f"{row['cells']} cells, {'graded' if row['graded'] else 'even'}"
+    return f"{row['element']}, {kind}" + ("" if row["radius"] is None else f", radius {row['radius']:g} mm")
+
+
+def _row(case: MeshCase, nu: float, solved: Solved, reference: Solved) -> dict:
+    apart = np.linalg.norm(solved.tip - reference.tip, axis=1).max()
+    W_apart = np.linalg.norm(solved.W - reference.W, axis=(1, 2)) / np.linalg.norm(reference.W, axis=(1, 2))
+    return {
+        "element": case.element,
+        "graded": case.cells is not None,
+        "radius": case.radius,
+        "size": case.size,
+        "poisson": nu,
+        "reference": solved is reference,
+        "nodes": solved.nodes,
+        "cells": solved.cells,
+        "tip_mm": float(apart),
+        "tip": float(apart / np.linalg.norm(reference.tip, axis=1).max()),
+        "W": float(W_apart.max()),
+        "force": float(np.abs(solved.lam - reference.lam).max() / np.abs(reference.lam).max()),
+        "W_11": float(solved.W[0, solved.tip.shape[1], 0]),
+        "sample_seconds": solved.sample_seconds,
+        "factorizations": solved.factorizations,
+    }
+
+
+def _beats(one: dict, other: dict) -> bool:
+    return one["sample_seconds"] < other["sample_seconds"] and one["W"] < other["W"]
 
 
 def _at(scene: SceneSpec, case: MeshCase) -> SceneSpec:
-    ratio = case.size / scene.mesh.size
+    ratio = 1.0 if case.size is None else case.size / scene.mesh.size
     refine = [part.model_copy(update={"size": part.size * ratio}) for part in scene.mesh.refine]
-    mesh = scene.mesh.model_copy(update={"element": case.element, "size": case.size, "refine": refine})
-    return scene.model_copy(update={"mesh": mesh})
+    size = scene.mesh.size if case.size is None else case.size
+    changes = {"element": case.element, "size": size, "cells": case.cells, "refine": [] if case.cells else refine}
+    update = {"mesh": scene.mesh.model_copy(update=changes)}
+    if case.radius is not None:
+        for family in ("actuators", "effectors", "contacts"):
+            points = [(item, "radius" in type(item).model_fields) for item in getattr(scene, family)]
+            update[family] = [item.model_copy(update={"radius": case.radius}) if has else item for item, has in points]
+    return scene.model_copy(update=update)
 
 
-def _solve(scene: SceneSpec, folder: Path, shares: Sequence[Sequence[float]]) -> tuple:
-    """nodes, cells, tip (k, n_e), W of effector-actuator and actuator rows (k, n, n_a), median seconds of a
-    state."""
+def _solve(scene: SceneSpec, folder: Path, shares: Sequence[Sequence[float]]) -> Solved:
     from cfem.equilibrium.actuation import pull
+    from cfem.equilibrium.predictor import knot, predict
     from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve
     from cfem.robot.build import build_robot
@@ -89,50 +134,64 @@ def _solve(scene: SceneSpec, folder: Path, shares: Sequence[Sequence[float]]) ->
 
     mesh, _ = scene_mesh(scene, folder)
     robot = build_robot(scene, mesh)
-    problem, state, tips, Ws, seconds = Problem(robot), None, [], [], []
-    for share in shares:
-        begin = time.perf_counter()
-        found = solve(problem, pull(share, robot.reach[:, 1]), base=state)
-        seconds.append(time.perf_counter() - begin)
+    problem, reach = Problem(robot), robot.reach[:, 1]
+    tips, Ws, lams, seconds, factorizations = [], [], [], [], []
+    for share in np.asarray(shares):
+        near = solve(problem, pull(_NEIGHBOUR * share, reach))
+        if not near.converged:
+            raise NumericalError(f"discretisation, {scene.mesh.element}, {len(mesh.cells)} cells: {near.status.value}")
+        start = predict([knot(_NEIGHBOUR * share, near)], share, pull(share, reach))
+        begin = time.process_time()
+        found = solve(problem, pull(share, reach), start, near.state)
+        seconds.append(time.process_time() - begin)
         if not found.converged:
-            raise NumericalError(f"discretisation, {scene.mesh.element} {scene.mesh.size:g} mm: {found.status.value}")
-        state = found.state
+            raise NumericalError(f"discretisation, {scene.mesh.element}, {len(mesh.cells)} cells: {found.status.value}")
+        factorizations.append(near.factorizations)
         tips.append(found.delta_e)
+        lams.append(found.lambda_a)
         Ws.append(found.condensed.W[:, robot.rows.a])
-    return len(mesh.X), len(mesh.cells), np.array(tips), np.array(Ws), float(np.median(seconds))
+    return Solved(
+        len(mesh.X),
+        len(mesh.cells),
+        np.array(tips),
+        np.array(Ws),
+        np.array(lams),
+        float(np.median(seconds)),
+        float(np.mean(factorizations)),
+    )
 
 
-def discretisation_figure(results: Sequence[dict]) -> bytes:
-    """Error of W and of the tip against seconds a state; the finest mesh, which has none, is left out."""
-    from cfem.report.style import LEARNED, panels, png
+def _tolerances(scene: SceneSpec, folder: Path, spec: Discretisation) -> list[dict]:
+    """Error of tip and W by the solver's tolerance alone, on the scene's own mesh, against 1e-12."""
+    from cfem.equilibrium.actuation import pull
+    from cfem.equilibrium.newton import Settings
+    from cfem.equilibrium.problem import Problem
+    from cfem.equilibrium.solve import solve
+    from cfem.robot.build import build_robot
+    from cfem.robot.grading import scene_mesh
 
-    figure, axes = panels(2, height=3.5)
-    elements = list(dict.fromkeys(row["element"] for row in results))
-    for axis, key, scale, label in ((axes[0], "W_relative_max", 100.0, "%"), (axes[1], "tip_mm_max", 1.0, "mm")):
-        for row in results:
-            if row["W_relative_max"] == 0.0:
-                continue
-            colour = LEARNED[elements.index(row["element"]) % len(LEARNED)]
-            first = all(other["element"] != row["element"] for other in results[: results.index(row)])
-            axis.loglog(
-                row["seconds"],
-                scale * row[key],
-                "o",
-                ms=9,
-                color=colour,
-                mfc=colour if row["front"] else "white",
-                label=row["element"] if first else None,
-            )
-            axis.annotate(
-                f"{row['size']:g}",
-                (row["seconds"], scale * row[key]),
-                xytext=(6, 5),
-                textcoords="offset points",
-                fontsize=8,
-            )
-        axis.margins(0.35)
-        axis.set(xlabel="one state (s)", ylabel=label)
-    axes[0].legend(loc="lower left", title="mesh size (mm) beside each")
-    axes[0].set_title("largest error of W (filled: on the front)")
-    axes[1].set_title("largest error of the tip")
-    return png(figure)
+    if not spec.tolerances:
+        return []
+    problem = Problem(build_robot(scene, scene_mesh(scene, folder)[0]))
+    share = np.asarray(spec.states[0])
+    how = pull(share, problem.robot.reach[:, 1])
+    start = solve(problem, pull(_NEIGHBOUR * share, problem.robot.reach[:, 1])).state
+    exact = solve(problem, how, start, settings=Settings(tolerance=1e-12))
+    rows = []
+    for tolerance in spec.tolerances:
+        begin = time.process_time()
+        found = solve(problem, how, start, settings=Settings(tolerance=tolerance))
+        seconds = time.process_time() - begin
+        W, expected = found.condensed.W, exact.condensed.W
+        rows.append(
+            {
+                "tolerance": tolerance,
+                "residual": found.residual,
+                "tip_mm": float(np.linalg.norm(found.delta_e - exact.delta_e)),
+                "W": float(np.linalg.norm(W - expected) / np.linalg.norm(expected)),
+                "iterations": found.iterations,
+                "factorizations": found.factorizations,
+                "seconds": seconds,
+            }
+        )
+    return rows

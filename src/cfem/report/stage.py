@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.files import write_json, write_whole
-from cfem.core.spec import load_spec
+from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_stage
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec
@@ -18,7 +18,9 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     spec = load_spec(spec_path, ReportSpec, overrides)
     base = spec_path.parent
     models = {f"model {name}": base / path for name, path in spec.models.items()}
-    inputs = {"mesh": base / spec.mesh, "samples": base / spec.samples, **models, "control": base / spec.control}
+    inputs = {}
+    if spec.control:
+        inputs = {"mesh": base / spec.mesh, "samples": base / spec.samples, **models, "control": base / spec.control}
     scene = load_spec(base / spec.scene, SceneSpec)
     stage = Stage(
         name="report",
@@ -27,30 +29,62 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
         inputs=inputs,
         out=out or base / spec.out,
         paths=("scene", "mesh", "samples", "models", "control", "out"),
-        extra={"scene": scene.model_dump(exclude={"out"})},
+        extra={"scene": meaning(scene, {"out"})},
     )
-    return run_stage(stage, lambda folder: _work(folder, spec, scene, (base / spec.scene).parent, inputs), options)
+    return run_stage(
+        stage, lambda folder: _work(folder, spec, scene, (base / spec.scene).parent, inputs, options.quiet), options
+    )
 
 
 def _work(
-    folder: Path, spec: ReportSpec, scene: SceneSpec, scene_folder: Path, inputs: dict[str, Path]
+    folder: Path, spec: ReportSpec, scene: SceneSpec, scene_folder: Path, inputs: dict[str, Path], quiet: bool
 ) -> dict[str, Any]:
+    from cfem.core.provenance import versions
     from cfem.report import tables
     from cfem.report.discretisation import headline, study
     from cfem.report.page import Section, page
 
     manifests = {name: (path, read_manifest(path)) for name, path in inputs.items()}
+    meshes = study(scene, scene_folder, spec.discretisation, quiet) if spec.discretisation else {}
+    sections, pictures, facts = _learned(spec, inputs, manifests) if inputs else ([], {}, {})
+    if meshes:
+        pictures |= _mesh_pictures(meshes)
+        sections.append(_mesh_section(pictures, meshes))
+    provenance = (tables.provenance_table(manifests),) if manifests else ()
+    made_with = next(
+        (manifest["versions"] for name, (_, manifest) in manifests.items() if name == "control"), versions()
+    )
+    sections.append(
+        Section(
+            "Where this comes from",
+            "Every artefact has a manifest with these hashes; a stage whose inputs have not changed does not run.",
+            (*provenance, tables.versions_table(made_with)),
+        )
+    )
+    for name, picture in pictures.items():
+        write_whole(folder / f"{name}.png", picture.png)
+    lead = "From finite elements to a learned condensed model, from goals to actuators: what it reaches and costs."
+    if not inputs:
+        lead = "What the discretisation errs, and what it costs."
+    write_whole(folder / "report.html", page(scene.name, lead, sections).encode())
+    write_json(folder / "results.json", {**facts, "discretisation": meshes})
+    return {
+        "headline": headline(meshes.get("meshes", [])),
+        "page": "report.html",
+        "pictures": sorted(pictures),
+        "discretisation": meshes,
+    }
+
+
+def _learned(spec: ReportSpec, inputs: dict[str, Path], manifests: dict) -> tuple[list, dict, dict]:
+    """Sections, pictures and facts about samples, models and tracking."""
+    from cfem.report import tables
+    from cfem.report.page import Section
+
     results = {name: manifest["results"] for name, (_, manifest) in manifests.items()}
     models = {name: results[f"model {name}"] for name in spec.models}
     tracking = results["control"]["trajectories"]
-    meshes = []
-    if spec.discretisation:
-        meshes = [
-            case.as_json() for case in study(scene, scene_folder, spec.discretisation, spec.discretisation_states)
-        ]
-    pictures = _pictures(spec, inputs, models, tracking, meshes)
-    for name, picture in pictures.items():
-        write_whole(folder / f"{name}.png", picture.png)
+    pictures = _pictures(spec, inputs, models, tracking)
     sections = [
         *_tracking_sections(pictures, tracking, results["control"]),
         Section(
@@ -65,30 +99,14 @@ def _work(
             ),
         ),
         Section("The samples", _samples_text(results["samples"]), (pictures["coverage"],)),
-        *_mesh_sections(pictures, meshes),
-        Section(
-            "Where this comes from",
-            "Every artefact has a manifest with these hashes; a stage whose inputs have not changed does not run.",
-            (tables.provenance_table(manifests), tables.versions_table(manifests["control"][1]["versions"])),
-        ),
     ]
-    lead = "From finite elements to a learned condensed model, from goals to actuators: what it reaches and costs."
-    write_whole(folder / "report.html", page(scene.name, lead, sections).encode())
-    facts = {
-        "models": models,
-        "tracking": tracking,
-        "mesh": results["mesh"],
-        "samples": results["samples"],
-        "discretisation": meshes,
-    }
-    write_json(folder / "results.json", facts)
-    return {"headline": headline(meshes), "page": "report.html", "pictures": sorted(pictures), "discretisation": meshes}
+    facts = {"models": models, "tracking": tracking, "mesh": results["mesh"], "samples": results["samples"]}
+    return sections, pictures, facts
 
 
-def _pictures(spec: ReportSpec, inputs: dict[str, Path], models: dict, tracking: dict, meshes: list) -> dict:
+def _pictures(spec: ReportSpec, inputs: dict[str, Path], models: dict, tracking: dict) -> dict:
     from cfem.dataset.reader import read_dataset
     from cfem.report.dataset_figure import coverage_figure
-    from cfem.report.discretisation import discretisation_figure
     from cfem.report.page import Picture
     from cfem.report.tracking_figure import effort_figure
     from cfem.report.training_figure import inference_figure, learning_figure, training_figure
@@ -97,7 +115,7 @@ def _pictures(spec: ReportSpec, inputs: dict[str, Path], models: dict, tracking:
     datasets = {
         Path(name).stem: read_dataset(artefact_file(inputs["samples"], name)) for name in sorted(splits, reverse=True)
     }
-    found = {
+    return {
         **_tracked(inputs["control"], tracking),
         "effort": Picture(
             effort_figure(tracking), "What accuracy costs: distance against the time that control takes for a goal."
@@ -113,10 +131,6 @@ def _pictures(spec: ReportSpec, inputs: dict[str, Path], models: dict, tracking:
             inference_figure(models, spec.published), "Error on the test set against the time of one query."
         ),
     }
-    if meshes:
-        caption = "Error against run time of meshes, judged by the finest; each state is a solve and its condensation."
-        found["discretisation"] = Picture(discretisation_figure(meshes), caption)
-    return found
 
 
 def _tracked(control: Path, tracking: dict) -> dict:
@@ -176,14 +190,35 @@ def _tracking_sections(pictures: dict, tracking: dict, control: dict) -> list:
     ]
 
 
-def _mesh_sections(pictures: dict, meshes: list) -> list:
-    from cfem.report.page import Section
-    from cfem.report.tables import discretisation_table
+def _mesh_pictures(meshes: dict) -> dict:
+    from cfem.report.discretisation_figure import front_figure, poisson_figure
+    from cfem.report.page import Picture
 
-    if not meshes:
-        return []
-    text = "The same states on several meshes. W converges later than the tip, which prescribed displacements hide."
-    return [Section("The mesh", text, (discretisation_table(meshes), pictures["discretisation"]))]
+    rows = meshes["meshes"]
+    ratios = sorted({row["poisson"] for row in rows})
+    nominal = ratios[len(ratios) // 2]
+    caption = "Error against run time of meshes, judged by the finest; a sample is a solve from a near state and its W."
+    found = {"discretisation": Picture(front_figure(rows, nominal), caption)}
+    if len(ratios) > 1:
+        found["poisson"] = Picture(poisson_figure(rows), "What near incompressibility does to each mesh.")
+    return found
+
+
+def _mesh_section(pictures: dict, meshes: dict):
+    from cfem.report import tables
+    from cfem.report.page import Section
+
+    text = (
+        "The same states on several meshes. W converges later than the tip, which prescribed displacements hide. "
+        "Graded meshes are finest where W needs it."
+    )
+    parts = [pictures[name] for name in ("discretisation", "poisson") if name in pictures]
+    parts.append(tables.discretisation_table(meshes["meshes"]))
+    if meshes["orders"]:
+        parts.append(tables.orders_table(meshes["orders"]))
+    if meshes["tolerances"]:
+        parts.append(tables.tolerance_table(meshes["tolerances"]))
+    return Section("The mesh", text, tuple(parts))
 
 
 def _samples_text(results: dict) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from cfem.report.discretisation import label
 from cfem.report.page import Table
 from cfem.report.spec import Published
 
@@ -84,19 +85,70 @@ def model_table(models: Mapping[str, dict], published: Published | None) -> Tabl
 
 
 def discretisation_table(results: Sequence[dict]) -> Table:
-    """One row a mesh; the reference is the one without error."""
+    """One row a mesh and Poisson's ratio."""
     rows = [
         (
-            f"{row['element']}, {number(row['size'])} mm" + (" (reference)" if row["W_relative_max"] == 0 else ""),
+            label(row) + (" (reference)" if row["reference"] else ""),
+            f"{row['poisson']:g}",
             str(row["nodes"]),
-            str(row["cells"]),
-            number(row["tip_mm_max"]),
-            number(100 * row["W_relative_max"]),
+            number(row["W_11"]),
+            number(100 * row["W"]),
+            number(100 * row["tip"]),
+            number(100 * row["force"]),
+            number(row["factorizations"]),
+            number(1e3 * row["sample_seconds"]),
+            "yes" if row["front"] else "",
+        )
+        for row in results
+    ]
+    return Table(
+        (
+            "mesh",
+            "nu",
+            "nodes",
+            "W of the first cable (mm/N)",
+            "error of W (%)",
+            "of the tip (%)",
+            "of forces (%)",
+            "factorisations, cold",
+            "sample, CPU (ms)",
+            "on the front",
+        ),
+        rows,
+    )
+
+
+def orders_table(orders: Sequence[dict]) -> Table:
+    """One row a family of meshes."""
+    rows = [
+        (
+            f"{row['element']}, {'graded' if row['graded'] else 'even'}"
+            + ("" if row["radius"] is None else f", radius {row['radius']:g} mm"),
+            f"{row['poisson']:g}",
+            number(row["order"], 2),
+        )
+        for row in orders
+    ]
+    return Table(("meshes", "nu", "order of W's error in the cell size"), rows)
+
+
+def tolerance_table(results: Sequence[dict]) -> Table:
+    """One row a tolerance of the solver."""
+    rows = [
+        (
+            number(row["tolerance"]),
+            number(row["residual"]),
+            number(row["tip_mm"]),
+            number(row["W"]),
+            str(row["iterations"]),
+            str(row["factorizations"]),
             number(row["seconds"]),
         )
         for row in results
     ]
-    return Table(("mesh", "nodes", "cells", "tip error (mm)", "error of W (%)", "one state (s)"), rows)
+    return Table(
+        ("tolerance", "residual", "tip error (mm)", "error of W", "iterations", "factorisations", "CPU (s)"), rows
+    )
 
 
 def provenance_table(manifests: Mapping[str, tuple[Path, dict]]) -> Table:

@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 from cfem.core.errors import CfemError
 from cfem.core.progress import progress
 from cfem.core.provenance import versions
+from cfem.core.spec import meaning
 from cfem.dataset.reader import read_table
 from cfem.dataset.schema import schema
 from cfem.sample import shard, tour
@@ -48,7 +49,7 @@ def _job(spec: SampleSpec, factory: SolverFactory, facts: Facts, folder: Path, m
         "rest_e": facts.rest_e.tolist(),
         "reach": facts.reach.tolist(),
         "length": facts.length,
-        "plan": spec.model_dump(exclude={"scene", "mesh", "out"}),
+        "plan": meaning(spec, {"scene", "mesh", "out"}),
         "made_from": made_from,
         "versions": versions(),
     }

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from cfem.core.spec import load_spec
+from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import SceneSpec
 from cfem.sample.spec import SampleSpec
@@ -29,7 +29,7 @@ def run(
         out=out or spec_path.parent / spec.out,
         paths=("scene", "mesh", "out"),
         precious=True,
-        extra={"scene": load_spec(scene, SceneSpec).model_dump(exclude={"out"})},
+        extra={"scene": meaning(load_spec(scene, SceneSpec), {"out"})},
     )
 
     def work(folder: Path) -> dict[str, Any]:
