@@ -86,6 +86,33 @@ def inspect(
 
 
 @app.command()
+def stability(
+    scene: Annotated[Path | None, typer.Argument(help="A scene whose mesh is made: its cases run too.")] = None,
+    only: Annotated[str | None, typer.Option("--only", metavar="PATTERN", help="Cases by name: 'cables/*'.")] = None,
+    list_: Annotated[bool, typer.Option("--list", help="Print the names of the cases, and run none.")] = False,
+    heavy: Annotated[bool, typer.Option("--heavy", help="With the body of 1e5 tetrahedra.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Try stiff and extreme cases; exit 4 if any ends neither converged nor with its cause named."""
+    from cfem.stability import command, suite, table
+
+    results = []
+
+    def work(options):
+        cases = command.select(scene, only, heavy)
+        if list_:
+            names = [case.name for case in cases]
+            return {"cases": names} if json else "\n".join(names)
+        results.extend(command.run_cases(cases, options.quiet))
+        return table.as_data(results) if json else table.as_text(results)
+
+    run_command(work, as_json=json, quiet=quiet)
+    if suite.misbehaving(results):
+        run_command(lambda _: suite.demand_right(results))
+
+
+@app.command()
 def schema(
     out: Annotated[Path, typer.Option("--out", help="Folder for one <stage>.json each.")] = Path("schemas"),
     check: Annotated[bool, typer.Option("--check", help="Exit 5 if the files differ from the specs.")] = False,

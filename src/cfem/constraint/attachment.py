@@ -43,6 +43,8 @@ def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.nd
 
     Raises SpecError, naming the point, where it lies outside the body."""
     point = np.asarray(point, dtype=float)
+    if not np.isfinite(point).all():
+        raise SpecError(f"{name} at {show(point)} mm: coordinates must be finite numbers")
     cell, coordinates = locate(mesh, point[None, :], cells=cells)
     if _gap(mesh, cell, coordinates, point[None, :])[0] > max(0.5 * radius, 1e-3 * mesh.size):
         raise SpecError(

@@ -41,7 +41,10 @@ class Cable:
         t = d / length[:, None]
         across = -(np.eye(3) - t[:, :, None] * t[:, None, :]) / length[:, None, None]
         coupled = (row[row != 0.0] for row in self.along)
-        return [np.kron(np.outer(c, c), block)[None] for c, block in zip(coupled, across, strict=True)]
+        products = (
+            np.outer(c, c)[:, None, :, None] * block[:, None, :] for c, block in zip(coupled, across, strict=True)
+        )
+        return [product.reshape(1, 3 * len(product), -1) for product in products]
 
 
 def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name: str) -> Cable:

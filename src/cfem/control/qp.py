@@ -82,7 +82,8 @@ def solve_qp(
     `daqp`: dual active set, exact and the fastest measured; its set-up costs so little that no workspace is
     kept. `osqp`: operator splitting with polish, a second opinion that costs a hundred times as much."""
     m, n = A.shape
-    if not (np.isfinite(H).all() and np.isfinite(f).all() and np.isfinite(A).all()) or np.isnan(box).any():
+    numbers, bounds = (H, f, A), (box, lower, upper)
+    if not all(np.isfinite(each).all() for each in numbers) or any(np.isnan(each).any() for each in bounds):
         return _no_answer(m, n, QpStatus.NOT_FINITE, 0)
     low, high = box.T
     if (low > high).any() or (lower > upper).any():
@@ -111,9 +112,9 @@ def solve_qp(
 
 
 def _widths(H: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(n,) box widths; where a box is open or closed to a point, what brings the curvature to one."""
+    """(n,) box widths; where a box is open or closed to a point, to rounding, what brings the curvature to one."""
     width = high - low
-    usable = np.isfinite(width) & (width > 0)
+    usable = np.isfinite(width) & (width > 1e-6 * np.maximum(np.abs(low), np.abs(high)))
     if usable.all():
         return width
     diagonal = np.diag(H)

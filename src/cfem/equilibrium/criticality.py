@@ -51,8 +51,8 @@ def classify(problem: Problem, result: NewtonResult, actuation: Actuation, stiff
     if not np.isfinite(value) or abs(value) > 0.2 * abs(stiffness):
         return None
     forces = result.at.H @ actuation.offset
-    if problem.robot.loads is not None:
-        forces = forces + actuation.load * problem.kinematics.reduce(result.at.x, problem.robot.loads)
+    if problem.loads is not None:
+        forces = forces + actuation.load * problem.kinematics.reduce(result.at.x, problem.loads)
     by_force = abs(forces @ mode) > _DRIVEN * np.linalg.norm(forces) / np.sqrt(len(mode))
     reaction = np.linalg.norm(result.at.H @ (actuation.C.T @ reactions))
     by_displacement = reaction > _DRIVEN * abs(stiffness)

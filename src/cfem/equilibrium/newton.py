@@ -19,6 +19,9 @@ from cfem.equilibrium.problem import Cost, Evaluation, Problem, Tangent
 from cfem.equilibrium.solution import State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
+# Condition of the held rows' compliance, each row scaled to one, beyond which they are the same row to rounding.
+_DEPENDENT = 1e13
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -26,7 +29,7 @@ class Settings:
     max_iterations: of one load step
     slow:           contraction above which the tangent is factored anew (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before
-    smallest_step:  fraction of the whole load at which continuation gives up
+    smallest_step:  fraction of the load reached so far at which continuation gives up
     first_step:     fraction that a cold start tries first"""
 
     tolerance: float = 1e-10
@@ -99,7 +102,7 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
             except (SingularMatrixError, np.linalg.LinAlgError):
                 status, tangent = Status.SINGULAR, None
                 break
-            rounding = problem.rounding(at, lam, tangent)
+            rounding = problem.rounding(at, lam)
             growth = growth + 1 if correction.size > last else 0
             last = correction.size
         stalled, residual = residual, problem.relative_residual(at, lam, tangent)
@@ -113,7 +116,11 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
             break
         cost.iterations += 1
         before, at, lam = at, trial, lam + part * correction.multipliers
-        following = _correct(problem, at, lam, tangent, actuation, border)
+        try:
+            following = _correct(problem, at, lam, tangent, actuation, border)
+        except np.linalg.LinAlgError:
+            status, tangent = Status.SINGULAR, None
+            break
         if part < 1.0 or following.size > max(settings.slow * correction.size, smallest):
             tangent = None
         correction = following
@@ -133,9 +140,15 @@ def _step(problem: Problem, at: Evaluation, correction: _Correction) -> tuple[Ev
 
 
 def _border(at: Evaluation, tangent: Tangent, actuation: Actuation) -> _Border:
+    """LinAlgError where the rows that the actuation holds depend on each other."""
     HC = at.H @ actuation.C.T
     ZC = tangent.factor.solve(HC) if len(actuation.C) else HC
-    return _Border(ZC, HC.T @ ZC)
+    S = HC.T @ ZC
+    if len(S):
+        size = np.sqrt(np.abs(np.diag(S)))
+        if not (size > 0).all() or np.linalg.cond(S / np.outer(size, size)) > _DEPENDENT:
+            raise np.linalg.LinAlgError("rows of the actuation depend on each other")
+    return _Border(ZC, S)
 
 
 def _correct(

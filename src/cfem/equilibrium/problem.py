@@ -5,15 +5,16 @@ R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C de
 on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cfem.constraint.protocol import Watched
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import Response, bulk_over_volume, pressure_force, response, tangent, without
 from cfem.mechanics.factorization import Factor, analyze
 from cfem.mechanics.rigid import make_kinematics
-from cfem.equilibrium.robot import Robot
 
 
 @dataclass
@@ -46,16 +47,16 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Tangent:
-    """A factored at one state, with the gradient of theta_mean V that the element pressures need; stiffest: (n_dof,)
-    N/mm, |diag A|."""
+    """A factored at one state, with the gradient of theta_mean V that the element pressures need."""
 
     factor: Factor
     dtheta: np.ndarray
-    stiffest: np.ndarray
 
 
 class Problem:
-    """Sparsity pattern and symbolic factorisation of a robot, found once; all else is recomputed from arguments."""
+    """Sparsity pattern and symbolic factorisation of a robot, found once; all else is recomputed from arguments.
+
+    loads: (n, 3) N of the robot, None without any; finite: whether they are numbers (they count as none where not)"""
 
     def __init__(self, robot: Robot):
         self.robot = robot
@@ -67,7 +68,9 @@ class Problem:
         self.kinematics = make_kinematics(self.rest, [self.body.cells, *cliques], robot.fixed, robot.rigid)
         self._factor = analyze(self.pattern)
         self._bulk_over_volume = bulk_over_volume(self.body) if self.body.n_pressures else np.empty(0)
-        self._loads = None if robot.loads is None else self.kinematics.reduce(self.rest, robot.loads)
+        self.finite = robot.loads is None or bool(np.isfinite(robot.loads).all())
+        self.loads = robot.loads if self.finite else None
+        self._loads = None if self.loads is None else self.kinematics.reduce(self.rest, self.loads)
         # residuals are relative to the forces at hand, but never to less than a strain of 1e-10 over the whole body
         shear = min(part.shear for part in self.body.solids)
         self.force_floor = 1e-10 * shear * robot.body.mesh.size**2
@@ -88,7 +91,7 @@ class Problem:
     def evaluate(self, x: np.ndarray, pressure: np.ndarray, load: float = 1.0) -> Evaluation:
         """An empty pressure stands for the one that x itself demands."""
         at = response(self.body, x, pressure)
-        nodal = at.force if self.robot.loads is None else at.force - load * self.robot.loads
+        nodal = at.force if self.loads is None else at.force - load * self.loads
         delta = np.concatenate([row.value(x) - row.rest for row in self.robot.active])
         H = self.gradients(self.robot.active, x)
         return Evaluation(x, at.pressure, load, at, self.kinematics.reduce(x, nodal), delta, H)
@@ -127,7 +130,7 @@ class Problem:
         """Raises SingularMatrixError."""
         data, dtheta = self.stiffness(at, lam, before)
         cost.factorizations += 1
-        return Tangent(self._factor(data), dtheta, np.abs(data[self.pattern.indptr[:-1]]))
+        return Tangent(self._factor(data), dtheta)
 
     def pressure_residual(self, at: Evaluation, tangent: Tangent) -> np.ndarray:
         """(n_dof,) N: force of the pressure that the elements have yet to gain."""
@@ -149,10 +152,15 @@ class Problem:
         internal = at.force if self._loads is None else at.force + at.load * self._loads
         return max(float(np.linalg.norm(internal)), load, float(np.linalg.norm(at.H @ lam)), self.force_floor)
 
-    def rounding(self, at: Evaluation, lam: np.ndarray, tangent: Tangent) -> float:
-        """Relative residual that rounding of the positions alone makes: eps |diag A| |x|."""
-        noise = np.finfo(float).eps * np.linalg.norm(tangent.stiffest) * np.abs(at.x).max()
-        return float(noise / self.scale(at, lam))
+    def rounding(self, at: Evaluation, lam: np.ndarray) -> float:
+        """Relative residual that rounding of the positions alone makes: eps |diag A| |x|, with A at rest."""
+        return float(np.finfo(float).eps * self._stiffest * np.abs(at.x).max() / self.scale(at, lam))
+
+    @cached_property
+    def _stiffest(self) -> float:
+        """N/mm: |diag A| at rest."""
+        at = self.evaluate(self.rest, np.empty(0), 0.0)
+        return float(np.linalg.norm(self.stiffness(at, np.zeros(self.n_active))[0][self.pattern.indptr[:-1]]))
 
     def relative_residual(self, at: Evaluation, lam: np.ndarray, tangent: Tangent | None = None) -> float:
         """|R with the demanded pressures| over `scale`; the tangent is needed where pressures lag behind."""
@@ -164,8 +172,8 @@ class Problem:
     def _unbalanced(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
         """(n, 3) N nodal residual."""
         nodal = at.response.force.copy()
-        if self.robot.loads is not None:
-            nodal -= at.load * self.robot.loads
+        if self.loads is not None:
+            nodal -= at.load * self.loads
         column = 0
         for row in self.robot.active:
             end = column + len(row.rest)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation, force
+from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import condense as condensation
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.newton import NewtonResult, Settings, newton
@@ -19,11 +19,13 @@ from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
 DEFAULT = Settings()
+# Share of the way that is not worth a step, however far the way leads.
+_NOTHING = 1e-12
 
 
 def rest_state(problem: Problem) -> State:
     """The undeformed robot, no load on it."""
-    load = 1.0 if problem.robot.loads is None else 0.0
+    load = 1.0 if problem.loads is None else 0.0
     return State(problem.rest, np.zeros(problem.body.n_pressures), np.zeros(problem.n_active), load)
 
 
@@ -43,9 +45,13 @@ def solve(
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
-    taut = np.ones(len(actuation.C), dtype=bool)
+    if not _finite(problem, actuation, start, base):
+        return _answer(problem, _not_finite(problem, actuation), actuation, cost, begin, condense=False)
+    if slack:
+        actuation = _no_push(problem, actuation)
+    taut = _taut(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
     allowed = 4 * len(actuation.C) if slack else 0
-    path = _reach(problem, actuation, start, base, settings, cost)
+    path = _reach(problem, _only(actuation, taut), start, base, settings, cost)
     while path.result.status is Status.CONVERGED and allowed > 0:
         change = _change_of_slack(problem, actuation, taut, path.result)
         if change is None:
@@ -76,9 +82,6 @@ def _reach(
     cost: Cost,
 ) -> _Path:
     """Directly from the start, else by continuation from the base, else from rest."""
-    if not all(_finite(actuation, state) for state in (start, base)):
-        at = problem.evaluate(problem.rest, np.empty(0))
-        return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0))
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost)
@@ -123,25 +126,47 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
             step *= 2.0 if result.iterations <= 5 else 1.0
         else:
             step = (to - done) / 2
-            if step < settings.smallest_step:
+            if step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable, done)
+
+
+def _unilateral_rows(problem: Problem, actuation: Actuation) -> list[tuple[int, int]]:
+    """(row of C, actuator) of the rows that prescribe one unilateral actuator each."""
+    rows = [(index, np.flatnonzero(row)) for index, row in enumerate(actuation.C)]
+    unilateral = problem.robot.unilateral
+    return [(index, row[0]) for index, row in rows if len(row) == 1 and row[0] < len(unilateral) and unilateral[row[0]]]
+
+
+def _no_push(problem: Problem, actuation: Actuation) -> Actuation:
+    """A unilateral actuator that is asked to push by a given force goes slack."""
+    offset, n_a = actuation.offset.copy(), problem.robot.rows.n_a
+    given = problem.robot.unilateral & ~actuation.C[:, :n_a].any(axis=0)
+    offset[:n_a][given] = np.maximum(offset[:n_a][given], 0.0)
+    return replace(actuation, offset=offset)
+
+
+def _taut(problem: Problem, actuation: Actuation, near: State | None) -> np.ndarray:
+    """(m,) the rows to hold at first: not those of cables that are longer than their path in the state nearby."""
+    taut = np.ones(len(actuation.C), dtype=bool)
+    x = problem.rest if near is None else near.x
+    for index, actuator in _unilateral_rows(problem, actuation):
+        row = problem.robot.actuators[actuator]
+        spare = actuation.C[index, actuator] * (row.value(x) - row.rest)[0] - actuation.target[index]
+        taut[index] = spare <= 1e-3 * problem.robot.body.mesh.size
+    return taut
 
 
 def _change_of_slack(problem: Problem, actuation: Actuation, taut: np.ndarray, result: NewtonResult) -> int | None:
     """The prescribed row to let go (it pushes) or to take up (its path has become too long), None where all is well."""
-    rows = [np.flatnonzero(row) for row in actuation.C]
-    n_a = problem.robot.rows.n_a
-    tension = np.zeros(len(rows))
-    lack = np.zeros(len(rows))
-    for index, row in enumerate(rows):
-        if len(row) == 1 and row[0] < n_a and problem.robot.unilateral[row[0]]:
-            if taut[index]:
-                tension[index] = result.lam[row[0]]
-            else:
-                lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta
-    if len(rows) and tension.min() < -1e-9 * max(np.abs(result.lam).max(), problem.force_floor):
+    tension, lack = np.zeros(len(taut)), np.zeros(len(taut))
+    for index, actuator in _unilateral_rows(problem, actuation):
+        if taut[index]:
+            tension[index] = result.lam[actuator]
+        else:
+            lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta
+    if len(taut) and tension.min() < -1e-9 * max(np.abs(result.lam).max(), problem.force_floor):
         return int(tension.argmin())
-    if len(rows) and lack.max() > 1e-9 * problem.robot.body.mesh.size:
+    if len(taut) and lack.max() > 1e-9 * problem.robot.body.mesh.size:
         return int(lack.argmax())
     return None
 
@@ -150,10 +175,16 @@ def _only(actuation: Actuation, taut: np.ndarray) -> Actuation:
     return replace(actuation, C=actuation.C[taut], target=actuation.target[taut])
 
 
-def _finite(actuation: Actuation, start: State | None) -> bool:
-    arrays = [actuation.C, actuation.target, actuation.offset]
-    arrays += [start.x, start.pressure, start.lam] if start is not None else []
-    return all(np.isfinite(array).all() for array in arrays)
+def _finite(problem: Problem, actuation: Actuation, *states: State | None) -> bool:
+    arrays = [actuation.C, actuation.target, actuation.offset, np.array(actuation.load)]
+    for state in states:
+        arrays += [] if state is None else [state.x, state.pressure, state.lam, np.array(state.load)]
+    return problem.finite and all(np.isfinite(array).all() for array in arrays)
+
+
+def _not_finite(problem: Problem, actuation: Actuation) -> _Path:
+    at = problem.evaluate(problem.rest, np.empty(0), 0.0)
+    return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0))
 
 
 def _answer(
@@ -175,7 +206,7 @@ def _answer(
     if status not in (Status.CONVERGED, Status.NOT_FINITE):
         status = _cause(problem, path, actuation, status, cost)
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
-    work = 0.0 if robot.loads is None else result.at.load * float(np.sum(robot.loads * (x - problem.rest)))
+    work = 0.0 if problem.loads is None else result.at.load * float(np.sum(problem.loads * (x - problem.rest)))
     n_a = robot.rows.n_a
     largest = np.abs(result.lam).max(initial=0.0)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -200,21 +231,19 @@ def _answer(
 
 
 def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, cost: Cost) -> Status:
-    """The name of what the path ended at: judged by the softest mode where it lost its stability or where the last
-    stable state lies, against that at rest."""
-    near = path.stable
-    if near is None or near.tangent is None:
-        return status
-    nothing = force(np.zeros(actuation.n))
+    """The name of what the path ended at: a body that is not held even at rest; a critical point, by the softest mode
+    of the last stable state against that at rest; else the end of what can be reached."""
     try:
-        at = problem.evaluate(problem.rest, np.empty(0), 0.0)
-        tangent = problem.factor(at, np.zeros(actuation.n), cost)
-        rest = NewtonResult(Status.CONVERGED, at, np.zeros(actuation.n), tangent, 0.0, 0.0, 0)
-        stiffness = softest_mode(problem, rest, replace(nothing, C=actuation.C, target=actuation.target))[0]
+        at, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(actuation.n)
+        rest = NewtonResult(Status.CONVERGED, at, none, problem.factor(at, none, cost), 0.0, 0.0, 0)
+        stiffness = softest_mode(problem, rest, actuation)[0]
+        near = path.stable
+        if near is None or near.tangent is None:
+            return status
         fresh = replace(near, tangent=problem.factor(near.at, near.lam, cost))
     except (SingularMatrixError, np.linalg.LinAlgError):
-        return status
+        return Status.SINGULAR
     found = classify(problem, fresh, actuation, stiffness)
     if found is not None:
         return found
-    return Status.OUT_OF_REACH if status is Status.STEP_TOO_SMALL else status
+    return status if status is Status.UNSTABLE else Status.OUT_OF_REACH

@@ -60,11 +60,20 @@ def make_body(
 ) -> Body:
     """All cells of `material`, but those of the regions (cell indices, material), of which later ones win.
 
-    Raises InputError where a cell is inverted or flat."""
+    Raises InputError where a cell is inverted or flat, a node is in no cell, or a number is not finite."""
+    if not np.isfinite(mesh.X).all():
+        raise InputError("the mesh has nodes whose coordinates are not finite numbers", do="mesh it anew")
+    unused = len(mesh.X) - len(np.unique(mesh.cells))
+    if unused:
+        raise InputError(f"{unused} of {len(mesh.X)} nodes of the mesh belong to no cell", do="drop them")
     owner = np.zeros(len(mesh.cells), dtype=int)
     for number, (cells, _) in enumerate(regions, 1):
         owner[cells] = number
     materials = [material, *(other for _, other in regions)]
+    for each in materials:
+        parameters, bulk = each.moduli
+        if not (np.isfinite(parameters).all() and np.isfinite(bulk) and each.young > 0):
+            raise InputError(f"{each.law.name}: moduli must be finite and positive, young is {each.young:g} MPa")
     try:
         solids = tuple(
             make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, each)

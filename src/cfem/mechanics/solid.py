@@ -178,7 +178,10 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
         S = ((P + pressure[:, None, None] * g) * solid.weights.reshape(-1, 1, 1)).reshape(m, q, 3, 3)
         rest = np.einsum("mqab,mqkb->mka", S, modes)
         size = np.linalg.norm(rest, axis=(1, 2))
-        floor = 1e-14 * np.abs(S).sum(axis=(1, 2, 3)) * np.abs(modes).max(axis=(1, 2, 3)) + 1e-300
+        stress = (
+            np.abs(S).sum(axis=(1, 2, 3)) + (solid.shear + solid.bulk) * solid.volumes
+        )  # or what rounding of F makes
+        floor = 1e-14 * stress * np.abs(modes).max(axis=(1, 2, 3))
         better = (size < before) | (size <= floor)
         if (size <= floor).all():
             return True

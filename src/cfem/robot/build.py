@@ -9,6 +9,7 @@ from cfem.constraint.cavity import Cavity, enclosed, make_cavity
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Watched
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import Body, make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.load import gravity
@@ -18,7 +19,6 @@ from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints, spec
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.rigid import rigid_groups
-from cfem.equilibrium.robot import Robot
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 
 

@@ -74,7 +74,7 @@ class SceneSpec(Spec):
     @model_validator(mode="after")
     def _graded(self):
         if self.mesh.cells is not None and (
-            self.mesh.element == "hex8" or isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl"
+            self.mesh.element == "hex8" or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
         ):
             raise ValueError("mesh.cells grades tetrahedra that are made here, not hexahedra or a mesh file")
         return self

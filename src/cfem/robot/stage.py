@@ -34,8 +34,8 @@ def files(geometry: Geometry) -> dict[str, Path]:
 
 def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
-    from cfem.robot.mesh_file import write_mesh
     from cfem.robot.grading import scene_mesh
+    from cfem.robot.mesh_file import write_mesh
     from cfem.robot.quality import quality
 
     mesh, volume = scene_mesh(scene, folder)

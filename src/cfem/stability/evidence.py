@@ -1,0 +1,67 @@
+"""What was measured of an answer, and the verdict on it."""
+
+from dataclasses import dataclass
+
+from cfem.stability.case import Case
+
+_CLEAR = 1e-12  # smallest eigenvalue of W, scaled to a unit diagonal, that rounding alone does not make
+
+
+@dataclass(frozen=True)
+class Check:
+    """A measured value that must not exceed its limit; NaN does."""
+
+    what: str
+    value: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        return bool(self.value <= self.limit)
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.value:.2g}, at most {self.limit:.2g} is right"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Of one answer. status: its name; claimed: whether it says to be an answer; checks: all that must hold of it;
+    the rest is for the table, None where there is none: residual (relative, recomputed), rounding (as stated), of W
+    its asymmetry before it is symmetrised, and its smallest eigenvalue and condition number, scaled to a unit diagonal
+    so that units do not matter."""
+
+    status: str
+    claimed: bool
+    checks: tuple[Check, ...] = ()
+    residual: float | None = None
+    rounding: float | None = None
+    asymmetry: float | None = None
+    smallest_eigenvalue: float | None = None
+    condition: float | None = None
+    iterations: int | None = None
+    factorizations: int | None = None
+
+
+def misbehaviours(case: Case, found: Evidence) -> list[str]:
+    """One sentence each; none where the answer is right and as expected."""
+    expect = case.expect
+    wrong = [str(check) for check in found.checks if not check.passed]
+    if expect.error is not None:
+        wrong.append(f"{expect} was due, and it went on to {found.status}")
+    elif found.status not in expect.statuses:
+        wrong.append(f"{' or '.join(sorted(expect.statuses))} was due, not {found.status}")
+    if found.claimed and found.smallest_eigenvalue is not None:
+        floor = {"positive": _CLEAR, "semidefinite": -1e-9, "any": float("-inf")}[expect.definite]
+        if not found.smallest_eigenvalue > floor:
+            wrong.append(f"W is not {expect.definite} definite: eigenvalue {found.smallest_eigenvalue:.2g}")
+    return wrong
+
+
+def error_misbehaviours(case: Case, error: BaseException) -> list[str]:
+    """The same of an exception: right only where it is the error expected and names its cause."""
+    expect = case.expect
+    if expect.error is None or not isinstance(error, expect.error):
+        return [f"{expect} was due, not {type(error).__name__}: {error}"]
+    if expect.word not in str(error):
+        return [f"{type(error).__name__} does not say '{expect.word}': {error}"]
+    return []

@@ -1,0 +1,175 @@
+"""What of an equilibrium can be measured without trusting the solver.
+
+The derivative of the residual along the responses q that the answer holds, by central differences, says whether W is
+what it claims to be: with H the gradients of the rows, A q_j = H_j and W_ij = H_i . q_j, hence W_ij = q_i . (A q_j)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Equilibrium
+from cfem.mechanics.assembly import symmetric_product
+from cfem.mechanics.body import response
+from cfem.stability.evidence import Check, Evidence
+from cfem.stability.recompute import force_scale, forces, gradients, motion, strayed
+from cfem.stability.trial import Trial
+
+_DENSE = 2500  # unknowns up to which stability is judged anew by dense matrices
+_STEP = 1e-5  # of the size of the body: of differences
+
+
+def examine(trial: Trial) -> Evidence:
+    answer = trial.answer
+    begin = Evidence(
+        answer.status.name,
+        answer.converged,
+        (_finite(answer),),
+        rounding=answer.rounding,
+        iterations=answer.iterations,
+        factorizations=answer.factorizations,
+    )
+    if not (answer.converged and begin.checks[0].passed):
+        return begin
+    W = answer.condensed.W
+    eigenvalues = np.linalg.eigvalsh(_unit_diagonal(W))
+    size = np.abs(eigenvalues)
+    residual, *state = _state_checks(trial)
+    asymmetry, *compliance = _compliance_checks(trial)
+    return replace(
+        begin,
+        checks=(*begin.checks, residual, *state, *_actuation_checks(trial), asymmetry, *compliance, _stability(trial)),
+        residual=residual.value,
+        asymmetry=asymmetry.value,
+        smallest_eigenvalue=float(eigenvalues[0]),
+        condition=float(size.max() / size.min()) if size.min() > 0 else np.inf,
+    )
+
+
+def _finite(answer: Equilibrium) -> Check:
+    state, condensed = answer.state, answer.condensed
+    parts = [state.x, state.pressure, state.lam, answer.delta, answer.delta_e, answer.energy, answer.residual]
+    if condensed is not None:
+        parts += [condensed.W, condensed.delta_free, condensed.lam, answer.response]
+    return Check("numbers that are not finite", float(sum((~np.isfinite(part)).sum() for part in parts)), 0)
+
+
+def _state_checks(trial: Trial) -> list[Check]:
+    robot, answer = trial.robot, trial.answer
+    x, lam = answer.state.x, answer.state.lam
+    found = forces(robot, x, lam, trial.actuation.load)
+    scale = force_scale(robot, found)
+    digit = np.finfo(float).eps * np.abs(x).max() * np.random.default_rng(0).uniform(-1, 1, x.shape)
+    digit[robot.fixed] = 0.0
+    noise = np.linalg.norm(forces(robot, x + digit, lam, trial.actuation.load).residual - found.residual) / scale
+    return [
+        Check("residual, recomputed", float(np.linalg.norm(found.residual) / scale), max(1e-8, answer.rounding)),
+        Check("stated rounding level", answer.rounding, max(1e-8, 100 * float(noise))),
+        Check("elements inverted", float(not response(robot.body, x).min_J > 0), 0),
+        Check("motion of held nodes or within rigid bodies", strayed(robot, x), 1e-11),
+    ]
+
+
+def _actuation_checks(trial: Trial) -> list[Check]:
+    robot, actuation, lam = trial.robot, trial.actuation, trial.answer.state.lam
+    gap, loose = _gaps(trial), _let_go(trial)
+    largest = float(np.abs(lam).max(initial=0.0)) or 1.0
+    free = lam - actuation.offset
+    held = actuation.C[~loose]
+    mu = np.linalg.lstsq(held.T, free, rcond=None)[0]
+    push = -lam[: robot.rows.n_a][robot.unilateral].min(initial=0.0) if trial.slack else 0.0
+    return [
+        Check("prescribed displacement missed", float(np.where(loose, gap, np.abs(gap)).max(initial=0.0)), 1e-9),
+        Check("prescribed force missed", float(np.abs(free - held.T @ mu).max(initial=0.0) / largest), 1e-9),
+        Check("push of a cable, over the largest force", float(push / largest), 1e-9),
+    ]
+
+
+def _gaps(trial: Trial) -> np.ndarray:
+    """(m,) what each prescribed displacement lacks, over what moving the whole body by its size would make of it."""
+    robot, C = trial.robot, trial.actuation.C
+    per_node = np.abs(gradients(robot, robot.active, trial.answer.state.x)).sum(axis=0)
+    scale = np.abs(C) @ per_node * robot.body.mesh.size
+    return (trial.actuation.target - C @ _delta(trial)) / np.maximum(scale, np.finfo(float).tiny)
+
+
+def _let_go(trial: Trial) -> np.ndarray:
+    """(m,) whether a row prescribes one cable that carries nothing, and may be shorter than prescribed."""
+    robot, lam = trial.robot, trial.answer.state.lam
+    n_a = robot.rows.n_a
+    slack = np.zeros(len(lam), dtype=bool)
+    slack[:n_a] = robot.unilateral & trial.slack & (np.abs(lam[:n_a]) <= 1e-9 * np.abs(lam).max(initial=0.0))
+    return np.array([np.count_nonzero(row) == 1 and slack[row != 0].any() for row in trial.actuation.C], dtype=bool)
+
+
+def _compliance_checks(trial: Trial) -> list[Check]:
+    robot, answer, condensed = trial.robot, trial.answer, trial.answer.condensed
+    x, lam, W, rows = answer.state.x, answer.state.lam, condensed.W, condensed.rows
+    H = np.hstack([gradients(robot, robot.effectors, x), gradients(robot, robot.active, x)])
+    q = np.stack([motion(robot, x, column) for column in np.moveaxis(answer.response, 2, 0)], axis=1)
+    slopes = np.stack([_slope(trial, column) for column in np.moveaxis(answer.response, 2, 0)], axis=1)
+    raw = H.T @ q
+    own, raw_own = W[rows.active, rows.active], raw[rows.active]
+    full_delta = np.concatenate([*(each.value(x) - each.rest for each in robot.effectors), _delta(trial)])
+    apart = full_delta - (W[:, rows.active] @ lam + condensed.delta_free)
+    return [
+        Check("asymmetry of W", _relative(raw_own - raw_own.T, own), 1e-5),
+        Check("asymmetry of W as given", _relative(W - W.T, W), 1e-14),
+        Check("W against H^T q", _relative(raw - W[:, rows.active], W[:, rows.active]), 1e-5),
+        Check("W against differences of the residual", _relative(q.T @ slopes - own, own), 1e-4 + 10 * answer.rounding),
+        Check("delta against W lambda + delta_free", float(np.abs(apart).max() / robot.body.mesh.size), 1e-9),
+    ]
+
+
+def _slope(trial: Trial, along: np.ndarray) -> np.ndarray:
+    """(n_dof,) N/mm: derivative of the residual along a motion (n, 3), by central differences of fourth order."""
+    robot, answer = trial.robot, trial.answer
+    x, lam = answer.state.x, answer.state.lam
+    h = _STEP * robot.body.mesh.size / max(float(np.abs(along).max()), 1e-300)
+    up2, up, down, down2 = (
+        forces(robot, x + k * h * along, lam, trial.actuation.load).residual for k in (2, 1, -1, -2)
+    )
+    return (8 * (up - down) - (up2 - down2)) / (12 * h)
+
+
+def _stability(trial: Trial) -> Check:
+    """Directions of negative energy that the held rows leave: negative eigenvalues of the tangent less those of the
+    compliance of these rows (Haynsworth, Linear Algebra Appl. 1, 1968), by dense matrices."""
+    robot, answer = trial.robot, trial.answer
+    problem, lam = Problem(robot), answer.state.lam
+    n = problem.pattern.n_dof
+    what = "directions in which the equilibrium is unstable"
+    if n > _DENSE:
+        return Check(what + " (body too large to tell)", 0, 0)
+    at = problem.evaluate(answer.state.x, np.empty(0), trial.actuation.load)
+    A = symmetric_product(problem.pattern, problem.stiffness(at, lam)[0], np.eye(n))
+    scale = 1 / np.sqrt(np.abs(np.diag(A)))
+    A *= scale[:, None] * scale
+    try:
+        np.linalg.cholesky(A)
+    except np.linalg.LinAlgError:
+        C, act = trial.actuation.C, answer.condensed.rows.active
+        C = C[np.abs(C @ _delta(trial) - trial.actuation.target) <= 1e-9 * robot.body.mesh.size * np.abs(C).sum(axis=1)]
+        held = C @ answer.condensed.W[act, act] @ C.T
+        beyond = (np.linalg.eigvalsh(A) < 0).sum() - (np.linalg.eigvalsh(held) < 0).sum()
+        return Check(what, float(beyond), 0)
+    return Check(what, 0, 0)
+
+
+def _delta(trial: Trial) -> np.ndarray:
+    """(n_a + n_c,) displacements of the active rows, from the positions alone."""
+    x = trial.answer.state.x
+    return np.concatenate([np.zeros(0), *(row.value(x) - row.rest for row in trial.robot.active)])
+
+
+def _unit_diagonal(W: np.ndarray) -> np.ndarray:
+    """W without rows that are zero (a held effector's), scaled to +-1 on its diagonal."""
+    kept = np.abs(W).max(axis=1) > 0
+    W = W[kept][:, kept]
+    scale = np.sqrt(np.maximum(np.abs(np.diag(W)), 1e-300))
+    return W / np.outer(scale, scale)
+
+
+def _relative(error: np.ndarray, of: np.ndarray) -> float:
+    """Largest entry, over the largest of `of`; rows may differ in their units only by a factor that W keeps."""
+    return float(np.abs(error).max(initial=0.0) / max(float(np.abs(of).max(initial=0.0)), 1e-300))

@@ -1,0 +1,66 @@
+"""A hollow block blown up, by pressure and by volume, at its working pressure and at ten times that; and emptied (its
+walls may pass through each other: nothing here knows of contact between them)."""
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from cfem.constraint.cavity import enclosed, make_cavity
+from cfem.equilibrium.actuation import Actuation, displacement, force
+from cfem.mechanics.body import make_body
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.material.law import Material
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.robot import Robot
+from cfem.stability.bodies import box, robot, watched
+from cfem.stability.case import Case, Expectation, converges, either, named
+from cfem.stability.trial import attempt
+
+SIZE, VOID = (30.0, 20.0, 20.0), (18.0, 12.0, 12.0)  # mm
+DIVISIONS = {"tet4": (5, 5, 5), "tet10": (5, 5, 5), "tet10p0": (5, 5, 5), "hex8": (5, 5, 5)}
+WORKING = 0.05  # MPa, on walls of 1 MPa
+GROWTH = 200.0  # mm^3 at about that pressure
+AWAY = ("LIMIT_POINT", "BIFURCATION", "OUT_OF_REACH", "UNSTABLE")
+PRESSURES: dict[str, tuple[float, Expectation]] = {
+    "working pressure": (WORKING, converges()),
+    "10x working pressure": (10 * WORKING, either(*AWAY)),
+    "1000x working pressure": (1000 * WORKING, either(*AWAY)),
+    "suction": (-WORKING, converges()),
+    "10x suction": (-10 * WORKING, either(*AWAY)),
+}
+VOLUMES: dict[str, tuple[float, Expectation]] = {
+    "working volume": (GROWTH, converges()),
+    "10x working volume": (10 * GROWTH, either(*AWAY)),
+    "half emptied": (-0.5 * float(np.prod(VOID)), either(*AWAY)),
+    "emptied to nothing": (-float(np.prod(VOID)), either(*AWAY)),
+    "emptied further": (-2 * float(np.prod(VOID)), named(*AWAY)),
+}
+
+
+def cases() -> list[Case]:
+    ways: list[tuple[str, Actuation, Expectation]] = [
+        *((label, force([value]), expect) for label, (value, expect) in PRESSURES.items()),
+        *((label, displacement([value]), expect) for label, (value, expect) in VOLUMES.items()),
+    ]
+    return [
+        Case(f"chambers/{label}/{element}", expect, attempt(partial(hollow, element), actuation))
+        for element, (label, actuation, expect) in product(ELEMENTS, ways)
+    ]
+
+
+def hollow_mesh(element: str) -> Mesh:
+    def solid(centroids: np.ndarray) -> np.ndarray:
+        return (np.abs(centroids - np.array(SIZE) / 2) > np.array(VOID) / 2).any(axis=1)
+
+    return box(SIZE, DIVISIONS[element], element, keep=solid)
+
+
+def hollow(element: str) -> Robot:
+    """30 x 20 x 20 mm with a void of 18 x 12 x 12 mm."""
+    mesh = hollow_mesh(element)
+    body = make_body(mesh, ELEMENTS[element], Material(LAWS["neo-hookean"], 1.0, 0.45))
+    walls = mesh.facets[enclosed(mesh, np.array(SIZE) / 2)]
+    chamber = make_cavity(mesh.X, walls, "chamber")
+    return robot(body, [chamber], [watched(mesh, (29.0, 10.0, 10.0))], unilateral=False)

@@ -1,0 +1,28 @@
+"""Poisson's ratio towards 1/2, for every element and law."""
+
+from functools import partial
+from itertools import product
+
+from cfem.equilibrium.actuation import displacement
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.stability.bodies import bar, bar_body
+from cfem.stability.case import Case, converges
+from cfem.stability.trial import attempt
+
+POISSON = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
+
+
+def cases() -> list[Case]:
+    return [
+        Case(
+            f"incompressible/{element}/{law}/{poisson}",
+            converges(),
+            attempt(partial(_bar, element, law, poisson), displacement([5.0, 3.0])),
+        )
+        for element, law, poisson in product(ELEMENTS, LAWS, POISSON)
+    ]
+
+
+def _bar(element: str, law: str, poisson: float):
+    return bar(bar_body(element, law, poisson=poisson))

@@ -1,0 +1,37 @@
+"""A body of 1e5 linear tetrahedra."""
+
+import resource
+import sys
+
+from cfem.equilibrium.actuation import displacement
+from cfem.mechanics.body import make_body
+from cfem.mechanics.element import ELEMENTS
+from cfem.robot.robot import Robot
+from cfem.stability.bodies import SOFT, box, cable, robot, watched
+from cfem.stability.case import Case, converges
+from cfem.stability.trial import attempt
+
+DIVISIONS = (58, 17, 17)  # cubes of six tetrahedra: 100 572
+MOST_MEMORY = 8.0  # GiB
+
+
+def cases() -> list[Case]:
+    return [
+        Case("large/1e5 linear tetrahedra", converges(also=_memory), attempt(_block, displacement([2.0])), heavy=True)
+    ]
+
+
+def peak_memory() -> float:
+    """GiB that this process has held at most."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30
+
+
+def _memory(trial) -> str | None:
+    return None if peak_memory() <= MOST_MEMORY else f"it took {peak_memory():.1f} GiB, more than {MOST_MEMORY:g}"
+
+
+def _block() -> Robot:
+    mesh = box((60.0, 17.5, 17.5), DIVISIONS, "tet4")
+    pulled = cable(mesh, [(x, 8.0, 2.0) for x in (15.0, 35.0, 55.0)], (0.0, 8.0, 2.0))
+    return robot(make_body(mesh, ELEMENTS["tet4"], SOFT), [pulled], [watched(mesh, (60.0, 8.0, 8.0))])
