@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.blocks import box
@@ -72,3 +74,10 @@ def test_quadrature_integrates_what_the_element_needs(element):
     if degree == 2:
         assert (element.points[:, 0] ** 2).mean() == pytest.approx(1 / 10)
         assert (element.points[:, 0] * element.points[:, 1]).mean() == pytest.approx(1 / 20)
+
+
+def test_without_its_bubbles_a_hexahedron_has_no_more_functions_than_nodes():
+    mesh = box((1, 1, 1), (2, 1, 1), "hex8")
+    plain = replace(ELEMENTS["hex8"], bubbles=0)
+    gradients, _ = reference_gradients(plain, mesh.X, mesh.cells)
+    assert gradients.shape == (2, 8, 8, 3)

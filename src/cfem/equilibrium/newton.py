@@ -10,7 +10,7 @@ steps then converge over large rotations of stiff parts, where a line search wou
 the false strain of a linear step dominates. A step is shortened only where it would invert an element; one whose
 corrections grow is given up, and continuation takes a shorter one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,7 +44,7 @@ class Settings:
 class NewtonResult:
     """at, lam: last iterate; tangent: the last factored one; residual: relative, at the last iterate, and the level
     that rounding sets it; beyond: negative eigenvalues of A beyond those that the actuation holds, 0 where the
-    equilibrium is stable."""
+    equilibrium is stable, by the last factor: of a state nearby, so that a doubt wants `judged`."""
 
     status: Status
     at: Evaluation
@@ -126,6 +126,18 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
         correction = following
     beyond = 0 if tangent is None else tangent.factor.negative - border.negative
     return NewtonResult(status, at, lam, tangent, residual, rounding, cost.iterations - begin, beyond)
+
+
+def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: Cost) -> NewtonResult:
+    """The result with `beyond` of its own state, factored anew where the last factor leaves a doubt."""
+    if result.beyond <= 0:
+        return result
+    try:
+        tangent = problem.factor(result.at, result.lam, cost)
+        beyond = tangent.factor.negative - _border(result.at, tangent, actuation).negative
+        return replace(result, tangent=tangent, beyond=beyond)
+    except (SingularMatrixError, np.linalg.LinAlgError):
+        return replace(result, status=Status.SINGULAR, tangent=None)
 
 
 def _step(problem: Problem, at: Evaluation, correction: _Correction) -> tuple[Evaluation | None, float]:

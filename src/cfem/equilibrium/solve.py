@@ -13,7 +13,7 @@ import numpy as np
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import condense as condensation
 from cfem.equilibrium.criticality import classify, softest_mode
-from cfem.equilibrium.newton import NewtonResult, Settings, newton
+from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
@@ -65,7 +65,8 @@ def solve(
 @dataclass(frozen=True)
 class _Path:
     """result: of the last Newton solve; lost: (stable, unstable) shares of the way between which stability was lost,
-    None where it never was; stable: the last converged stable result on the way; share: reached."""
+    None where it never was; stable: the last converged result on the way, a stable one where there was any; share:
+    reached."""
 
     result: NewtonResult
     lost: tuple[float, float] | None = None
@@ -85,8 +86,10 @@ def _reach(
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost)
-        if result.status is Status.CONVERGED and result.beyond == 0:
-            return _Path(result)
+        if result.status is Status.CONVERGED:
+            result = judged(problem, result, actuation, cost)
+            if result.status is Status.CONVERGED and result.beyond <= 0:
+                return _Path(result)
     if base is not None:
         path = _continuation(problem, actuation, base, settings, cost)
         if path.result.status is Status.CONVERGED and path.lost is None:
@@ -99,7 +102,7 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
     offset = start.lam - C.T @ mu
-    done, step, state, lost, stable = 0.0, settings.first_step, start, None, None
+    done, step, state, lost, stable, reached = 0.0, settings.first_step, start, None, None, None
 
     def part(to: float) -> Actuation:
         return Actuation(
@@ -116,10 +119,12 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
         tuned = settings if to == 1.0 else replace(settings, tolerance=max(1e-4, settings.tolerance))
         result = newton(problem, state, part(to), tuned, cost)
         if result.status is Status.CONVERGED:
-            if result.beyond > 0 and lost is None:
+            result = judged(problem, result, part(to), cost)
+        if result.status is Status.CONVERGED:
+            if lost is None and result.beyond > 0:
                 lost = (done, to)
-            elif lost is None:
-                stable = result
+            stable = result if lost is None else stable
+            reached = result
             if to == 1.0:
                 return _Path(result, lost, stable)
             done, state = to, result.state
@@ -127,7 +132,7 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
         else:
             step = (to - done) / 2
             if step < max(settings.smallest_step * done, _NOTHING):
-                return _Path(result, lost, stable, done)
+                return _Path(result, lost, stable or reached, done)
 
 
 def _unilateral_rows(problem: Problem, actuation: Actuation) -> list[tuple[int, int]]:

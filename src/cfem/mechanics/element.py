@@ -3,7 +3,9 @@
 pressure: one value an element in the place of the pointwise volume change, against volume locking (solid.py).
 bubbles: incompatible displacement modes of an element's own, against shear locking: the hexahedron's three modes
 (1 - xi_k^2) / 2 with the gradient (j0 / j) J0^-T grad_xi, which integrates to zero over the element, so that the patch
-test holds (Wilson modes as an enhanced gradient: Simo, Armero and Taylor, CMAME 110, 1993, Q1/E9)."""
+test holds (Wilson modes as an enhanced gradient: Simo, Armero and Taylor, CMAME 110, 1993, Q1/E9). Flat cells with
+bubbles lose their stability under some 25 % of compression (Wriggers and Reese, CMAME 135, 1996), and beyond nu 0.499
+they do not converge: hexahedra are for bending, tet10p0 for rubber."""
 
 from dataclasses import dataclass
 
@@ -94,7 +96,7 @@ def reference_gradients(element: Element, X: np.ndarray, cells: np.ndarray) -> t
     gradients = np.einsum("qnk,mqkd->mqnd", by_xi, np.linalg.inv(jacobian))
     # row k of inv(J0) is J0^-T e_k; the derivative of the mode by xi_k is -xi_k, whose sign is of no matter
     modes = (j0[:, None] / weights)[:, :, None, None] * np.einsum("qk,mkd->mqkd", element.points, np.linalg.inv(centre))
-    return np.ascontiguousarray(np.concatenate([gradients, modes], axis=2)), weights
+    return np.ascontiguousarray(np.concatenate([gradients, modes[:, :, : element.bubbles]], axis=2)), weights
 
 
 def barycentric_gradients(X: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.core.errors import NumericalError
 from cfem.core.progress import progress
+from cfem.mechanics.mesh import Mesh
 from cfem.report.spec import Discretisation, MeshCase
 from cfem.robot.spec import SceneSpec
 
@@ -35,18 +36,19 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation, quiet: bool = Tr
 
     Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
     forces' by the largest. Raises NumericalError where a state does not converge."""
+    from cfem.robot.grading import scene_mesh
+
     ratios = spec.poisson or [scene.material.poisson]
-    rows = []
+    rows, reference = [], {}
     with progress("discretisation", len(ratios) * (len(spec.cases) + 1), quiet=quiet) as advance:
-        for nu in ratios:
-            material = scene.material.model_copy(update={"poisson": nu})
-            mine = scene.model_copy(update={"material": material})
-            reference = _solve(_at(mine, spec.reference), folder, spec.states)
-            advance(1)
-            for case in spec.cases:
-                rows.append(_row(case, nu, _solve(_at(mine, case), folder, spec.states), reference))
+        for case in (spec.reference, *spec.cases):
+            mine = _at(scene, case)
+            mesh, _ = scene_mesh(mine, folder)
+            for nu in ratios:
+                material = mine.material.model_copy(update={"poisson": nu})
+                solved = _solve(mine.model_copy(update={"material": material}), mesh, spec.states)
+                rows.append(_row(case, nu, solved, reference.setdefault(nu, solved)))
                 advance(1)
-            rows.append(_row(spec.reference, nu, reference, reference))
     for row in rows:
         row["front"] = not any(_beats(other, row) for other in rows if other["poisson"] == row["poisson"])
     return {"meshes": rows, "orders": orders(rows), "tolerances": _tolerances(scene, folder, spec)}
@@ -124,15 +126,13 @@ def _at(scene: SceneSpec, case: MeshCase) -> SceneSpec:
     return scene.model_copy(update=update)
 
 
-def _solve(scene: SceneSpec, folder: Path, shares: Sequence[Sequence[float]]) -> Solved:
+def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> Solved:
     from cfem.equilibrium.actuation import pull
     from cfem.equilibrium.predictor import knot, predict
     from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve
     from cfem.robot.build import build_robot
-    from cfem.robot.grading import scene_mesh
 
-    mesh, _ = scene_mesh(scene, folder)
     robot = build_robot(scene, mesh)
     problem, reach = Problem(robot), robot.reach[:, 1]
     tips, Ws, lams, seconds, factorizations = [], [], [], [], []
