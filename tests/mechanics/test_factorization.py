@@ -1,10 +1,17 @@
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
+from cfem.core.errors import InputError
 from cfem.mechanics.assembly import make_pattern
-from cfem.mechanics.factorization import SingularMatrixError, analyze
+from cfem.mechanics.factorization import SOLVERS, SingularMatrixError, analyze, solver_name
 
 PATTERN = make_pattern(3, [np.array([[0, 1, 2]])], np.array([], dtype=int))
+
+
+INSTALLED = [name for name in SOLVERS if name != "pardiso" or find_spec("pymklpardiso")]
+every_solver = pytest.mark.parametrize("solver", INSTALLED)
 
 
 def lower(matrix):
@@ -16,17 +23,41 @@ def symmetric(eigenvalues, seed=0):
     return Q @ np.diag(eigenvalues) @ Q.T
 
 
-def test_solves_many_right_hand_sides_and_counts_negative_eigenvalues():
+@every_solver
+def test_solves_many_right_hand_sides_and_counts_negative_eigenvalues(solver):
     matrix = symmetric([1.0, 2, 3, 4, 5, 6, -1, -2, 7])
-    factor = analyze(PATTERN)(lower(matrix))
+    factor = analyze(PATTERN, solver)(lower(matrix))
     B = np.random.default_rng(1).standard_normal((9, 4))
     np.testing.assert_allclose(matrix @ factor.solve(B), B, atol=1e-12)
     assert factor.negative == 2
 
 
+@every_solver
 @pytest.mark.parametrize(
     "matrix", [np.zeros((9, 9)), symmetric([0.0, 1, 2, 3, 4, 5, 6, 7, 8]), np.full((9, 9), np.nan)]
 )
-def test_singular_and_non_finite_matrices_are_reported(matrix):
+def test_singular_and_non_finite_matrices_are_reported(matrix, solver):
     with pytest.raises(SingularMatrixError):
-        analyze(PATTERN)(lower(matrix))
+        analyze(PATTERN, solver)(lower(matrix))
+
+
+@every_solver
+def test_an_earlier_factor_is_never_used_by_mistake(solver):
+    """Where a solver keeps one factor only, the one before says that it is gone; else it still gives its own answer."""
+    numeric = analyze(PATTERN, solver)
+    one, other = symmetric(np.arange(1.0, 10)), symmetric(np.arange(2.0, 11), 1)
+    first = numeric(lower(one))
+    numeric(lower(other))
+    B = np.ones((9, 1))
+    try:
+        np.testing.assert_allclose(one @ first.solve(B), B, atol=1e-10)
+    except AssertionError as error:
+        assert "next one" in str(error)
+
+
+def test_the_environment_names_the_solver(monkeypatch):
+    monkeypatch.setenv("CFEM_SOLVER", "rslab")
+    assert solver_name() == "rslab"
+    monkeypatch.setenv("CFEM_SOLVER", "magic")
+    with pytest.raises(InputError, match="magic"):
+        solver_name()

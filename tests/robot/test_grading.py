@@ -59,10 +59,11 @@ def test_sizes_give_the_number_of_cells_asked_for_and_follow_the_error():
 
 def test_parts_of_an_assembly_are_graded_where_they_stand(tmp_path):
     part = "geometry: {kind: bar, length: 30 mm, width: 10 mm, height: 10 mm}"
+    left = f"{{name: left, {part}}}"
+    right = f"{{name: right, {part}, translate: {{mm: [0, 40, 0]}}, rotate: {{axis: [0, 0, 1], angle: 20 deg}}}}"
     spec = scene(
         tmp_path,
-        geometry="{kind: assembly, parts: [{name: left, %s}, {name: right, %s, translate: {mm: [0, 40, 0]},"
-        " rotate: {axis: [0, 0, 1], angle: 20 deg}}]}" % (part, part),
+        geometry=f"{{kind: assembly, parts: [{left}, {right}]}}",
         mesh="{size: 8 mm, cells: 400, element: tet4}",
         fixed="[{kind: box, corners: {mm: [[-9, -9, -9], [1, 60, 9]]}}]",
     )

@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from cfem import __version__
 
-_PACKAGES = ("numpy", "scipy", "numba", "rslab", "gmsh", "torch", "onnxruntime", "daqp", "osqp", "pyarrow")
+_PACKAGES = ("numpy", "scipy", "numba", "rslab", "py-mkl-pardiso", "gmsh", "torch", "onnxruntime", "daqp", "osqp", "pyarrow")
 
 
 def versions() -> dict[str, str]:

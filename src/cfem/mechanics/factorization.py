@@ -48,6 +48,8 @@ def analyze(pattern: Pattern, solver: str | None = None) -> Numeric:
     def factor(data: np.ndarray) -> Factor:
         if not np.isfinite(data).all():
             raise SingularMatrixError("the stiffness matrix holds numbers that are not finite")
+        if not data.any():
+            raise SingularMatrixError("the stiffness matrix is zero")
         try:
             found = numeric(data)
         except RuntimeError as error:
