@@ -12,11 +12,11 @@ from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
-from cfem.robot.robot import Robot
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,13 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import Body, make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.load import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh, boundary_facets, quadratic, tet_volumes
-from cfem.robot.robot import Robot
 
 
 def block(size, divisions, order=1, distort=0.0, seed=0) -> Mesh:

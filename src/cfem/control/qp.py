@@ -153,8 +153,16 @@ def _daqp(problem: _Problem) -> tuple[np.ndarray, np.ndarray, bool, int]:
     import daqp
 
     sense = np.zeros(len(problem.lower), dtype=np.int32)
+    flat = float(np.linalg.eigvalsh(problem.H)[0]) < 1e-12  # proximal steps then find one of the many answers
     x, _, flag, info = daqp.solve(
-        problem.H, problem.f, problem.A, problem.upper, problem.lower, sense, primal_tol=1e-10
+        problem.H,
+        problem.f,
+        problem.A,
+        problem.upper,
+        problem.lower,
+        sense,
+        primal_tol=1e-10,
+        eps_prox=1e-4 if flat else 0.0,
     )
     # After a failure the multipliers are memory that nobody wrote.
     return x, info["lam"] if flag > 0 else np.full(len(sense), np.nan), flag == -1, info["iterations"]

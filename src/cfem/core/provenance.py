@@ -5,7 +5,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 from cfem import __version__
 
-_PACKAGES = ("numpy", "scipy", "numba", "rslab", "py-mkl-pardiso", "gmsh", "torch", "onnxruntime", "daqp", "osqp", "pyarrow")
+_SOLVERS = ("rslab", "py-mkl-pardiso", "daqp", "osqp")
+_PACKAGES = ("numpy", "scipy", "numba", *_SOLVERS, "gmsh", "torch", "onnxruntime", "pyarrow")
 
 
 def versions() -> dict[str, str]:

@@ -15,6 +15,9 @@ from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.solid import Solid, make_solid
 
+# The bubbles' own equilibrium is not found where the bulk modulus is some thousand times the shear modulus.
+_STIFFEST_WITH_BUBBLES = 0.499
+
 
 @dataclass(frozen=True)
 class Body:
@@ -74,6 +77,9 @@ def make_body(
         parameters, bulk = each.moduli
         if not (np.isfinite(parameters).all() and np.isfinite(bulk) and each.young > 0):
             raise InputError(f"{each.law.name}: moduli must be finite and positive, young is {each.young:g} MPa")
+        if element.bubbles and each.poisson > _STIFFEST_WITH_BUBBLES:
+            limit = f"element {element.name} does not converge beyond nu {_STIFFEST_WITH_BUBBLES:g}"
+            raise InputError(f"{limit}, and the material's is {each.poisson:g}", do="use tet10p0")
     try:
         solids = tuple(
             make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, each)

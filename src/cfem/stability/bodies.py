@@ -9,6 +9,7 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Constraint, Watched
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import Body, make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.load import gravity
@@ -17,7 +18,6 @@ from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import HEX_TETS, TET_EDGES, Mesh, boundary_facets, quadratic
 from cfem.robot import hexahedra
 from cfem.robot.cad import Box
-from cfem.robot.robot import Robot
 
 BAR = (60.0, 10.0, 10.0)  # mm
 COARSE = {"tet4": (8, 2, 2), "tet10": (6, 1, 1), "tet10p0": (6, 1, 1), "hex8": (8, 2, 2)}  # cells of a bar

@@ -6,6 +6,9 @@ from typing import Any, Literal
 
 from cfem.core.errors import CfemError
 
+# How a path may end that leads further than the robot can go.
+AWAY = ("OUT_OF_REACH", "LIMIT_POINT", "BIFURCATION", "UNSTABLE")
+
 Definite = Literal["positive", "semidefinite", "any"]
 
 

@@ -4,7 +4,12 @@ from dataclasses import dataclass
 
 from cfem.stability.case import Case
 
-_CLEAR = 1e-12  # smallest eigenvalue of W, scaled to a unit diagonal, that rounding alone does not make
+# Above what the smallest eigenvalue of W, scaled to a unit diagonal, must be: beyond what rounding makes.
+_DEFINITE = {
+    "positive": (1e-12, "positive definite"),
+    "semidefinite": (-1e-9, "positive semidefinite"),
+    "any": (float("-inf"), "made of numbers"),
+}
 
 
 @dataclass(frozen=True)
@@ -51,9 +56,9 @@ def misbehaviours(case: Case, found: Evidence) -> list[str]:
     elif found.status not in expect.statuses:
         wrong.append(f"{' or '.join(sorted(expect.statuses))} was due, not {found.status}")
     if found.claimed and found.smallest_eigenvalue is not None:
-        floor = {"positive": _CLEAR, "semidefinite": -1e-9, "any": float("-inf")}[expect.definite]
+        floor, what = _DEFINITE[expect.definite]
         if not found.smallest_eigenvalue > floor:
-            wrong.append(f"W is not {expect.definite} definite: eigenvalue {found.smallest_eigenvalue:.2g}")
+            wrong.append(f"W is not {what}: its smallest eigenvalue is {found.smallest_eigenvalue:.2g}")
     return wrong
 
 

@@ -74,7 +74,9 @@ def _actuation_checks(trial: Trial) -> list[Check]:
     robot, actuation, lam = trial.robot, trial.actuation, trial.answer.state.lam
     gap, loose = _gaps(trial), _let_go(trial)
     largest = float(np.abs(lam).max(initial=0.0)) or 1.0
-    free = lam - actuation.offset
+    pulls = np.zeros(len(lam), dtype=bool)
+    pulls[: robot.rows.n_a] = robot.unilateral & trial.slack
+    free = lam - np.where(pulls, np.maximum(actuation.offset, 0), actuation.offset)  # asked to push, it is slack
     held = actuation.C[~loose]
     mu = np.linalg.lstsq(held.T, free, rcond=None)[0]
     push = -lam[: robot.rows.n_a][robot.unilateral].min(initial=0.0) if trial.slack else 0.0
@@ -148,8 +150,7 @@ def _stability(trial: Trial) -> Check:
     try:
         np.linalg.cholesky(A)
     except np.linalg.LinAlgError:
-        C, act = trial.actuation.C, answer.condensed.rows.active
-        C = C[np.abs(C @ _delta(trial) - trial.actuation.target) <= 1e-9 * robot.body.mesh.size * np.abs(C).sum(axis=1)]
+        C, act = trial.actuation.C[~_let_go(trial)], answer.condensed.rows.active
         held = C @ answer.condensed.W[act, act] @ C.T
         beyond = (np.linalg.eigvalsh(A) < 0).sum() - (np.linalg.eigvalsh(held) < 0).sum()
         return Check(what, float(beyond), 0)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.constraint.protocol import Watched
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import response
-from cfem.robot.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
-from cfem.robot.robot import Robot
 from cfem.stability.evidence import Evidence
 
 

@@ -5,11 +5,11 @@ from functools import partial
 import numpy as np
 
 from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
-from cfem.robot.robot import Robot
 from cfem.stability.bodies import box, cable, robot, watched
 from cfem.stability.case import Case, converges, either
 from cfem.stability.trial import Trial, attempt

@@ -8,21 +8,20 @@ import numpy as np
 
 from cfem.constraint.cavity import enclosed, make_cavity
 from cfem.equilibrium.actuation import Actuation, displacement, force
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.robot import Robot
 from cfem.stability.bodies import box, robot, watched
-from cfem.stability.case import Case, Expectation, converges, either, named
+from cfem.stability.case import AWAY, Case, Expectation, converges, either, named
 from cfem.stability.trial import attempt
 
 SIZE, VOID = (30.0, 20.0, 20.0), (18.0, 12.0, 12.0)  # mm
-DIVISIONS = {"tet4": (5, 5, 5), "tet10": (5, 5, 5), "tet10p0": (5, 5, 5), "hex8": (5, 5, 5)}
+CELLS = {"tet4": 5, "tet10": 3, "tet10p0": 3, "hex8": 5}  # along each side; one through each wall
 WORKING = 0.05  # MPa, on walls of 1 MPa
 GROWTH = 200.0  # mm^3 at about that pressure
-AWAY = ("LIMIT_POINT", "BIFURCATION", "OUT_OF_REACH", "UNSTABLE")
 PRESSURES: dict[str, tuple[float, Expectation]] = {
     "working pressure": (WORKING, converges()),
     "10x working pressure": (10 * WORKING, either(*AWAY)),
@@ -51,10 +50,17 @@ def cases() -> list[Case]:
 
 
 def hollow_mesh(element: str) -> Mesh:
-    def solid(centroids: np.ndarray) -> np.ndarray:
-        return (np.abs(centroids - np.array(SIZE) / 2) > np.array(VOID) / 2).any(axis=1)
+    size, wall = np.array(SIZE), (np.array(SIZE) - VOID) / 2
+    cell = size / CELLS[element]
 
-    return box(SIZE, DIVISIONS[element], element, keep=solid)
+    def at_the_rim(centroids: np.ndarray) -> np.ndarray:
+        return ((centroids < cell) | (centroids > size - cell)).any(axis=1)
+
+    def to_walls(X: np.ndarray) -> np.ndarray:
+        stops = [np.array([[0 * w, w, s - w, s] for w, s in zip(each, size, strict=True)]) for each in (cell, wall)]
+        return np.column_stack([np.interp(X[:, axis], stops[0][axis], stops[1][axis]) for axis in range(3)])
+
+    return box(SIZE, [CELLS[element]] * 3, element, keep=at_the_rim, bend=to_walls)
 
 
 def hollow(element: str) -> Robot:

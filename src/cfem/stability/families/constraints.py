@@ -7,12 +7,12 @@ import numpy as np
 from cfem.constraint.contact import make_contact
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import Actuation, displacement, force
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import Mesh, boundary_facets
-from cfem.robot.robot import Robot
 from cfem.stability.bodies import SOFT, bar, bar_body, bar_cables, cable, in_element, robot, watched
-from cfem.stability.case import Case, converges, either, named, refuses
+from cfem.stability.case import AWAY, Case, converges, either, named, refuses
 from cfem.stability.trial import attempt
 
 TIP, TOUCH, HELD = (60.0, 5.0, 5.0), (45.0, 5.0, 8.0), (0.0, 5.0, 5.0)
@@ -22,7 +22,6 @@ CUBE = (
     np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0], [0, 0, 10], [10, 0, 10], [10, 10, 10], [0, 10, 10]]),
     np.arange(8)[None],
 )
-AWAY = ("OUT_OF_REACH", "LIMIT_POINT", "BIFURCATION", "UNSTABLE")
 ONE = {  # with the effector at the cable's point
     "force": (force([0.2]), converges("semidefinite")),
     "2 mm": (displacement([2.0]), converges("semidefinite")),

@@ -3,11 +3,12 @@
 from functools import partial
 from itertools import product
 
+from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.stability.bodies import bar, bar_body
-from cfem.stability.case import Case, converges
+from cfem.stability.case import Case, converges, refuses
 from cfem.stability.trial import attempt
 
 POISSON = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
@@ -17,7 +18,7 @@ def cases() -> list[Case]:
     return [
         Case(
             f"incompressible/{element}/{law}/{poisson}",
-            converges(),
+            refuses(InputError, "beyond nu") if ELEMENTS[element].bubbles and poisson > 0.499 else converges(),
             attempt(partial(_bar, element, law, poisson), displacement([5.0, 3.0])),
         )
         for element, law, poisson in product(ELEMENTS, LAWS, POISSON)

@@ -4,9 +4,9 @@ import resource
 import sys
 
 from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
-from cfem.robot.robot import Robot
 from cfem.stability.bodies import SOFT, box, cable, robot, watched
 from cfem.stability.case import Case, converges
 from cfem.stability.trial import attempt

@@ -6,12 +6,11 @@ from itertools import product
 import numpy as np
 
 from cfem.equilibrium.actuation import force
-from cfem.robot.robot import Robot
+from cfem.equilibrium.robot import Robot
 from cfem.stability.bodies import bar, bar_body
-from cfem.stability.case import Case, converges, either
+from cfem.stability.case import AWAY, Case, converges, either
 from cfem.stability.trial import attempt
 
-AWAY = ("OUT_OF_REACH", "LIMIT_POINT", "BIFURCATION", "UNSTABLE")
 TENSIONS = {
     1e-12: converges(),
     1e-6: converges(),

@@ -6,13 +6,12 @@ from itertools import product
 import numpy as np
 
 from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import ELEMENTS
-from cfem.robot.robot import Robot
 from cfem.stability.bodies import bar, bar_body, bar_cables, robot, watched
-from cfem.stability.case import Case, converges, either
+from cfem.stability.case import AWAY, Case, converges, either
 from cfem.stability.trial import attempt
 
-AWAY = ("OUT_OF_REACH", "LIMIT_POINT", "BIFURCATION", "UNSTABLE")
 YOUNG = {"1 kPa": 1e-3, "30 kPa": 0.03, "1 MPa": 1.0, "30 MPa": 30.0, "1 GPa": 1e3}
 CONTRASTS = (1e-4, 1e3, 1e4, 1e6)
 PLACES = {  # of centroids (m, 3) of the bar's cells
@@ -36,7 +35,7 @@ def cases() -> list[Case]:
         found.append(Case(f"moduli/{label}/{how}", converges(), attempt(partial(_bar, young=young), scaled)))
     for place, contrast, element in product(PLACES, CONTRASTS, ELEMENTS):
         make = partial(_contrast, place, contrast, element)
-        drawn = displacement([3.0] if place == "layer" else [3.0, 2.0])
+        drawn = displacement([2.0] if place == "layer" else [3.0, 2.0])
         found.append(Case(f"contrast/{place}/{contrast:g}/{element}", converges(), attempt(make, drawn)))
     found += [
         Case(f"contrast/cable in a {kind} layer/{element}", either(*AWAY), attempt(make, displacement([3.0, 2.0])))

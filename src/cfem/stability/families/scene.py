@@ -11,6 +11,7 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cavity import Cavity, make_cavity
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.actuation import Actuation, displacement, force, pull
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.load import gravity
@@ -18,14 +19,12 @@ from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import as_material, build_robot
-from cfem.robot.robot import Robot
 from cfem.robot.selection import select_cells
 from cfem.robot.spec import SceneSpec
 from cfem.stability.bodies import cells_where, in_element
-from cfem.stability.case import Case, Expectation, converges, either, named, refuses
+from cfem.stability.case import AWAY, Case, Expectation, converges, either, named, refuses
 from cfem.stability.trial import attempt
 
-AWAY = ("OUT_OF_REACH", "LIMIT_POINT", "BIFURCATION", "UNSTABLE")
 POISSON = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
 STIFFER = (1e-3, 1e-1, 1e1, 1e3)
 GENTLE = 0.3  # of the reach

@@ -1,4 +1,4 @@
-"""Cells that are flat or long: a squeezed layer of cells in a bar, a thin plate, a long thread, a wedge."""
+"""Cells that are flat: a squeezed layer of cells in a bar, and a thin plate."""
 
 from functools import partial
 from itertools import product
@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 
 from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
-from cfem.robot.robot import Robot
 from cfem.stability.bodies import BAR, COARSE, SOFT, bar, bar_body, box, cable, robot, watched
 from cfem.stability.case import Case, converges
 from cfem.stability.trial import attempt

@@ -1,3 +1,0 @@
-from cfem.equilibrium.robot import Robot
-
-__all__ = ["Robot"]
