@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures clean $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics clean $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -52,7 +52,15 @@ soft-finger-paper: .venv/all
 figures: soft-finger-paper
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
 	$(CFEM) simulate-sample pipelines/soft-finger-tet4/sample.yaml --workers 1 --force
-	$(PYTHON) scripts/figures.py measure
+	$(PYTHON) scripts/figures.py measure finger
+
+# Element, mesh and tolerance against run time, from compressible to nearly incompressible.
+discretisation: .venv/all
+	$(CFEM) report pipelines/soft-finger/report-discretisation.yaml
+
+# All that the tables of the mechanics state: tours, orders of convergence, stability.
+mechanics: .venv/dev discretisation
+	$(PYTHON) scripts/figures.py measure mechanics
 
 # dev holds all that all holds
 .venv/all: pyproject.toml constraints.txt scripts/setup.sh

@@ -1,9 +1,11 @@
-"""Gathers the figures of the README from artefacts and benchmarks, or writes them into it.
+"""Gathers the figures of README.md and docs/mechanics.md from artefacts and benchmarks, or writes them there.
 
-figures.py measure   runs the short benchmarks, reads the manifests, writes docs/figures.json and the table
-figures.py write     puts the table of docs/figures.json between the marks in README.md"""
+figures.py measure finger      reads the manifests of the soft finger and runs short benchmarks
+figures.py measure mechanics   runs tours, orders of convergence and the stability suite; reads the study of meshes
+figures.py write               puts the tables of docs/figures.json between the marks of both files"""
 
 import json
+import math
 import subprocess
 import sys
 import time
@@ -11,11 +13,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures.json"
-MARKS = "<!-- figures -->", "<!-- /figures -->"
+# The paper's three meshes, by the size of linear tetrahedra that comes near.
+PAPER = {"7.7 mm": 1000, "2.95 mm": 1000, "2.2 mm": 1000}
 
 
-def measure() -> dict:
-    """Everything the table needs, from files that the pipelines made and from three short runs."""
+def measure_finger() -> dict:
+    """Everything the first table needs, from files that the pipelines made and from three short runs."""
     control = results("data/soft-finger/control-large")["trajectories"]
     spectral, mlp = (results(f"models/soft-finger/{name}") for name in ("spectral-large", "mlp"))
     samples, tet4 = results("data/soft-finger/samples-large"), results("data/soft-finger-tet4/samples")
@@ -33,9 +36,36 @@ def measure() -> dict:
         "quarter_circle": {name: arc[name]["distance_to_fe_based"] for name in ("spectral", "mlp")},
         "reachable": [arc["fe-based"]["reachable"], arc["fe-based"]["goals"]],
         "process": run("benchmarks/control_process.py", "models/soft-finger/spectral-large-export"),
-        "discretisation": results("data/soft-finger/report-large")["discretisation"],
         "help_seconds": min(timed([sys.executable, "-m", "cfem", "--help"]) for _ in range(5)),
     }
+
+
+def measure_mechanics() -> dict:
+    """Tours of the paper's meshes and of the scene's own, by both solvers; some ten minutes of one core."""
+    finger, tet4 = (f"pipelines/{name}/scene.yaml" for name in ("soft-finger", "soft-finger-tet4"))
+    tours = [
+        tour(tet4, count, solver, f"mesh.size={size}")
+        for size, count in PAPER.items()
+        for solver in ("rslab", "pardiso")
+    ]
+    suite = run("-m", "cfem", "stability", "--json")
+    return {
+        "tours": tours,
+        "own": [tour(finger, 100, "rslab"), tour(finger, 400, "rslab", "material.poisson=0.499")],
+        "large": tour(tet4, 20, "rslab", "mesh.size=1.2 mm"),
+        "convergence": run("benchmarks/convergence.py"),
+        "stability": {
+            "cases": suite["cases"],
+            "right": suite["cases"] - len(suite["misbehaving"]),
+            "seconds": suite["seconds"],
+        },
+        "discretisation": results("data/soft-finger/discretisation")["discretisation"],
+    }
+
+
+def tour(scene: str, samples: int, solver: str, *overrides: str) -> dict:
+    print(f"tour of {samples}: {scene} {solver} {' '.join(overrides)}", file=sys.stderr)
+    return run("benchmarks/tour.py", scene, str(samples), "--solver", solver, *overrides)
 
 
 def model_figures(result: dict) -> dict:
@@ -59,11 +89,10 @@ def timed(command: list[str]) -> float:
     return time.perf_counter() - begin
 
 
-def table(f: dict) -> str:
+def finger_table(f: dict) -> str:
     """Markdown: what, target, measured, command."""
     v, curve, spectral, mlp = f["verification"], f["learning_curve"], f["spectral"], f["mlp"]
     loop, arc, process = f["closed_curve"], f["quarter_circle"], f["process"]
-    used = next(row for row in f["discretisation"] if row["element"] == "tet10p0" and row["size"] == 9)
     verify = "`benchmarks/verification.py`"
     rows = [
         ("tangent against finite differences", "1e-6", f"{v['tangent']:.1e}", verify),
@@ -127,30 +156,192 @@ def table(f: dict) -> str:
             "`benchmarks/control_process.py`",
         ),
         ("memory of that process, no PyTorch", "60 MiB", f"{process['peak_rss_mib']:.0f} MiB", "same"),
-        (
-            "discretisation of the default mesh: W, tip against a finer one",
-            "",
-            f"{100 * used['W_relative_max']:.1f} %, {used['tip_mm_max']:.2g} mm",
-            "`cfem report report-large.yaml`",
-        ),
         ("`cfem --help`", "0.5 s", f"{f['help_seconds']:.2f} s", ""),
     ]
-    lines = ["| figure | target | measured | command |", "|---|---|---|---|"]
+    return markdown(("figure", "target", "measured", "command"), rows)
+
+
+def mechanics_table(f: dict) -> str:
+    """The figures of the mechanics beside their targets."""
+    study, suite, own = f["discretisation"], f["stability"], f["own"]
+    tours = {(row["cells"], row["solver"]): row for row in f["tours"]}
+    sizes = sorted({cells for cells, _ in tours})
+    default = {row["poisson"]: row for row in study["meshes"] if is_default(row)}
+    cost, error = cost_of_linear(study["meshes"])
+    orders = {(row["element"], row["graded"]): row["order"] for row in study["orders"] if row["poisson"] == 0.47}
+    rows = [
+        (
+            "error of W, of the tip, of cable forces, default mesh, nu " + " / ".join(f"{nu:g}" for nu in default),
+            "1 %",
+            "; ".join(
+                " / ".join(f"{100 * row[key]:.2f}" for row in default.values()) + " %" for key in ("W", "tip", "force")
+            ),
+            "`make discretisation`",
+        ),
+        (
+            f"CPU time of linear tetrahedra for the W that costs tet10p0 as much as theirs errs ({100 * error:.0f} %)",
+            "10 times",
+            f"{cost:.0f} times",
+            "same",
+        ),
+        (
+            "order of W's error in the cell size, nu 0.47: graded tet10p0 / tet10 / tet4",
+            "",
+            " / ".join(f"{orders[element, True]:.1f}" for element in ("tet10p0", "tet10", "tet4")),
+            "same",
+        ),
+        (
+            f"samples a second, one core, tet4 {' / '.join(map(str, sizes))}: rslab",
+            "50 / 10 / 4",
+            " / ".join(f"{tours[n, 'rslab']['samples_per_second']:.3g}" for n in sizes),
+            "`benchmarks/tour.py`",
+        ),
+        (
+            "the same with PARDISO (`pip install cfem[fast]`)",
+            "100 / 20 / 7",
+            " / ".join(f"{tours[n, 'pardiso']['samples_per_second']:.3g}" for n in sizes),
+            "same",
+        ),
+        (
+            "factorisations a sample there; default mesh, tour of 100; at nu 0.499, tour of 400",
+            "1.1; 3; 1.1",
+            " / ".join(f"{tours[n, 'rslab']['factorizations_per_sample']:.2f}" for n in sizes)
+            + f"; {own[0]['factorizations_per_sample']:.2f}; {own[1]['factorizations_per_sample']:.2f}",
+            "same",
+        ),
+        (
+            "time of a sample over that of its numeric factorisations: those meshes; default mesh",
+            "2.5 from 8895 on",
+            " / ".join(f"{tours[n, 'rslab']['time_over_bound']:.2g}" for n in sizes)
+            + f"; {own[0]['time_over_bound']:.2g}",
+            "same",
+        ),
+        (
+            f"a body of {f['large']['cells']} tet4: samples a second, memory",
+            "it samples",
+            f"{f['large']['samples_per_second']:.2g}, {f['large']['memory_mib'] / 1024:.1f} GiB",
+            "same",
+        ),
+        (
+            f"stability suite, {suite['cases']} cases: as they should be",
+            "100 %",
+            f"{suite['right']} ({suite['seconds']:.0f} s)",
+            "`cfem stability`",
+        ),
+    ]
+    return markdown(("figure", "target", "measured", "command"), rows)
+
+
+def is_default(row: dict) -> bool:
+    return row["element"] == "tet10p0" and row["graded"] and 6000 < row["cells"] < 9000 and not row["reference"]
+
+
+def cost_of_linear(rows: list[dict]) -> tuple[float, float]:
+    """How many times the CPU seconds of tet10p0, interpolated between its graded meshes, the best linear mesh takes at
+    nu 0.47 for its error of W, and that error."""
+    mine = [row for row in rows if row["poisson"] == 0.47 and not row["reference"] and row["radius"] is None]
+    linear = min((row for row in mine if row["element"] == "tet4"), key=lambda row: row["W"])
+    quadratic = sorted(
+        (row for row in mine if row["element"] == "tet10p0" and row["graded"]), key=lambda row: row["sample_seconds"]
+    )
+    error, seconds = ([math.log(row[key]) for row in quadratic] for key in ("W", "sample_seconds"))
+    slope = (seconds[1] - seconds[0]) / (error[1] - error[0])  # beyond the coarsest, the line through the first two
+    same = math.exp(seconds[0] + slope * (math.log(linear["W"]) - error[0]))
+    return linear["sample_seconds"] / same, linear["W"]
+
+
+def profile_table(f: dict) -> str:
+    """Where a sample's time goes."""
+    rows = []
+    parts = list(f["tours"][0]["ms_per_sample"])
+    for row in (*f["tours"], f["own"][0], f["large"]):
+        shown = (row["element"], str(row["cells"]), str(row["unknowns"]), row["solver"])
+        rows.append(
+            (*shown, *(f"{row['ms_per_sample'].get(name, 0):.3g}" for name in parts), f"{row['time_over_bound']:.2g}")
+        )
+    head = ("element", "cells", "unknowns", "solver", *(f"{name} (ms)" for name in parts), "time / factorisations")
+    return markdown(head, rows)
+
+
+def convergence_table(f: dict) -> str:
+    """Orders by manufactured solutions."""
+    found = f["convergence"]
+    rows = [
+        (
+            row["element"],
+            row["law"],
+            f"{row['poisson']:g}",
+            row["held"],
+            " / ".join(map(str, row["divisions"])),
+            *(" / ".join(f"{order:.2f}" for order in row[key]) for key in ("L2_orders", "H1_orders")),
+        )
+        for row in (*found["neo_hookean"], *found["other_laws"])
+    ]
+    return markdown(("element", "law", "nu", "held", "cells an edge", "orders in L2", "orders in H1"), rows)
+
+
+def meshes_table(f: dict) -> str:
+    """The study of meshes at every ratio: error of W in per cent, and CPU milliseconds a sample."""
+    study = f["discretisation"]["meshes"]
+    ratios = sorted({row["poisson"] for row in study})
+    rows = {}
+    for row in study:
+        name = f"{row['element']}, {row['cells']}, {'graded' if row['graded'] else 'even'}"
+        rows.setdefault(name + (" (reference)" if row["reference"] else ""), {})[row["poisson"]] = row
+    lines = [
+        (
+            name,
+            *(f"{100 * found[nu]['W']:.2g}" for nu in ratios),
+            *(f"{100 * found[nu]['tip']:.2g}" for nu in (ratios[0], ratios[-1])),
+            f"{1e3 * found[ratios[0]]['sample_seconds']:.0f}",
+            "yes" if found[ratios[len(ratios) // 2]]["front"] else "",
+        )
+        for name, found in rows.items()
+    ]
+    head = (
+        "mesh",
+        *(f"W, nu {nu:g} (%)" for nu in ratios),
+        *(f"tip, nu {nu:g} (%)" for nu in (ratios[0], ratios[-1])),
+        "sample, CPU (ms)",
+        "on the front",
+    )
+    return markdown(head, lines)
+
+
+def markdown(head: tuple, rows: list[tuple]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
-def with_table(readme: str, figures: dict) -> str:
-    head, rest = readme.split(MARKS[0])
-    _, tail = rest.split(MARKS[1])
-    return f"{head}{MARKS[0]}\n{table(figures)}\n{MARKS[1]}{tail}"
+TABLES = {
+    "finger": ("finger", finger_table),
+    "mechanics": ("mechanics", mechanics_table),
+    "profile": ("mechanics", profile_table),
+    "convergence": ("mechanics", convergence_table),
+    "meshes": ("mechanics", meshes_table),
+}
+FILES = ("README.md", "docs/mechanics.md")
 
 
-def main(what: str) -> None:
+def with_tables(text: str, figures: dict) -> str:
+    """Every table whose marks are in the text, put between them."""
+    for name, (part, table) in TABLES.items():
+        begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
+        if begin in text:
+            head, rest = text.split(begin)
+            text = f"{head}{begin}\n{table(figures[part])}\n{end}{rest.split(end)[1]}"
+    return text
+
+
+def main(what: str, part: str = "") -> None:
+    figures = json.loads(FIGURES.read_text())
     if what == "measure":
-        FIGURES.write_text(json.dumps(measure(), indent=1) + "\n")
-    readme = ROOT / "README.md"
-    readme.write_text(with_table(readme.read_text(), json.loads(FIGURES.read_text())))
+        figures[part] = {"finger": measure_finger, "mechanics": measure_mechanics}[part]()
+        FIGURES.write_text(json.dumps(figures, indent=1) + "\n")
+    for name in FILES:
+        path = ROOT / name
+        path.write_text(with_tables(path.read_text(), figures))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])

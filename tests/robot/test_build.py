@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 from robot.scenes import BASE
 from robot.scenes import scene as small_scene
+from scipy.spatial.transform import Rotation
 from support.blocks import hexahedra
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.build import build_robot
 from cfem.robot.mesh_file import write_mesh
@@ -215,3 +219,29 @@ def test_what_names_a_body_is_attached_to_no_other(tmp_path):
 def test_what_cannot_be_attached_is_named(tmp_path, changes, part):
     with pytest.raises(SpecError, match=re.escape(part)):
         made(tmp_path, geometry=TWO, **changes)
+
+
+def test_two_bodies_joined_by_a_rigid_group_move_together(tmp_path):
+    """A second bar that only a rigid connector holds: the cable in the first bar carries its end along."""
+    part = "geometry: {kind: bar, length: 30 mm, width: 10 mm, height: 10 mm}"
+    left, right = f"{{name: left, {part}}}", f"{{name: right, {part}, translate: {{mm: [32, 0, 0]}}}}"
+    scene = small_scene(
+        tmp_path,
+        geometry=f"{{kind: assembly, parts: [{left}, {right}]}}",
+        mesh="{size: 6 mm, element: tet10p0}",
+        rigid="[{kind: box, corners: {mm: [[29.9, -9, -9], [32.1, 9, 9]]}}]",
+        actuators="[{kind: cable, name: c, body: left, pull_point: {mm: [0, 0, 4]}, "
+        "points: {mm: [[10, 0, 4], [28, 0, 4]]}, reach: {mm: [0, 3]}}]",
+        effectors="[{name: near, point: {mm: [28, 0, 0]}}, {name: far, body: right, point: {mm: [60, 0, 0]}}]",
+    )
+    robot = build_robot(scene, make_mesh(scene, tmp_path)[0])
+    found = solve(Problem(robot), displacement([1.5]))
+    assert found.converged, found.status.value
+    near, far = found.delta_e[:3], found.delta_e[3:]
+    # the second bar is neither held nor loaded: it follows the connector as a rigid body
+    connector = robot.rigid[0]
+    X, x = robot.body.mesh.X[connector], found.state.x[connector]
+    turn, _ = Rotation.align_vectors(x - x.mean(axis=0), X - X.mean(axis=0))
+    carried = x.mean(axis=0) + turn.apply([60.0, 0, 0] - X.mean(axis=0)) - [60.0, 0, 0]
+    np.testing.assert_allclose(far, carried, atol=1e-7)
+    assert far[2] > 1.5 * near[2] > 0.1

@@ -33,7 +33,7 @@ class Settings:
     first_step:     fraction that a cold start tries first"""
 
     tolerance: float = 1e-10
-    max_iterations: int = 40
+    max_iterations: int = 30
     slow: float = 0.4
     max_growth: int = 3
     smallest_step: float = 1e-3

@@ -102,7 +102,8 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
     offset = start.lam - C.T @ mu
-    done, step, state, lost, stable, reached = 0.0, settings.first_step, start, None, None, None
+    done, step, state, failed = 0.0, settings.first_step, start, False
+    lost, stable, reached = None, None, None
 
     def part(to: float) -> Actuation:
         return Actuation(
@@ -128,9 +129,10 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
             if to == 1.0:
                 return _Path(result, lost, stable)
             done, state = to, result.state
-            step *= 2.0 if result.iterations <= 5 else 1.0
+            step *= 2.0 if result.iterations <= 5 and not failed else 1.0
+            failed = False
         else:
-            step = (to - done) / 2
+            step, failed = (to - done) / 2, True
             if step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
 
