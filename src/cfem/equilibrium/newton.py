@@ -94,7 +94,8 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
     before, last, growth = None, np.inf, 0
     begin = cost.iterations
     for _ in range(settings.max_iterations + 1):
-        if tangent is None:
+        fresh = tangent is None
+        if fresh:
             try:
                 tangent = problem.factor(at, lam, cost, before)
                 border = _border(at, tangent, actuation)
@@ -111,6 +112,9 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
             status = Status.CONVERGED
             break
         trial, part = _step(problem, at, correction)
+        if trial is None and not fresh:
+            tangent = None
+            continue
         if trial is None or growth >= settings.max_growth or not np.isfinite(correction.size):
             status = Status.STEP_TOO_SMALL
             break
