@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material import Law
 from cfem.mechanics.material.law import Material
@@ -119,8 +120,7 @@ def tangent(
         for i in range(3):
             blocks[:, i, :, i, :] += lag
     if solid.element.bubbles:
-        K = _condensed(_point_stiffness(solid, C, at.g), solid.element.n_nodes)
-        _scatter_blocks(K, slots, data)
+        add_blocks(_condensed(_point_stiffness(solid, C, at.g), solid.element.n_nodes), slots, data)
         return np.zeros((0, solid.element.n_nodes, 3))
     mixed = solid.element.pressure
     dtheta = np.zeros((*solid.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
@@ -211,10 +211,9 @@ def _point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0)
 
 
 def _condensed(K: np.ndarray, n_nodes: int) -> np.ndarray:
-    """(m, n_nodes, n_nodes, 3, 3) without the bubbles: K_uu - K_ub K_bb^-1 K_bu."""
+    """(m, 3 n_nodes, 3 n_nodes) without the bubbles: K_uu - K_ub K_bb^-1 K_bu."""
     n = 3 * n_nodes
-    K = K[:, :n, :n] - K[:, :n, n:] @ np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
-    return np.ascontiguousarray(K.reshape(len(K), n_nodes, 3, n_nodes, 3).transpose(0, 1, 3, 2, 4))
+    return K[:, :n, :n] - K[:, :n, n:] @ np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
 
 
 @njit(cache=True)
@@ -248,19 +247,6 @@ def _displacement_gradients(u, cells, gradients):
                     for j in range(3):
                         d[i, j] += u[node, i] * gradients[e, point, a, j]
     return D
-
-
-@njit(cache=True)
-def _scatter_blocks(K, slots, data):
-    """Adds element matrices K (m, n, n, 3, 3) to the lower triangle."""
-    m, n = K.shape[:2]
-    for e in range(m):
-        for a in range(n):
-            for b in range(n):
-                if slots[e, a, b, 0] >= 0:
-                    for j in range(3):
-                        for i in range(j if a == b else 0, 3):
-                            data[slots[e, a, b, j] + i] += K[e, a, b, i, j]
 
 
 @njit(cache=True)
