@@ -60,7 +60,7 @@ discretisation: .venv/all
 
 # All that the tables of the mechanics state: tours, orders of convergence, stability.
 mechanics: .venv/dev discretisation
-	$(PYTHON) scripts/figures.py measure mechanics
+	$(PYTHON) scripts/figures.py measure discretisation tours convergence stability
 
 # dev holds all that all holds
 .venv/all: pyproject.toml constraints.txt scripts/setup.sh

@@ -1,6 +1,6 @@
 """Where the time of a sample goes: a tour of samples of a scene, in this process; prints one JSON object.
 
-Usage: tour.py SCENE_YAML SAMPLES [--solver NAME] [KEY=VALUE ...], e.g. tour.py scene.yaml 1000 mesh.size="3 mm"
+Usage: tour.py SCENE_YAML SAMPLES [KEY=VALUE ...] [--solver NAME], e.g. tour.py scene.yaml 1000 mesh.size="3 mm"
 
 `bound` is the time of the numeric factorisations alone; seconds are of the process (CPU), on one thread."""
 

@@ -1,8 +1,8 @@
 """Gathers the figures of README.md and docs/mechanics.md from artefacts and benchmarks, or writes them there.
 
-figures.py measure finger      reads the manifests of the soft finger and runs short benchmarks
-figures.py measure mechanics   runs tours, orders of convergence and the stability suite; reads the study of meshes
-figures.py write               puts the tables of docs/figures.json between the marks of both files"""
+figures.py measure PART ...   finger, tours, stability, convergence, discretisation: into docs/figures.json, and, once
+                              all are there, the tables between the marks of both files
+figures.py write              the tables alone"""
 
 import json
 import math
@@ -41,32 +41,37 @@ def measure_finger() -> dict:
     }
 
 
-def measure_mechanics() -> dict:
-    """Tours of the paper's meshes and of the scene's own, by both solvers; some twenty minutes of one core."""
+def measure_tours() -> dict:
+    """Of the paper's meshes and of the scene's own, by both solvers; some fifteen minutes of one core."""
     finger, tet4 = (f"pipelines/{name}/scene.yaml" for name in ("soft-finger", "soft-finger-tet4"))
-    tours = [
-        tour(tet4, count, solver, f"mesh.size={size}")
-        for size, count in PAPER.items()
-        for solver in ("rslab", "pardiso")
-    ]
-    suite = run("-m", "cfem", "stability", "--json")
     return {
-        "tours": tours,
+        "paper": [tour(tet4, count, solver, f"mesh.size={size}") for size in PAPER for solver, count in TOUR.items()],
         "own": [tour(finger, 100, "rslab"), tour(finger, 300, "rslab", "material.poisson=0.499")],
         "large": tour(tet4, 12, "rslab", "mesh.size=1.2 mm"),
-        "convergence": run("benchmarks/convergence.py"),
-        "stability": {
-            "cases": suite["cases"],
-            "right": suite["cases"] - len(suite["misbehaving"]),
-            "seconds": suite["seconds"],
-        },
-        "discretisation": results("data/soft-finger/discretisation")["discretisation"],
     }
+
+
+def measure_stability() -> dict:
+    suite = run("-m", "cfem", "stability", "--json")
+    return {
+        "cases": suite["cases"],
+        "right": suite["cases"] - len(suite["misbehaving"]),
+        "seconds": suite["seconds"],
+    }
+
+
+PARTS = {
+    "finger": measure_finger,
+    "tours": measure_tours,
+    "stability": measure_stability,
+    "convergence": lambda: run("benchmarks/convergence.py"),
+    "discretisation": lambda: results("data/soft-finger/discretisation")["discretisation"],
+}
 
 
 def tour(scene: str, samples: int, solver: str, *overrides: str) -> dict:
     print(f"tour of {samples}: {scene} {solver} {' '.join(overrides)}", file=sys.stderr)
-    return run("benchmarks/tour.py", scene, str(samples), "--solver", solver, *overrides)
+    return run("benchmarks/tour.py", scene, str(samples), *overrides, "--solver", solver)
 
 
 def model_figures(result: dict) -> dict:
@@ -164,8 +169,8 @@ def finger_table(f: dict) -> str:
 
 def mechanics_table(f: dict) -> str:
     """The figures of the mechanics beside their targets."""
-    study, suite, own = f["discretisation"], f["stability"], f["own"]
-    tours = {(row["cells"], row["solver"]): row for row in f["tours"]}
+    study, suite, own, large = f["discretisation"], f["stability"], f["tours"]["own"], f["tours"]["large"]
+    tours = {(row["cells"], row["solver"]): row for row in f["tours"]["paper"]}
     sizes = sorted({cells for cells, _ in tours})
     default = {row["poisson"]: row for row in study["meshes"] if is_default(row)}
     cost, error = cost_of_linear(study["meshes"])
@@ -218,9 +223,9 @@ def mechanics_table(f: dict) -> str:
             "same",
         ),
         (
-            f"a body of {f['large']['cells']} tet4: samples a second, memory",
+            f"a body of {large['cells']} tet4: samples a second, memory",
             "it samples",
-            f"{f['large']['samples_per_second']:.2g}, {f['large']['memory_mib'] / 1024:.1f} GiB",
+            f"{large['samples_per_second']:.2g}, {large['memory_mib'] / 1024:.1f} GiB",
             "same",
         ),
         (
@@ -254,8 +259,9 @@ def cost_of_linear(rows: list[dict]) -> tuple[float, float]:
 def profile_table(f: dict) -> str:
     """Where a sample's time goes."""
     rows = []
-    parts = list(f["tours"][0]["ms_per_sample"])
-    for row in (*f["tours"], f["own"][0], f["large"]):
+    tours = f["tours"]
+    parts = list(tours["paper"][0]["ms_per_sample"])
+    for row in (*tours["paper"], tours["own"][0], tours["large"]):
         shown = (row["element"], str(row["cells"]), str(row["unknowns"]), row["solver"])
         rows.append(
             (*shown, *(f"{row['ms_per_sample'].get(name, 0):.3g}" for name in parts), f"{row['time_over_bound']:.2g}")
@@ -315,33 +321,34 @@ def markdown(head: tuple, rows: list[tuple]) -> str:
 
 
 TABLES = {
-    "finger": ("finger", finger_table),
-    "mechanics": ("mechanics", mechanics_table),
-    "profile": ("mechanics", profile_table),
-    "convergence": ("mechanics", convergence_table),
-    "meshes": ("mechanics", meshes_table),
+    "finger": lambda f: finger_table(f["finger"]),
+    "mechanics": mechanics_table,
+    "profile": profile_table,
+    "convergence": convergence_table,
+    "meshes": meshes_table,
 }
 FILES = ("README.md", "docs/mechanics.md")
 
 
 def with_tables(text: str, figures: dict) -> str:
     """Every table whose marks are in the text, put between them."""
-    for name, (part, table) in TABLES.items():
+    for name, table in TABLES.items():
         begin, end = f"<!-- {name} -->", f"<!-- /{name} -->"
         if begin in text:
             head, rest = text.split(begin)
-            text = f"{head}{begin}\n{table(figures[part])}\n{end}{rest.split(end)[1]}"
+            text = f"{head}{begin}\n{table(figures)}\n{end}{rest.split(end)[1]}"
     return text
 
 
-def main(what: str, part: str = "") -> None:
+def main(what: str, *parts: str) -> None:
+    for part in parts:
+        found = PARTS[part]()  # read the file late: another part may have been measured meanwhile
+        FIGURES.write_text(json.dumps({**json.loads(FIGURES.read_text()), part: found}, indent=1) + "\n")
     figures = json.loads(FIGURES.read_text())
-    if what == "measure":
-        figures[part] = {"finger": measure_finger, "mechanics": measure_mechanics}[part]()
-        FIGURES.write_text(json.dumps(figures, indent=1) + "\n")
-    for name in FILES:
-        path = ROOT / name
-        path.write_text(with_tables(path.read_text(), figures))
+    if what == "write" or set(PARTS) <= set(figures):
+        for name in FILES:
+            path = ROOT / name
+            path.write_text(with_tables(path.read_text(), figures))
 
 
 if __name__ == "__main__":
