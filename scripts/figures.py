@@ -174,7 +174,6 @@ def mechanics_table(f: dict) -> str:
     sizes = sorted({cells for cells, _ in tours})
     default = {row["poisson"]: row for row in study["meshes"] if is_default(row)}
     cost, error = cost_of_linear(study["meshes"])
-    orders = {(row["element"], row["graded"]): row["order"] for row in study["orders"] if row["poisson"] == 0.47}
     rows = [
         (
             "error of W, of the tip, of cable forces, default mesh, nu " + " / ".join(f"{nu:g}" for nu in default),
@@ -188,12 +187,6 @@ def mechanics_table(f: dict) -> str:
             f"CPU time of linear tetrahedra for the W that costs tet10p0 as much as theirs errs ({100 * error:.0f} %)",
             "10 times",
             f"{cost:.0f} times",
-            "same",
-        ),
-        (
-            "order of W's error in the cell size, nu 0.47: graded tet10p0 / tet10 / tet4",
-            "",
-            " / ".join(f"{orders[element, True]:.1f}" for element in ("tet10p0", "tet10", "tet4")),
             "same",
         ),
         (
