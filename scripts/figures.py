@@ -183,7 +183,7 @@ def mechanics_table(f: dict) -> str:
             "`make discretisation`",
         ),
         (
-            "linear tetrahedra, the best mesh, against tet10p0, the coarsest: CPU time of a sample; error of W (nu 0.47)",
+            "the best mesh of linear tetrahedra against tet10p0's coarsest: CPU time of a sample; error of W (nu 0.47)",
             "10 times at one error",
             f"{cost:.1f} times; {100 * linear:.0f} % against {100 * quadratic:.1f} %",
             "same",
@@ -235,8 +235,8 @@ def is_default(row: dict) -> bool:
 
 
 def cost_of_linear(rows: list[dict]) -> tuple[float, float, float]:
-    """CPU seconds a sample of the most exact mesh of linear tetrahedra over those of the coarsest graded one of tet10p0,
-    and both errors of W, at nu 0.47."""
+    """CPU seconds a sample of the most exact mesh of linear tetrahedra over those of tet10p0's coarsest graded one, and
+    both errors of W, at nu 0.47."""
     mine = [row for row in rows if row["poisson"] == 0.47 and not row["reference"] and row["radius"] is None]
     linear = min((row for row in mine if row["element"] == "tet4"), key=lambda row: row["W"])
     graded = [row for row in mine if row["element"] == "tet10p0" and row["graded"]]
