@@ -49,10 +49,11 @@ def test_an_earlier_factor_is_never_used_by_mistake(solver):
     first = numeric(lower(one))
     numeric(lower(other))
     B = np.ones((9, 1))
-    try:
+    if solver == "pardiso":
+        with pytest.raises(RuntimeError, match="next one"):
+            first.solve(B)
+    else:
         np.testing.assert_allclose(one @ first.solve(B), B, atol=1e-10)
-    except AssertionError as error:
-        assert "next one" in str(error)
 
 
 def test_the_environment_names_the_solver(monkeypatch):

@@ -105,7 +105,7 @@ def _pardiso(pattern: Pattern) -> Numeric:
 
         def solve(B: np.ndarray) -> np.ndarray:
             if latest[0] != mine:
-                raise AssertionError("a factor was used after the next one had been made")
+                raise RuntimeError("a factor was used after the next one had been made")
             return solver.solve(np.asfortranarray(B))
 
         return Factor(solve, int(solver.get_iparm_value(22)))
