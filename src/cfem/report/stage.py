@@ -10,7 +10,7 @@ from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_st
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec
 
-VERSION = 1
+VERSION = 2
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
