@@ -1,14 +1,17 @@
 """What is written is what is read, by us and by others; what is damaged is said to be."""
 
+import json
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from cfem.condensed import Rows, pack_upper
+from cfem.condensed.parameters import Parameter
 from cfem.core.errors import InputError
 from cfem.dataset.reader import read_dataset, read_table
-from cfem.dataset.schema import schema
+from cfem.dataset.schema import KEY, metadata, schema
 from cfem.dataset.writer import content_hash, write_rows
 
 ROWS = Rows(("tip.x", "tip.y", "tip.z"), ("left", "right"))
@@ -19,6 +22,10 @@ META = {
     "length": 10.0,
     "versions": {"cfem": "0"},
 }
+
+POISSON = Parameter("nu", "material.poisson", "1", 0.4, 0.49, 0.45, "log(1-2p)")
+RADIUS = Parameter("guide", "actuators.0.radius", "mm", 1.0, 3.0, 2.0)
+YOUNG = Parameter("E", "material.young", "MPa", 1.0, 10.0, 3.0, "log", exact=True)
 
 
 def record(i: int, converged: bool = True, seconds: float = 0.1) -> dict:
@@ -31,6 +38,24 @@ def record(i: int, converged: bool = True, seconds: float = 0.1) -> dict:
         row |= {"W": pack_upper(W + W.T), "energy": rng.random(), "slack": np.array([False, True])}
         row |= {name: rng.random(size) for name, size in dict(delta_a=2, delta_e=3, lambda_a=2, delta_free=5).items()}
     return row
+
+
+def full_record(i: int, converged: bool = True) -> dict:
+    """With third order and two sampled parameters."""
+    rng = np.random.default_rng(100 + i)
+    row = record(i, converged) | {"u": rng.random(4), "p": rng.random(2)}
+    if converged:
+        dW = rng.random((2, 5, 5))
+        row |= {"dW": pack_upper(dW + dW.transpose(0, 2, 1)).ravel(), "dpsi_dp": rng.random(2)}
+    return row
+
+
+@pytest.fixture
+def full(tmp_path):
+    path = tmp_path / "full.parquet"
+    records = [full_record(0), full_record(1, converged=False), full_record(2), full_record(3)]
+    write_rows(path, records, schema(ROWS, META, (POISSON, YOUNG, RADIUS), third_order=True))
+    return path
 
 
 @pytest.fixture
@@ -56,6 +81,65 @@ def test_converged_rows_come_back_bit_for_bit_and_failed_ones_with_their_reason(
 def test_every_column_of_numbers_states_its_unit(file):
     units = read_dataset(file).meta["units"]
     assert units["W"] == "mm/N" and units["delta_free"] == "mm" and units["energy"] == "N mm" and units["u"] == "1"
+
+
+def test_parameters_and_third_order_come_back_where_a_dataset_has_them(file, full):
+    plain, dataset = read_dataset(file), read_dataset(full)
+    assert plain.p.shape == (2, 0) and plain.dW is None and plain.dpsi_dp is None and plain.parameters == ()
+    assert not {"p", "dW", "dpsi_dp"} & {*read_table(file).column_names, *plain.meta["units"]}
+    assert dataset.parameters == (POISSON, RADIUS) and len(dataset.meta["parameters"]) == 3
+    for index, i in enumerate((0, 2, 3)):
+        np.testing.assert_array_equal(dataset.p[index], full_record(i)["p"])
+        np.testing.assert_array_equal(dataset.dpsi_dp[index], full_record(i)["dpsi_dp"])
+        np.testing.assert_array_equal(pack_upper(dataset.dW[index]).ravel(), full_record(i)["dW"])
+    np.testing.assert_array_equal(dataset.dW, dataset.dW.swapaxes(2, 3))
+    units = dataset.meta["units"]
+    assert units["p"] == ["1", "mm"] and units["dpsi_dp"] == ["N mm", "N mm/mm"] and units["dW"] == "mm/N^2"
+
+
+@pytest.mark.parametrize("index", [np.array([2, 0]), slice(2), np.array([False, True, True])])
+def test_taking_rows_takes_them_of_every_field(full, index):
+    whole = read_dataset(full)
+    part = whole.take(index)
+    for name in (
+        "id",
+        "u",
+        "p",
+        "delta_a",
+        "delta_e",
+        "lambda_a",
+        "W",
+        "delta_free",
+        "energy",
+        "slack",
+        "dW",
+        "dpsi_dp",
+    ):
+        np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[index])
+    np.testing.assert_array_equal(part.cost["residual"], whole.cost["residual"][index])
+    assert len(part) == 2 and part.rows == whole.rows and part.failed is whole.failed
+
+
+def test_taking_rows_keeps_what_is_not_there_away(file):
+    part = read_dataset(file).take(np.array([1]))
+    assert part.dW is None and part.dpsi_dp is None and part.p.shape == (1, 0)
+
+
+def test_the_rows_of_a_chamber_and_of_an_orientation_state_units_of_their_own():
+    rows = Rows(("tip.x", "tip.rx"), ("chamber", "cable"))
+    row_units = [("mm", "N"), ("rad", "N mm"), ("mm^3", "MPa"), ("mm", "N")]
+    units = metadata(schema(rows, META, (), True, row_units).empty_table())["units"]
+    assert units["delta_e"] == ["mm", "rad"] and units["lambda_a"] == ["MPa", "N"]
+    assert units["W"][2] == "mm/MPa" and units["W"][5] == "rad/MPa"
+    assert units["dW"][2] == "mm/MPa/MPa" and len(units["dW"]) == 20
+
+
+def test_a_file_of_an_older_format_says_so(file):
+    table = read_table(file)
+    meta = metadata(table) | {"format": 1}
+    pq.write_table(table.replace_schema_metadata({KEY: json.dumps(meta)}), file, write_page_checksum=True)
+    with pytest.raises(InputError, match="has format 1; this cfem reads 2"):
+        read_dataset(file)
 
 
 def test_a_file_with_failed_rows_only_has_empty_arrays_of_the_right_shape(tmp_path):

@@ -14,11 +14,11 @@ SOLVER = SyntheticSolver()
 
 
 def solved(u):
-    return knot(u, SOLVER.solve(actuation("pulling", u, FACTS.reach), None))
+    return knot(u, SOLVER.solve(actuation("pulling", u, FACTS.reach, FACTS.compliance), None))
 
 
 def error(knots, u):
-    asked = actuation("pulling", u, FACTS.reach)
+    asked = actuation("pulling", u, FACTS.reach, FACTS.compliance)
     return float(np.abs(predict(knots, u, asked).x - SOLVER.solve(asked, None).state.x).max())
 
 
@@ -56,7 +56,7 @@ def test_a_quadratic_map_is_met_exactly_from_scattered_states():
 def test_the_predicted_state_meets_what_is_asked():
     u = np.array([0.45, 0.6])
     knots = [solved(u + 0.1 * step) for step in np.random.default_rng(2).uniform(-1, 1, (8, 2))]
-    asked = actuation("pulling", u, FACTS.reach)
+    asked = actuation("pulling", u, FACTS.reach, FACTS.compliance)
     start = predict(knots, u, asked)
     np.testing.assert_allclose(start.lam / asked.C[0], start.lam[0] / asked.C[0, 0], rtol=1e-8)
     assert asked.C @ start.x[0, :2] == pytest.approx(asked.target, abs=1e-8)
@@ -73,7 +73,7 @@ def test_prescribed_forces_are_met_too():
 
 def test_far_from_all_that_is_known_the_start_stays_finite():
     knots = [solved(u) for u in 0.02 * np.random.default_rng(3).random((12, 2)) + 0.01]
-    start = predict(knots, np.array([1.0, 1.0]), actuation("pulling", np.ones(2), FACTS.reach))
+    start = predict(knots, np.array([1.0, 1.0]), actuation("pulling", np.ones(2), FACTS.reach, FACTS.compliance))
     assert np.isfinite(start.x).all() and np.abs(start.x).max() < 1e4
 
 
@@ -94,3 +94,23 @@ def test_tangents_are_those_of_the_map():
         ahead, behind = (SOLVER.solve(displacement(here.delta + sign * step), None).state.x for sign in (1, -1))
         np.testing.assert_allclose(here.dx[..., axis], (ahead - behind) / (2 * h), atol=1e-7)
     np.testing.assert_allclose(here.stiffness, energy(here.delta[None])[2][0], rtol=1e-10)
+
+
+def test_a_quadratic_map_of_displacements_and_a_parameter_is_met_exactly():
+    rng = np.random.default_rng(1)
+    K = np.array([[3.0, 1.0, 0.4], [1.0, 2.0, -0.3]])  # by delta, then by q
+    bend = rng.normal(size=(5, 3, 3, 3))
+
+    def at(inputs):
+        x = np.einsum("nipq,p,q->ni", bend, inputs, inputs)
+        dx = np.einsum("nipq,q->nip", bend + bend.swapaxes(2, 3), inputs)
+        return Knot(inputs, inputs[:2], K @ inputs, K, x, dx, inputs[2:])
+
+    knots = [at(inputs) for inputs in rng.random((8, 3))]
+    target = np.array([0.4, 0.6, 0.3])
+    start = predict(knots, target, displacement(target[:2]), target[2:])
+    np.testing.assert_allclose(start.x, at(target).x, atol=1e-11)
+    np.testing.assert_allclose(start.lam, K @ target, atol=1e-11)
+    alone = predict(knots[:1], target, displacement(target[:2]), target[2:])
+    first = knots[0]
+    np.testing.assert_allclose(alone.x, first.x + first.dx @ (target - first.inputs), atol=1e-12)

@@ -5,11 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import box_body
 
+from cfem.core.errors import InputError
 from cfem.mechanics.assembly import make_pattern, symmetric_product
-from cfem.mechanics.body import response, tangent
+from cfem.mechanics.body import make_body, response, tangent, tangent_form, with_materials
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
-from cfem.mechanics.material.law import stress
+from cfem.mechanics.material.law import Material, stress
 
 every_element = pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS.keys())
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
@@ -51,6 +52,31 @@ def test_tangent_is_the_gradient_of_the_force(element, law):
     slope = difference(lambda y: response(body, y).force, x, direction)
     product = symmetric_product(pattern, data, direction.reshape(-1, 1)).reshape(-1, 3)
     np.testing.assert_allclose(product, slope, atol=1e-6 * np.abs(slope).max())
+
+
+@every_element
+@every_law
+def test_the_form_of_the_tangent_is_the_second_derivative_of_the_energy(element, law):
+    body = solid(element, law)
+    x = bent(body)
+    motions = np.random.default_rng(1).standard_normal((*x.shape, 2))
+    form = tangent_form(body, response(body, x), motions)
+    for column in range(2):
+        slope = difference(lambda y: response(body, y).force, x, motions[..., column])
+        np.testing.assert_allclose(form[:, column], np.einsum("nik,ni->k", motions, slope), rtol=1e-6)
+
+
+def test_other_materials_make_the_body_that_they_would_have_made():
+    first, second = (Material(LAWS["neo-hookean"], young, poisson) for young, poisson in ((1.0, 0.3), (2.0, 0.45)))
+    mesh = box_body((2, 1, 1), (2, 1, 1)).mesh
+    end = np.flatnonzero(mesh.X[mesh.cells, 0].min(axis=1) > 0.99)
+    body = make_body(mesh, ELEMENTS["tet10p0"], first, [(end, first)])
+    for materials in ((first, second), (second, first)):
+        made = make_body(mesh, ELEMENTS["tet10p0"], materials[0], [(end, materials[1])])
+        x = bent(body)
+        assert response(with_materials(body, materials), x).energy == response(made, x).energy
+    with pytest.raises(InputError, match="finite and positive"):
+        with_materials(body, [first, Material(LAWS["neo-hookean"], -1.0, 0.3)])
 
 
 @every_element

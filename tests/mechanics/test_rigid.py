@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from support.blocks import box_body
 
 from cfem.mechanics.assembly import make_pattern, symmetric_product
-from cfem.mechanics.body import response, tangent, without
+from cfem.mechanics.body import response, tangent, tangent_form, without
 from cfem.mechanics.rigid import make_kinematics
 
 
@@ -76,6 +76,9 @@ def test_stiffness_is_the_second_derivative_of_the_energy(element):
     second = (-energy(2) + 16 * energy(1) - 30 * energy(0) + 16 * energy(-1) - energy(-2)) / (12 * h * h)
     ours = q @ symmetric_product(kinematics.pattern, reduced, q[:, None])[:, 0]
     assert ours == pytest.approx(second, rel=1e-6)
+    motions = np.stack([kinematics.spread(x, q)], axis=-1)
+    form = tangent_form(body, at, motions) + kinematics.turning_form(x, q[:, None], at.force)
+    assert form[0, 0] == pytest.approx(ours, rel=1e-12)
 
 
 def test_without_groups_nothing_is_added():

@@ -55,10 +55,22 @@ def test_a_grid_has_its_corners_and_says_which_sizes_there_are():
 
 
 def test_a_single_cable_at_half_share_is_pulled_by_half_its_reach_in_both_spaces():
-    reach = np.array([[0.0, 20.0], [0.0, 10.0]])
-    pulled = actuation("pulling", np.array([0.5, 0.0]), reach)
+    reach, compliance = np.array([[0.0, 20.0], [0.0, 10.0]]), np.array([[2.0, 0.5], [0.5, 1.0]])
+    pulled = actuation("pulling", np.array([0.5, 0.0]), reach, compliance)
     np.testing.assert_allclose(np.array([10.0, 3.0]) @ pulled.C.T, pulled.target)
-    np.testing.assert_allclose(actuation("displacement", np.array([0.5, 1.0]), reach).target, [10.0, 10.0])
+    boxed = actuation("displacement", np.array([0.5, 1.0]), reach, compliance)
+    np.testing.assert_allclose(boxed.target, [10.0, 10.0])
+
+
+@pytest.mark.parametrize("share", [[1.0, 0.0, 0.6], [0.3, 0.9, 0.9], [0.2, 0.2, 0.2], [0.0, 0.5, 1.0]])
+def test_in_a_linear_robot_the_first_cable_to_come_near_its_end_goes_the_largest_share(share):
+    """Three cables, the third of which pays out what the first takes in."""
+    reach = np.array([[0.0, 20.0], [0.0, 10.0], [0.0, 15.0]])
+    compliance = np.array([[2.0, 0.3, -1.5], [0.3, 1.0, 0.2], [-1.5, 0.2, 2.0]])
+    pulled = actuation("pulling", np.array(share), reach, compliance)
+    mu = pulled.target / (pulled.C @ compliance @ pulled.C.T)[0]
+    delta = compliance @ (pulled.C.T @ mu)
+    np.testing.assert_allclose((delta / reach[:, 1]).max(), max(share))
 
 
 def test_train_and_test_may_not_share_their_rows():

@@ -7,16 +7,21 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from sample.synthetic import Factory
+from surrogate import synthetic as closed_form
+from surrogate.synthetic import POISSON, YOUNG
 
 from cfem.core.errors import CfemError
-from cfem.dataset.writer import content_hash
+from cfem.dataset.reader import read_dataset
+from cfem.dataset.writer import content_hash, write_table
+from cfem.sample import tour
 from cfem.sample.pool import worker_pool
-from cfem.sample.runner import sample
+from cfem.sample.runner import make_job, merge, sample, solve_rows, solve_skeleton
 from cfem.sample.spec import SampleSpec
 
 SPEC = SampleSpec(
@@ -117,6 +122,54 @@ def test_workers_compute_on_one_thread_and_the_environment_is_put_back():
     with worker_pool(1) as executor:
         assert executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
     assert dict(os.environ) == before
+
+
+PARAMETERS = (POISSON, YOUNG)
+
+
+def test_rows_of_robots_with_parameters_carry_them(tmp_path):
+    spec = SPEC.model_copy(update={"third_order": True})
+    tables = in_process(tmp_path, spec, Factory(parameters=PARAMETERS, third_order=True))
+    write_table(tmp_path / "train.parquet", tables["train"])
+    train = read_dataset(tmp_path / "train.parquet")
+    assert train.parameters == (POISSON,) and train.u.shape == (40, 3) and train.p.shape == (40, 1)
+    q, ends = np.log(1 - 2 * train.p[:, 0]), np.log(1 - 2 * np.array([POISSON.low, POISSON.high]))
+    np.testing.assert_allclose(q, ends[0] + train.u[:, 2] * (ends[1] - ends[0]), rtol=1e-12)
+    expected = closed_form.states(train.delta_a, closed_form.stiffer(train.p))
+    np.testing.assert_allclose(train.energy, expected["energy"], rtol=1e-12)
+    h = 1e-6
+    ahead, behind = (closed_form.stiffer(train.p + sign * h) for sign in (1, -1))
+    slope = (ahead - behind) / (2 * h) * closed_form.energy(train.delta_a)[0]
+    np.testing.assert_allclose(train.dpsi_dp[:, 0], slope, rtol=1e-6, atol=1e-6)
+    dW = closed_form.compliance_derivatives(train.delta_a, closed_form.stiffer(train.p))
+    np.testing.assert_allclose(train.dW, dW, atol=1e-12)
+    assert train.cost["iterations"].mean() < 5  # predicted, across robots
+
+
+def test_a_plan_grows_by_rows_from_its_skeleton_and_keeps_what_is_solved(tmp_path):
+    more = np.random.default_rng(0).random((20, 3))
+
+    def grown(folder, u, extra):
+        with ThreadPoolExecutor(1) as executor:
+            job = make_job(SPEC, Factory(parameters=PARAMETERS), folder, executor)
+            solve_skeleton(job, tour.skeleton(job.u, SPEC.skeleton), executor)
+            ids = tuple(range(40, 40 + len(u)))
+            added = replace(job, u=u, split=("train",) * len(u), id=ids, folder=folder / extra)
+            return merge(solve_rows(added, np.arange(len(u)), 6, executor), ["train"])["train"]
+
+    once = grown(tmp_path / "a", more, "round-1")
+    assert once["id"].to_pylist() == list(range(40, 60))
+    np.testing.assert_array_equal(np.stack(once["u"].to_pylist()), more)
+    files = {file: file.stat().st_mtime_ns for file in (tmp_path / "a" / "round-1").iterdir()}
+    (tmp_path / "a" / "round-1" / "shard-00001.parquet").unlink()
+    again = grown(tmp_path / "a", more, "round-1")
+    assert content_hash({"train": again}) == content_hash({"train": once})
+    changed = [file.name for file, made in files.items() if file.stat().st_mtime_ns != made]
+    assert changed == ["shard-00001.parquet"]
+    elsewhere = grown(tmp_path / "b", more, "other")
+    assert content_hash({"train": elsewhere}) == content_hash({"train": once})
+    other = grown(tmp_path / "a", more[::-1], "round-1")  # chosen anew: what was solved for other rows does not stand
+    np.testing.assert_array_equal(np.stack(other["u"].to_pylist()), more[::-1])
 
 
 def children(pid: int) -> list[int]:

@@ -14,7 +14,7 @@ from cfem.sample.runner import sample
 from cfem.sample.shard import read_knots, write_knots
 from cfem.sample.spec import SampleSpec
 
-ASKED = actuation("pulling", np.array([0.5, 0.5]), FACTS.reach)
+ASKED = actuation("pulling", np.array([0.5, 0.5]), FACTS.reach, FACTS.compliance)
 SPEC = SampleSpec(
     scene="scene.yaml", mesh="mesh", out="out", splits={"train": {"rows": 30, "method": "random"}}, skeleton=6, shard=10
 )

@@ -10,7 +10,14 @@ from cfem.core.errors import GateError, OutputError
 from cfem.core.stage import Options, artefact_file, read_manifest
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
 from cfem.robot import stage as mesh_stage
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+from cfem.sample.parameters import with_values
 from cfem.sample.stage import run
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
@@ -78,6 +85,43 @@ def test_other_inputs_do_not_overwrite_what_was_dear(spec, samples):
     with pytest.raises(OutputError, match="other inputs"):
         run(spec, [*SMALL, "splits.train.rows=7"], None, QUIET)
     assert read_manifest(samples) == before
+
+
+def test_states_of_robots_that_differ_in_a_modulus_and_in_a_radius(spec, tmp_path):
+    """Energies of all rows are one smooth function of (delta_a, p): its slopes by p against whole solves."""
+    overrides = [*SMALL, "splits.train.rows=3", "splits.test.rows=1", "skeleton=2", "third_order=true"]
+    text = spec.read_text()
+    spec.write_text(
+        text + "parameters:\n"
+        "  nu: {key: material.poisson, range: [0.40, 0.49]}\n"
+        "  guide: {key: actuators.0.radius, range: {mm: [1.5, 2.5]}}\n"
+        "  E: {key: material.young, range: [1000 kPa, 10000 kPa]}\n"
+    )
+    try:
+        run(spec, overrides, tmp_path / "samples", QUIET, workers=1)
+        spelled = spec.read_text().replace("[1000 kPa, 10000 kPa]", "{MPa: [1, 10]}")
+        spec.write_text(spelled)
+        assert run(spec, overrides, tmp_path / "samples", QUIET)["status"] == "up to date"
+    finally:
+        spec.write_text(text)
+    train = read_dataset(artefact_file(tmp_path / "samples", "train.parquet"))
+    assert [one.name for one in train.parameters] == ["nu", "guide"]
+    assert [one["name"] for one in train.meta["parameters"] if one["exact"]] == ["E"]
+    assert train.u.shape == (3, 3) and train.dW.shape == (3, 1, 4, 4)
+    scene, mesh = load_scene_and_mesh(spec.parent / "scene.yaml")
+    keys, i, steps = ["material.poisson", "actuators.0.radius"], 1, np.diag([1e-3, 5e-3])
+    state = train.p[i], displacement(train.delta_a[i])
+    assert solved(scene, mesh, keys, *state).energy == pytest.approx(train.energy[i], rel=1e-9)
+    np.testing.assert_allclose(solved(scene, mesh, keys, *state).condensed.W, train.W[i], atol=1e-8)
+    for index, step in enumerate(steps):
+        ahead, behind = (solved(scene, mesh, keys, train.p[i] + sign * step, state[1]) for sign in (1, -1))
+        slope = (ahead.energy - behind.energy) / (2 * step[index])
+        assert train.dpsi_dp[i, index] == pytest.approx(slope, rel=2e-3)
+
+
+def solved(scene, mesh, keys, p, asked):
+    """By a robot built from nothing."""
+    return solve(Problem(build_robot(with_values(scene, keys, p), mesh)), asked, settings=Settings(tolerance=1e-11))
 
 
 def test_one_worker_gives_the_same_content_as_two(spec, samples, tmp_path):

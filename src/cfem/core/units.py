@@ -6,11 +6,13 @@ code sees 3.0. Arrays are written once for many numbers: `{mm: [[0, 10, -120]]}`
 
 import math
 import re
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
+from pydantic.fields import FieldInfo
 
 _NUMBER = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+"
 
@@ -107,7 +109,21 @@ def _scalar(system_unit: str):
         "pattern": _NUMBER + r"\S.*$",
         "description": f"{_DIMENSION[system_unit]} with its unit, e.g. '1 {_customary(system_unit)}'",
     }
-    return Annotated[float, BeforeValidator(lambda value: parse_quantity(value, system_unit)), WithJsonSchema(schema)]
+    read = BeforeValidator(lambda value: parse_quantity(value, system_unit))
+    return Annotated[float, read, WithJsonSchema(schema), SystemUnit(system_unit)]
+
+
+@dataclass(frozen=True)
+class SystemUnit:
+    """Marks the annotation of a scalar field."""
+
+    name: str
+
+
+def unit_of(field: FieldInfo) -> str:
+    """The unit that a number of a spec is computed in, '1' where it has none."""
+    marks = [*field.metadata, *(mark for part in get_args(field.annotation) for mark in get_args(part)[1:])]
+    return next((mark.name for mark in marks if isinstance(mark, SystemUnit)), "1")
 
 
 def _vector(system_unit: str, ndim: int, last: int | None = None):

@@ -7,10 +7,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from cfem.condensed.parameters import sampled
 from cfem.core.errors import InputError
 from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import CONVERGED, column_array, read_table
-from cfem.dataset.schema import COLUMNS, metadata, rows_of
+from cfem.dataset.schema import COLUMNS, metadata, parameters_of, rows_of
 
 
 def describe(path: Path) -> str:
@@ -32,13 +33,18 @@ def dataset_files(path: Path) -> list[Path]:
 
 def _heading(table: pa.Table) -> str:
     meta = metadata(table)
-    rows = meta["rows"]
+    rows, reach = meta["rows"], meta["units"]["delta_a"]
     lines = [
         f"dataset of {meta['scene']}: {len(table)} states",
         f"effectors  {', '.join(rows['effectors'])}   at rest {np.round(meta['rest_e'], 6).tolist()} mm",
-        f"actuators  {', '.join(rows['actuators'])}   reach {np.asarray(meta['reach']).tolist()} mm",
+        f"actuators  {', '.join(rows['actuators'])}   reach {np.asarray(meta['reach']).tolist()} {_unit(reach)}",
         "rows of W  effectors, then actuators; upper triangle, row by row",
     ]
+    for one in parameters_of(meta):
+        how = "exact, not sampled" if one.exact else f"drawn evenly in {one.coordinate.replace('p', one.name)}"
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        ends = f"{one.low:g} to {one.high:g}{unit}, {one.reference:g}{unit} in the scene"
+        lines.append(f"parameter  {one.name} ({one.key}): {ends}; {how}")
     return "\n".join(lines)
 
 
@@ -56,19 +62,33 @@ def _counts(table: pa.Table) -> str:
 
 
 def _statistics(solved: pa.Table) -> str:
-    """Least, mean and largest value of every number of the converged rows; of W over all its entries."""
-    rows = rows_of(metadata(solved))
-    names = {"actuators": rows.actuators, "effectors": rows.effectors, "rows": rows.names}
-    lines = [f"{'column':<12} {'row':<12} {'unit':<5} {'min':>12} {'mean':>12} {'max':>12}"]
+    """Least, mean and largest value of every number of the converged rows; of W and dW over all their entries."""
+    meta = metadata(solved)
+    rows, varied = rows_of(meta), [one.name for one in sampled(parameters_of(meta))]
+    names = {"actuators": rows.actuators, "effectors": rows.effectors, "rows": rows.names, "parameters": varied}
+    names["plan"] = [*rows.actuators, *varied]
+    lines = [f"{'column':<12} {'row':<12} {'unit':<7} {'min':>12} {'mean':>12} {'max':>12}"]
     for column in COLUMNS:
-        if column.name == "id" or pa.types.is_string(column.kind) or len(solved) == 0:
+        there = column.name in solved.column_names and column.name != "id"
+        if not there or pa.types.is_string(column.kind) or len(solved) == 0:
             continue
         values = column_array(solved, column.name).astype(float)
-        for row, entries in zip(names.get(column.size, ("",)), np.atleast_2d(values.T), strict=False):
-            entries = values if column.size == "upper triangle" else entries
-            numbers = "".join(f" {number:>12.5g}" for number in (entries.min(), entries.mean(), entries.max()))
-            lines.append(f"{column.name:<12} {row:<12} {column.unit:<5}{numbers}")
+        unit = meta["units"].get(column.name, "")
+        if column.size not in names:
+            lines.append(_line(column.name, "", _unit(unit), values))
+            continue
+        units = unit if isinstance(unit, list) else [unit] * values.shape[1]
+        lines += [_line(column.name, *each) for each in zip(names[column.size], units, values.T, strict=True)]
     return "\n".join(lines)
+
+
+def _line(column: str, row: str, unit: str, values: np.ndarray) -> str:
+    numbers = "".join(f" {number:>12.5g}" for number in (values.min(), values.mean(), values.max()))
+    return f"{column:<12} {row:<12} {unit:<7}{numbers}"
+
+
+def _unit(unit: str | list[str]) -> str:
+    return unit if isinstance(unit, str) else f"({', '.join(dict.fromkeys(unit))})"
 
 
 def _cost(table: pa.Table) -> str:

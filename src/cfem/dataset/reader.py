@@ -1,6 +1,6 @@
 """A Parquet file to arrays: converged rows as numbers, failed rows as a table with their reasons."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,9 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from cfem.condensed import Rows, unpack_upper
+from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import InputError
-from cfem.dataset.schema import COLUMNS, FORMAT, metadata, rows_of
+from cfem.dataset.schema import COLUMNS, FORMAT, REQUIRED, metadata, parameters_of, rows_of
 
 CONVERGED = "converged"
 
@@ -20,14 +21,20 @@ CONVERGED = "converged"
 class Dataset:
     """Converged states of one robot, m of them, in the order of their plan.
 
-    id (m,) number of the row in its plan; u (m, n_a) its place in the unit cube; delta_a (m, n_a) mm; delta_e (m, n_e)
-    mm from the rest position; lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`;
-    energy (m,) N mm; slack (m, n_a) actuators that carry nothing; cost: iterations, factorizations, steps, residual and
-    seconds by name, (m,) each; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ..."""
+    id (m,) number of the row in its plan; u (m, n_a + n_p) its place in the unit cube; p (m, n_p) values of the sampled
+    parameters, no columns where there is none; delta_a (m, n_a) mm; delta_e (m, n_e) mm from the rest position;
+    lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack
+    (m, n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where
+    it was not asked for; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, None without parameters;
+    cost: iterations, factorizations, steps, residual and seconds by name, (m,) each; failed: the rows that did not
+    converge, as stored; meta: rest_e, reach, length, ...
+
+    Every field that is an array has one entry a row along its first axis."""
 
     rows: Rows
     id: np.ndarray
     u: np.ndarray
+    p: np.ndarray
     delta_a: np.ndarray
     delta_e: np.ndarray
     lambda_a: np.ndarray
@@ -35,6 +42,8 @@ class Dataset:
     delta_free: np.ndarray
     energy: np.ndarray
     slack: np.ndarray
+    dW: np.ndarray | None
+    dpsi_dp: np.ndarray | None
     cost: dict[str, np.ndarray]
     failed: pa.Table
     meta: dict[str, Any]
@@ -42,17 +51,37 @@ class Dataset:
     def __len__(self) -> int:
         return len(self.id)
 
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The sampled ones, in the order of the columns of p."""
+        return sampled(parameters_of(self.meta))
+
+    def take(self, index: np.ndarray | slice) -> "Dataset":
+        """The rows that `index` (numbers, a mask or a slice) picks, in its order."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        picked = {name: array[index] for name, array in arrays.items() if isinstance(array, np.ndarray)}
+        return replace(self, **picked, cost={name: values[index] for name, values in self.cost.items()})
+
 
 def read_dataset(path: Path) -> Dataset:
     """Raises InputError naming the file where it is missing, damaged, or no dataset of cfem."""
-    table = read_table(path)
+    return as_dataset(read_table(path))
+
+
+def as_dataset(table: pa.Table) -> Dataset:
+    """The converged rows of a table with the columns and metadata of a dataset."""
     meta = metadata(table)
     solved = pc.equal(table["status"], CONVERGED)
-    good = table.filter(solved)
+    good, rows = table.filter(solved), rows_of(meta)
+    has = set(table.column_names)
+    triangles = (len(good), rows.n_a, rows.n * (rows.n + 1) // 2)
     return Dataset(
-        rows=rows_of(meta),
+        rows=rows,
         **{name: column_array(good, name) for name in ("id", "u", "delta_a", "delta_e", "lambda_a", "delta_free")},
+        p=column_array(good, "p") if "p" in has else np.zeros((len(good), 0)),
         W=unpack_upper(column_array(good, "W")),
+        dW=unpack_upper(column_array(good, "dW").reshape(triangles)) if "dW" in has else None,
+        dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
         energy=column_array(good, "energy"),
         slack=column_array(good, "slack"),
         cost={
@@ -74,10 +103,13 @@ def read_table(path: Path) -> pa.Table:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         do = "make it anew with cfem simulate-sample --force"
         raise InputError(f"is damaged: {reason}", where=str(path), do=do) from None
-    if set(table.column_names) != {column.name for column in COLUMNS} or not {"format", "rows", "units"} <= set(meta):
+    if meta.get("format", FORMAT) != FORMAT:
+        do = "make it anew with cfem simulate-sample --force"
+        raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path), do=do)
+    columns = set(table.column_names)
+    known = REQUIRED <= columns <= {column.name for column in COLUMNS}
+    if not known or not {"format", "rows", "units", "parameters"} <= set(meta):
         raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
-    if meta["format"] != FORMAT:
-        raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path))
     return table
 
 

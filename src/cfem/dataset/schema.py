@@ -1,29 +1,34 @@
 """The columns of a dataset: names, types, units, and the metadata that makes a file speak for itself."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import pyarrow as pa
 
 from cfem.condensed import Rows
+from cfem.condensed.parameters import Parameter, from_json, sampled, to_json
 
-FORMAT = 1
+FORMAT = 2
 KEY = b"cfem"
+CABLE = ("mm", "N")
 # What made the numbers, not what they are: left out of the content hash.
 _PROVENANCE = ("versions", "made_from")
 
 
 @dataclass(frozen=True)
 class Column:
-    """unit: of every number in it, '' for text and counts, '1' for ratios; size: which numbers, None for a scalar;
-    state: True where a row whose solve failed has no value."""
+    """unit: of every number in it, '' for text and counts, '1' for ratios; of rows, that of a cable's, see `_units`;
+    size: which numbers, None for a scalar; state: True where a row whose solve failed has no value; optional: True
+    where not every dataset has it."""
 
     name: str
     kind: pa.DataType
     unit: str = ""
     size: str | None = None
     state: bool = False
+    optional: bool = False
 
 
 _F, _N, _S = pa.float64(), pa.int64(), pa.string()
@@ -32,13 +37,16 @@ COLUMNS = (
     Column("split", _S),
     Column("status", _S),
     Column("reason", _S),
-    Column("u", _F, "1", "actuators"),
+    Column("u", _F, "1", "plan"),
+    Column("p", _F, "", "parameters", optional=True),
     Column("delta_a", _F, "mm", "actuators", state=True),
     Column("delta_e", _F, "mm", "effectors", state=True),
     Column("lambda_a", _F, "N", "actuators", state=True),
     Column("W", _F, "mm/N", "upper triangle", state=True),
     Column("delta_free", _F, "mm", "rows", state=True),
     Column("energy", _F, "N mm", state=True),
+    Column("dW", _F, "mm/N^2", "actuators x upper triangle", state=True, optional=True),
+    Column("dpsi_dp", _F, "N mm", "parameters", state=True, optional=True),
     Column("slack", pa.bool_(), "", "actuators", state=True),
     Column("iterations", _N),
     Column("factorizations", _N),
@@ -46,21 +54,83 @@ COLUMNS = (
     Column("residual", _F, "1"),
     Column("seconds", _F, "s"),
 )
+REQUIRED = frozenset(column.name for column in COLUMNS if not column.optional)
 
 
-def schema(rows: Rows, meta: dict[str, Any]) -> pa.Schema:
-    """Arrow schema of a robot's dataset; lists have a fixed size. `meta` (plain JSON data) goes into the file under the
-    key 'cfem', with the format's version, the names of the rows and the unit of each column."""
-    sizes = {"actuators": rows.n_a, "effectors": rows.n_e, "rows": rows.n, "upper triangle": rows.n * (rows.n + 1) // 2}
+def schema(
+    rows: Rows,
+    meta: dict[str, Any],
+    parameters: Sequence[Parameter] = (),
+    third_order: bool = False,
+    row_units: Sequence[tuple[str, str]] = (),
+) -> pa.Schema:
+    """Arrow schema of a robot's dataset; lists have a fixed size. parameters: sampled and exact ones; third_order:
+    whether it has dW; row_units: of each row's displacement and multiplier, mm and N unless given. `meta` (plain JSON
+    data) goes into the file under the key 'cfem', with the format's version, the names and units of the rows, the
+    parameters and the unit of each column."""
+    varied = sampled(parameters)
+    triangle = rows.n * (rows.n + 1) // 2
+    sizes = {
+        "plan": rows.n_a + len(varied),
+        "parameters": len(varied),
+        "actuators": rows.n_a,
+        "effectors": rows.n_e,
+        "rows": rows.n,
+        "upper triangle": triangle,
+        "actuators x upper triangle": rows.n_a * triangle,
+    }
+    there = {"p": bool(varied), "dpsi_dp": bool(varied), "dW": third_order}
+    columns = [column for column in COLUMNS if there.get(column.name, True)]
     fields = [
         pa.field(
             column.name, column.kind if column.size is None else pa.list_(column.kind, sizes[column.size]), column.state
         )
-        for column in COLUMNS
+        for column in columns
     ]
-    units = {column.name: column.unit for column in COLUMNS if column.unit}
-    full = {"format": FORMAT, "rows": asdict(rows), "units": units, **meta}
+    row_units = list(row_units) or [CABLE] * rows.n
+    full = {
+        "format": FORMAT,
+        "rows": asdict(rows),
+        "row_units": [list(pair) for pair in row_units],
+        "parameters": to_json(parameters),
+        "units": _units(columns, rows, row_units, [one.unit for one in varied]),
+        **meta,
+    }
     return pa.schema(fields, metadata={KEY: json.dumps(full, sort_keys=True, allow_nan=False).encode()})
+
+
+def _units(
+    columns: Sequence[Column], rows: Rows, row_units: Sequence[tuple[str, str]], parameters: Sequence[str]
+) -> dict[str, str | list[str]]:
+    """Of each column with one: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has
+    the displacement unit of row i over the multiplier unit of row j."""
+
+    def common(units: Sequence[str]) -> str | list[str]:
+        return units[0] if len(set(units)) == 1 else list(units)
+
+    units: dict[str, str | list[str]] = {column.name: column.unit for column in columns if column.unit}
+    displacement, multiplier = ([pair[side] for pair in row_units] for side in (0, 1))
+    if set(row_units) != {CABLE}:
+        upper = [(i, j) for i in range(rows.n) for j in range(i, rows.n)]
+        units["delta_a"] = common(displacement[rows.a])
+        units["delta_e"] = common(displacement[rows.e])
+        units["lambda_a"] = common(multiplier[rows.a])
+        units["delta_free"] = common(displacement)
+        units["W"] = common([f"{displacement[i]}/{_factor(multiplier[j])}" for i, j in upper])
+        if "dW" in units:
+            dW = [
+                f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}" for k in multiplier[rows.a] for i, j in upper
+            ]
+            units["dW"] = common(dW)
+    if parameters:
+        units["p"] = list(parameters)
+        units["dpsi_dp"] = ["N mm" if unit == "1" else f"N mm/{_factor(unit)}" for unit in parameters]
+    return units
+
+
+def _factor(unit: str) -> str:
+    """As it stands in a denominator."""
+    return f"({unit})" if " " in unit or "/" in unit else unit
 
 
 def metadata(table: pa.Table) -> dict[str, Any]:
@@ -70,6 +140,11 @@ def metadata(table: pa.Table) -> dict[str, Any]:
 
 def rows_of(meta: dict[str, Any]) -> Rows:
     return Rows(**{block: tuple(names) for block, names in meta["rows"].items()})
+
+
+def parameters_of(meta: dict[str, Any]) -> tuple[Parameter, ...]:
+    """Sampled and exact ones."""
+    return from_json(meta["parameters"])
 
 
 def content(table: pa.Table) -> dict[str, Any]:

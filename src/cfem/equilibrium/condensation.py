@@ -3,6 +3,8 @@
 With B = H^T (all rows as columns) and Z an approximation of A^-1 B, W = B^T Z + Z^T (B - A Z) errs by the square of
 Z's error. Z comes from the nearby factor, refined against the true A until its residual is below 1e-7."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cfem.condensed import Condensed
@@ -13,28 +15,42 @@ from cfem.mechanics.factorization import Factor
 _ENOUGH = 1e-7
 
 
-def condense(
-    problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, cost: Cost
-) -> tuple[Condensed, np.ndarray, Factor]:
-    """W and delta_free at an equilibrium; the response dx/dlambda (n, 3, n) mm/N of the active rows; the factor that
-    gave them.
+@dataclass(frozen=True)
+class Condensation:
+    """condensed: W and delta_free; Z: (n_dof, n) = A^-1 H^T of all rows, what the unknowns do with the multipliers;
+    y: (n_dof, k) = A^-1 of other right-hand sides; factor: that gave them."""
 
-    Raises SingularMatrixError where A has to be factored anew and is singular."""
-    robot = problem.robot
-    B = np.hstack([problem.gradients(robot.effectors, at.x), at.H])
+    condensed: Condensed
+    Z: np.ndarray
+    y: np.ndarray
+    factor: Factor
+
+
+def condense(
+    problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, cost: Cost, others: np.ndarray
+) -> Condensation:
+    """At an equilibrium; others: (n_dof, k) further right-hand sides. Raises SingularMatrixError where A has to be
+    factored anew and is singular."""
+    robot, n = problem.robot, problem.robot.rows.n
+    B = np.hstack([problem.gradients(robot.effectors, at.x), at.H, others])
     data, _ = problem.stiffness(at, lam)
     factor = tangent.factor
     Z, rest, error = _refine(problem, data, factor, B)
     if error > _ENOUGH:
         factor = problem.factor(at, lam, cost).factor
         Z, rest, error = _refine(problem, data, factor, B)
+    Z, y, rest, B = Z[:, :n], Z[:, n:], rest[:, :n], B[:, :n]
     W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2
     delta = np.concatenate([*(row.value(at.x) - row.rest for row in robot.effectors), at.delta])
-    rows = robot.rows
-    condensed = Condensed(rows, W, delta - W[:, rows.active] @ lam, lam.copy())
-    response = np.stack([problem.kinematics.spread(at.x, column) for column in Z[:, rows.active].T], axis=-1)
-    return condensed, response, factor
+    condensed = Condensed(robot.rows, W, delta - W[:, robot.rows.active] @ lam, lam.copy())
+    return Condensation(condensed, Z, y, factor)
+
+
+def response(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
+    """(n, 3, n_active) mm/N: dx/dlambda of the nodes by the active rows."""
+    columns = Z[:, problem.robot.rows.active].T
+    return np.stack([problem.kinematics.spread(at.x, column) for column in columns], axis=-1)
 
 
 def _refine(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -3,14 +3,16 @@
 Every solved state knows x, lambda and their derivatives by delta: dx/ddelta = dx/dlambda W^-1, dlambda/ddelta = W^-1
 (of the actuators, and of the contacts where they are prescribed as well). A polynomial in delta, fitted to all of them
 by weighted least squares, errs by the power degree + 1 of the distance; its degree grows with the number of neighbours,
-from the tangent of a single one."""
+from the tangent of a single one. Where the robots themselves differ, it is one in delta and in the coordinates q of
+their parameters, by which a solve gives derivatives too (parameter_slopes.py)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations_with_replacement
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
@@ -19,6 +21,7 @@ NEIGHBOURS = 20
 MAX_DEGREE = 6
 # Equations a coefficient: values and gradients at scattered points are not independent of each other.
 _EQUATIONS_PER_TERM = 1.5
+NO_PARAMETERS = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,8 @@ class Knot:
     """A solved state.
 
     place: coordinates by which nearness is judged (those of the plan, or delta); delta (n_a,) mm; lam (n_a,) N;
-    stiffness (n_a, n_a) = W_aa^-1 N/mm; x (n, 3) mm; dx (n, 3, n_a) = dx/ddelta. n_a counts the rows involved."""
+    stiffness (n_a, n_a + n_q) N/mm: dlambda/ddelta = W_aa^-1, then dlambda/dq; x (n, 3) mm; dx (n, 3, n_a + n_q) its
+    derivatives likewise; q (n_q,) coordinates of the robot's parameters. n_a counts the rows involved."""
 
     place: np.ndarray
     delta: np.ndarray
@@ -34,6 +38,12 @@ class Knot:
     stiffness: np.ndarray
     x: np.ndarray
     dx: np.ndarray
+    q: np.ndarray = field(default_factory=lambda: NO_PARAMETERS)
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """(n_a + n_q,) what the state is a function of."""
+        return np.concatenate([self.delta, self.q])
 
 
 def is_new(knots: Sequence[Knot], candidate: Knot, distance: float) -> bool:
@@ -41,17 +51,24 @@ def is_new(knots: Sequence[Knot], candidate: Knot, distance: float) -> bool:
     return all(float(np.linalg.norm(known.place - candidate.place)) > distance for known in knots)
 
 
-def knot(place: np.ndarray, solved: Equilibrium, contacts: bool = False) -> Knot:
-    """Of a converged, condensed equilibrium; contacts: whether their rows are involved, or free of force."""
+def knot(place: np.ndarray, solved: Equilibrium, contacts: bool = False, q: np.ndarray = NO_PARAMETERS) -> Knot:
+    """Of a converged, condensed equilibrium, with slopes by q where there is any; contacts: whether their rows are
+    involved, or free of force."""
     rows = solved.condensed.rows.active if contacts else solved.condensed.rows.a
     stiffness = np.linalg.inv(solved.condensed.W[rows, rows])
     n = len(stiffness)
     dx = np.einsum("nia,ab->nib", solved.response[:, :, :n], stiffness)
-    return Knot(place, solved.delta[:n], solved.state.lam[:n], stiffness, solved.state.x, dx)
+    if len(q):
+        stiffness = np.hstack([stiffness, solved.slopes.lam])
+        dx = np.concatenate([dx, solved.slopes.x], axis=2)
+    return Knot(place, solved.delta[:n], solved.state.lam[:n], stiffness, solved.state.x, dx, q)
 
 
-def predict(knots: Sequence[Knot], place: np.ndarray, actuation: Actuation) -> State | None:
-    """State near the equilibrium under `actuation`, which is at `place` (n_a,); None where nothing is solved yet.
+def predict(
+    knots: Sequence[Knot], place: np.ndarray, actuation: Actuation, q: np.ndarray = NO_PARAMETERS
+) -> State | None:
+    """State near the equilibrium under `actuation` of the robot at q, which is at `place`; None where nothing is solved
+    yet.
 
     The pressure is left to the solver (empty): its derivatives are not among what a solve gives."""
     if not knots:
@@ -61,18 +78,18 @@ def predict(knots: Sequence[Knot], place: np.ndarray, actuation: Actuation) -> S
     around = [knots[index] for index in nearest]
     for members in (around, around[:1]):
         local = _fit(members)
-        place = _match(local, actuation)
-        if place is not None:
-            delta, lam = place
-            return State(local.x(delta), np.empty(0), lam)
+        matched = _match(local, actuation, q)
+        if matched is not None:
+            inputs, lam = matched
+            return State(local.x(inputs), np.empty(0), lam)
     return State(around[0].x, np.empty(0), around[0].lam)
 
 
 @dataclass(frozen=True)
 class _Local:
-    """Polynomial in xi = to_xi (delta - centre) as weights of the knots' values and xi-derivatives.
+    """Polynomial in xi = to_xi (inputs - centre) as weights of the knots' values and xi-derivatives; n inputs.
 
-    solution (terms, m (1 + n_a)) takes those to coefficients."""
+    solution (terms, m (1 + n)) takes those to coefficients."""
 
     knots: Sequence[Knot]
     centre: np.ndarray
@@ -81,19 +98,19 @@ class _Local:
     exponents: np.ndarray
     solution: np.ndarray
 
-    def weights(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) of the values and (m, n_a) of the derivatives by delta, whose sum is the polynomial at delta."""
-        basis, _ = _monomials((self.to_xi @ (delta - self.centre))[None], self.exponents)
+    def weights(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(m,) of the values and (m, n) of the derivatives, whose sum is the polynomial at the inputs (n,)."""
+        basis, _ = _monomials((self.to_xi @ (inputs - self.centre))[None], self.exponents)
         weights = (basis[0] @ self.solution).reshape(len(self.knots), -1)
         return weights[:, 0], weights[:, 1:] @ self.from_xi.T
 
-    def lam(self, delta: np.ndarray) -> np.ndarray:
-        value, slope = self.weights(delta)
+    def lam(self, inputs: np.ndarray) -> np.ndarray:
+        value, slope = self.weights(inputs)
         terms = zip(self.knots, value, slope, strict=True)
         return sum(w * known.lam + known.stiffness @ v for known, w, v in terms)
 
-    def x(self, delta: np.ndarray) -> np.ndarray:
-        value, slope = self.weights(delta)
+    def x(self, inputs: np.ndarray) -> np.ndarray:
+        value, slope = self.weights(inputs)
         terms = zip(self.knots, value, slope, strict=True)
         first = self.knots[0].x  # relative to it, so that held nodes do not move by the rounding of the weights
         return first + sum(w * (known.x - first) + known.dx @ v for known, w, v in terms)
@@ -101,62 +118,64 @@ class _Local:
 
 def _fit(knots: Sequence[Knot]) -> _Local:
     """Polynomial around knots[0], the nearest. Distances are measured in energy, d^T W_aa^-1 d, which has the same unit
-    for cables and chambers and stretches the directions in which the robot is stiff; near knots weigh more."""
-    n_a = len(knots[0].delta)
-    offsets = np.array([known.delta - knots[0].delta for known in knots])
-    root = np.linalg.cholesky(knots[0].stiffness).T
-    size = np.sqrt(((offsets @ root.T) ** 2).sum(axis=1).max()) or 1.0
-    to_xi = root / size
+    for cables and chambers and stretches the directions in which the robot is stiff, and along each q by the farthest
+    knot; near knots weigh more."""
+    n_a, n = len(knots[0].delta), len(knots[0].inputs)
+    offsets = np.array([known.inputs - knots[0].inputs for known in knots])
+    root = np.linalg.cholesky(knots[0].stiffness[:, :n_a]).T
+    size = np.sqrt(((offsets[:, :n_a] @ root.T) ** 2).sum(axis=1).max()) or 1.0
+    reach = np.abs(offsets[:, n_a:]).max(axis=0)
+    to_xi = block_diag(root / size, np.diag(1 / np.where(reach > 0, reach, 1.0)))
     from_xi = np.linalg.inv(to_xi)
-    exponents = _exponents(n_a, _degree(len(knots), n_a))
+    exponents = _exponents(n, _degree(len(knots), n))
     xi = offsets @ to_xi.T
     values, gradients = _monomials(xi, exponents)
-    system = np.concatenate([values[:, None], gradients], axis=1)  # (m, 1 + n_a, terms)
+    system = np.concatenate([values[:, None], gradients], axis=1)  # (m, 1 + n, terms)
     weight = (0.03 + (xi**2).sum(axis=1)) ** -3.0
     weighted = (weight[:, None, None] * system).reshape(-1, len(exponents))
-    solution = np.linalg.pinv(weighted, rcond=1e-10) * np.repeat(weight, 1 + n_a)
-    return _Local(knots, knots[0].delta, to_xi, from_xi, exponents, solution)
+    solution = np.linalg.pinv(weighted, rcond=1e-10) * np.repeat(weight, 1 + n)
+    return _Local(knots, knots[0].inputs, to_xi, from_xi, exponents, solution)
 
 
-def _match(local: _Local, actuation: Actuation) -> tuple[np.ndarray, np.ndarray] | None:
-    """delta and lam with lambda(delta) = offset + C^T mu and C delta = target, by Newton's method with the
+def _match(local: _Local, actuation: Actuation, q: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """(delta, q) and lam with lambda(delta, q) = offset + C^T mu and C delta = target, by Newton's method with the
     nearest knot's derivative throughout; None where it does not converge."""
     C, n_a = actuation.C, actuation.n
     first = local.knots[0]
-    jacobian = np.block([[first.stiffness, -C.T], [C, np.zeros((len(C), len(C)))]])
+    jacobian = np.block([[first.stiffness[:, :n_a], -C.T], [C, np.zeros((len(C), len(C)))]])
     delta, mu = first.delta, np.linalg.lstsq(C.T, first.lam - actuation.offset, rcond=None)[0]
     smallest = np.inf
     for _ in range(30):
         lam = actuation.offset + C.T @ mu
-        residual = np.concatenate([local.lam(delta) - lam, C @ delta - actuation.target])
+        residual = np.concatenate([local.lam(np.concatenate([delta, q])) - lam, C @ delta - actuation.target])
         step = np.linalg.solve(jacobian, -residual)
         delta, mu = delta + step[:n_a], mu + step[n_a:]
-        size = float(np.linalg.norm(local.to_xi @ step[:n_a]))
+        size = float(np.linalg.norm(local.to_xi[:n_a, :n_a] @ step[:n_a]))
         if size < 1e-10:
-            return delta, actuation.offset + C.T @ mu
+            return np.concatenate([delta, q]), actuation.offset + C.T @ mu
         if size > 2 * smallest:
             return None
         smallest = min(smallest, size)
     return None
 
 
-def _degree(knots: int, n_a: int) -> int:
+def _degree(knots: int, n: int) -> int:
     """Largest degree, at least 1, with enough equations."""
     degree = 1
-    while degree < MAX_DEGREE and knots * (1 + n_a) >= _EQUATIONS_PER_TERM * len(_exponents(n_a, degree + 1)):
+    while degree < MAX_DEGREE and knots * (1 + n) >= _EQUATIONS_PER_TERM * len(_exponents(n, degree + 1)):
         degree += 1
     return degree
 
 
 @lru_cache(maxsize=64)
-def _exponents(n_a: int, degree: int) -> np.ndarray:
-    """(terms, n_a) of all monomials up to the degree."""
-    terms = [term for order in range(degree + 1) for term in combinations_with_replacement(range(n_a), order)]
-    return np.array([[term.count(axis) for axis in range(n_a)] for term in terms])
+def _exponents(n: int, degree: int) -> np.ndarray:
+    """(terms, n) of all monomials up to the degree."""
+    terms = [term for order in range(degree + 1) for term in combinations_with_replacement(range(n), order)]
+    return np.array([[term.count(axis) for axis in range(n)] for term in terms])
 
 
 def _monomials(xi: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, n_a) -> values (m, terms) and gradients (m, n_a, terms)."""
+    """(m, n) -> values (m, terms) and gradients (m, n, terms)."""
     powers = xi[:, None, :] ** exponents
     gradients = np.empty((len(xi), xi.shape[1], len(exponents)))
     for axis in range(xi.shape[1]):

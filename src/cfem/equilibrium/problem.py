@@ -12,7 +12,15 @@ import numpy as np
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.assembly import Pattern, add_blocks
-from cfem.mechanics.body import Response, bulk_over_volume, pressure_force, response, tangent, without
+from cfem.mechanics.body import (
+    Response,
+    bulk_over_volume,
+    pressure_force,
+    response,
+    tangent,
+    tangent_form,
+    without,
+)
 from cfem.mechanics.factorization import Factor, analyze
 from cfem.mechanics.rigid import make_kinematics
 
@@ -56,17 +64,23 @@ class Tangent:
 class Problem:
     """Sparsity pattern and symbolic factorisation of a robot, found once; all else is recomputed from arguments.
 
+    like: the problem of a robot that differs in its materials and loads only, whose pattern and symbolic factorisation
+    then serve again (its factors must not be used any more once this one has made its own); to be evaluated only, of
+    one that differs in anything but its mesh and what is held or rigid.
     loads: (n, 3) N of the robot, None without any; finite: whether they are numbers (they count as none where not)"""
 
-    def __init__(self, robot: Robot):
+    def __init__(self, robot: Robot, like: "Problem | None" = None):
         self.robot = robot
         owner = np.full(len(robot.body.mesh.X), -1)
         for number, nodes in enumerate(robot.rigid):
             owner[nodes] = number
         self.body = without(robot.body, owner) if robot.rigid else robot.body
-        cliques = [clique for row in robot.active for clique in row.cliques]
-        self.kinematics = make_kinematics(self.rest, [self.body.cells, *cliques], robot.fixed, robot.rigid)
-        self._factor = analyze(self.pattern)
+        if like is None:
+            cliques = [clique for row in robot.active for clique in row.cliques]
+            self.kinematics = make_kinematics(self.rest, [self.body.cells, *cliques], robot.fixed, robot.rigid)
+            self._factor = analyze(self.pattern)
+        else:
+            self.kinematics, self._factor = like.kinematics, like._factor
         self._bulk_over_volume = bulk_over_volume(self.body) if self.body.n_pressures else np.empty(0)
         self.finite = robot.loads is None or bool(np.isfinite(robot.loads).all())
         self.loads = robot.loads if self.finite else None
@@ -95,6 +109,11 @@ class Problem:
         delta = np.concatenate([row.value(x) - row.rest for row in self.robot.active])
         H = self.gradients(self.robot.active, x)
         return Evaluation(x, at.pressure, load, at, self.kinematics.reduce(x, nodal), delta, H)
+
+    def potential(self, at: Evaluation) -> float:
+        """N mm: U - f_ext . u."""
+        work = 0.0 if self.loads is None else at.load * float(np.sum(self.loads * (at.x - self.rest)))
+        return at.response.energy - work
 
     def gradients(self, rows: tuple[Watched, ...], x: np.ndarray) -> np.ndarray:
         """(n_dof, sum of rows) on the unknowns."""
@@ -125,6 +144,19 @@ class Problem:
         if not self.robot.rigid:
             return data, dtheta
         return self.kinematics.stiffness(at.x, data, self._unbalanced(at, lam)), dtheta
+
+    def form(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """(k, k) N mm: q^T A q of changes q (n_dof, k) of the unknowns, without A."""
+        motions = np.stack([self.kinematics.spread(at.x, column) for column in q.T], axis=-1)
+        out = tangent_form(self.body, at.response, motions)
+        column = 0
+        for row in self.robot.active:
+            if row.cliques and lam[column] != 0.0:
+                for clique, blocks in zip(row.cliques, row.curvature(at.x), strict=True):
+                    mine = motions[clique].reshape(len(clique), -1, q.shape[1])
+                    out -= lam[column] * np.einsum("gik,gil->kl", mine, blocks @ mine)
+            column += len(row.rest)
+        return out + self.kinematics.turning_form(at.x, q, self._unbalanced(at, lam)) if self.robot.rigid else out
 
     def factor(self, at: Evaluation, lam: np.ndarray, cost: Cost, before: Evaluation | None = None) -> Tangent:
         """Raises SingularMatrixError."""

@@ -36,6 +36,16 @@ class State:
 
 
 @dataclass(frozen=True)
+class ParameterSlopes:
+    """By each of the robot's parameters, at constant delta_a and contacts free: psi (n_q,) N mm, lam (n_a, n_q) N and
+    x (n, 3, n_q) mm, each a unit of the parameter."""
+
+    psi: np.ndarray
+    lam: np.ndarray
+    x: np.ndarray
+
+
+@dataclass(frozen=True)
 class Equilibrium:
     """One solved (or failed) state.
 
@@ -45,7 +55,8 @@ class Equilibrium:
     here, below which nothing is asked;
     path: share of the way to the actuation at which stability was lost or no further step was found, 1 where neither;
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
-    response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors."""
+    response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
+    dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, where asked for."""
 
     status: Status
     state: State
@@ -63,6 +74,8 @@ class Equilibrium:
     seconds: float
     condensed: Condensed | None
     response: np.ndarray | None = None
+    dW: np.ndarray | None = None
+    slopes: ParameterSlopes | None = None
 
     @property
     def delta_a(self) -> np.ndarray:

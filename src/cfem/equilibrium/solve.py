@@ -6,16 +6,20 @@ status says of which kind the critical point is. A cable that would have to push
 would tighten."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import condense as condensation
+from cfem.equilibrium.condensation import response
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
+from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.solution import Equilibrium, State, Status
+from cfem.equilibrium.third_order import compliance_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
 
 DEFAULT = Settings()
@@ -37,16 +41,19 @@ def solve(
     settings: Settings = DEFAULT,
     condense: bool = True,
     slack: bool = True,
+    third_order: bool = False,
+    sides: Sequence[Sides] = (),
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
 
-    slack: let unilateral actuators go slack rather than push. condense: also W and delta_free.
+    slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
+    derivatives of W; sides: and the slopes by the parameters in which these differ from the problem.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
-        return _answer(problem, _not_finite(problem, actuation), actuation, cost, begin, condense=False)
+        return _answer(problem, _not_finite(problem, actuation), actuation, cost, begin)
     if slack:
         actuation = _no_push(problem, actuation)
     taut = _taut(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
@@ -59,7 +66,7 @@ def solve(
         taut[change] = not taut[change]
         allowed -= 1
         path = _reach(problem, _only(actuation, taut), path.result.state, path.result.state, settings, cost)
-    return _answer(problem, path, _only(actuation, taut), cost, begin, condense)
+    return _answer(problem, path, _only(actuation, taut), cost, begin, condense, third_order, sides)
 
 
 @dataclass(frozen=True)
@@ -195,25 +202,37 @@ def _not_finite(problem: Problem, actuation: Actuation) -> _Path:
 
 
 def _answer(
-    problem: Problem, path: _Path, actuation: Actuation, cost: Cost, begin: float, condense: bool
+    problem: Problem,
+    path: _Path,
+    actuation: Actuation,
+    cost: Cost,
+    begin: float,
+    condense: bool = False,
+    third_order: bool = False,
+    sides: Sequence[Sides] = (),
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a = result.status, None, None
+    status, condensed, response_a, dW, slopes = result.status, None, None, None, None
     if status is Status.CONVERGED and condense:
         try:
-            condensed, response_a, factor = condensation(problem, result.at, result.lam, result.tangent, cost)
+            by_q = differences(result.at, result.lam, sides) if sides else None
+            others = by_q.residual if sides else np.zeros((problem.pattern.n_dof, 0))
+            found = condensation(problem, result.at, result.lam, result.tangent, cost, others)
+            condensed, response_a = found.condensed, response(problem, result.at, found.Z)
             # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
             act = robot.rows.active
             held = actuation.C @ condensed.W[act, act] @ actuation.C.T
-            if factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
+            if found.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
                 status = Status.UNSTABLE
+            else:
+                dW = compliance_derivatives(problem, result.at, result.lam, found.Z) if third_order else None
+                slopes = parameter_slopes(problem, result.at, condensed.W, found.Z, by_q, found.y) if sides else None
         except SingularMatrixError:
             status = Status.SINGULAR
     if status not in (Status.CONVERGED, Status.NOT_FINITE):
         status = _cause(problem, path, actuation, status, cost)
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
-    work = 0.0 if problem.loads is None else result.at.load * float(np.sum(problem.loads * (x - problem.rest)))
     n_a = robot.rows.n_a
     largest = np.abs(result.lam).max(initial=0.0)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -224,7 +243,7 @@ def _answer(
         delta=result.at.delta,
         delta_e=np.concatenate([effector.value(x) - effector.rest for effector in robot.effectors]),
         slack=slack,
-        energy=settled.response.energy - work,
+        energy=problem.potential(settled),
         residual=problem.relative_residual(settled, result.lam),
         rounding=result.rounding,
         path=path.share if path.lost is None else path.lost[1],
@@ -234,6 +253,8 @@ def _answer(
         seconds=time.perf_counter() - begin,
         condensed=condensed,
         response=response_a,
+        dW=dW,
+        slopes=slopes,
     )
 
 

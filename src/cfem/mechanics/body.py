@@ -74,15 +74,10 @@ def make_body(
         owner[cells] = number
     materials = [material, *(other for _, other in regions)]
     for each in materials:
-        parameters, bulk = each.moduli
-        if not (np.isfinite(parameters).all() and np.isfinite(bulk) and each.young > 0):
-            raise InputError(f"{each.law.name}: moduli must be finite and positive, young is {each.young:g} MPa")
-        if element.bubbles and each.poisson > _STIFFEST_WITH_BUBBLES:
-            limit = f"element {element.name} does not converge beyond nu {_STIFFEST_WITH_BUBBLES:g}"
-            raise InputError(f"{limit}, and the material's is {each.poisson:g}", do="use tet10p0")
+        _check(each, element)
     try:
         solids = tuple(
-            make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, each)
+            make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, each, number)
             for number, each in enumerate(materials)
             if (owner == number).any()
         )
@@ -92,6 +87,28 @@ def make_body(
     if bad:
         raise InputError(f"{bad} of {len(mesh.cells)} cells of the mesh are inverted or flat", do="mesh it anew")
     return Body(mesh, element, solids)
+
+
+def with_materials(body: Body, materials: Sequence[Material]) -> Body:
+    """The body of other materials: the main one, then one a region as `make_body` had them. Raises InputError."""
+    for each in materials:
+        _check(each, body.element)
+
+    def remade(part: Solid) -> Solid:
+        material = materials[part.number]
+        parameters, bulk = material.moduli
+        return replace(part, law=material.law, parameters=parameters, bulk=bulk)
+
+    return replace(body, solids=tuple(map(remade, body.solids)))
+
+
+def _check(material: Material, element: Element) -> None:
+    parameters, bulk = material.moduli
+    if not (np.isfinite(parameters).all() and np.isfinite(bulk) and material.young > 0):
+        raise InputError(f"{material.law.name}: moduli must be finite and positive, young is {material.young:g} MPa")
+    if element.bubbles and material.poisson > _STIFFEST_WITH_BUBBLES:
+        limit = f"element {element.name} does not converge beyond nu {_STIFFEST_WITH_BUBBLES:g}"
+        raise InputError(f"{limit}, and the material's is {material.poisson:g}", do="use tet10p0")
 
 
 def without(body: Body, cells_within: np.ndarray) -> Body:
@@ -139,6 +156,11 @@ def tangent(
             for (part, place), each, lag in zip(body.parts(), at.solids, lags, strict=True)
         ]
     )
+
+
+def tangent_form(body: Body, at: Response, motions: np.ndarray) -> np.ndarray:
+    """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm."""
+    return sum(region.tangent_form(part, each, motions) for part, each in zip(body.solids, at.solids, strict=True))
 
 
 def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:

@@ -103,13 +103,21 @@ class Kinematics:
         out = np.zeros(self.pattern.nnz)
         self.transfer.fill(self._nodal_T(x), data, out)
         for group, slots in zip(self.groups, self.transfer.own, strict=True):
-            r, f = self._arm(group, x), unbalanced[group.nodes]
-            outer = f.T @ r
-            turned = ((outer + outer.T) / 2 - np.trace(outer) * np.eye(3)) / group.radius**2
             block = np.zeros((1, 6, 6))
-            block[0, 3:, 3:] = turned
+            block[0, 3:, 3:] = self._turned(group, x, unbalanced)
             add_blocks(block, slots, out)
         return out
+
+    def turning_form(self, x: np.ndarray, q: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
+        """(k, k) N mm: of changes q (n_dof, k) of the unknowns, what the turning of rigid groups adds to the form of
+        the nodal stiffness; unbalanced as in `stiffness`."""
+        turns = [(group, q.reshape(-1, 3, q.shape[1])[group.pseudo[1]]) for group in self.groups]
+        return sum((turn.T @ self._turned(group, x, unbalanced) @ turn for group, turn in turns), np.zeros(()))
+
+    def _turned(self, group: Group, x: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
+        """(3, 3) N/mm on the group's rotation, by the second derivative of its nodes' positions."""
+        outer = unbalanced[group.nodes].T @ self._arm(group, x)
+        return ((outer + outer.T) / 2 - np.trace(outer) * np.eye(3)) / group.radius**2
 
     def _arm(self, group: Group, x: np.ndarray) -> np.ndarray:
         return x[group.nodes] - x[group.nodes].mean(axis=0)

@@ -27,7 +27,8 @@ class Solid:
     """X: (n, 3) mm all nodes at rest; cells: (m, n_nodes) those of this region
     parameters: of the law's kernels, MPa and numbers; bulk: MPa
     gradients:  (m, q, n_nodes + bubbles, 3) 1/mm, of the shape functions at the quadrature points
-    weights:    (m, q) mm^3"""
+    weights:    (m, q) mm^3
+    number:     of its material among the body's"""
 
     X: np.ndarray
     cells: np.ndarray
@@ -37,6 +38,7 @@ class Solid:
     bulk: float
     gradients: np.ndarray
     weights: np.ndarray
+    number: int = 0
 
     @property
     def volumes(self) -> np.ndarray:
@@ -72,10 +74,10 @@ class Response:
     point_pressure: np.ndarray
 
 
-def make_solid(X: np.ndarray, cells: np.ndarray, element: Element, material: Material) -> Solid:
+def make_solid(X: np.ndarray, cells: np.ndarray, element: Element, material: Material, number: int = 0) -> Solid:
     """Reference gradients and weights computed once."""
     parameters, bulk = material.moduli
-    return Solid(X, cells, element, material.law, parameters, bulk, *reference_gradients(element, X, cells))
+    return Solid(X, cells, element, material.law, parameters, bulk, *reference_gradients(element, X, cells), number)
 
 
 def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> Response:
@@ -126,6 +128,19 @@ def tangent(
     dtheta = np.zeros((*solid.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
     _scatter_stiffness(C, at.g, solid.bulk, mixed, solid.gradients, solid.weights, slots, data, dtheta)
     return dtheta
+
+
+def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
+    """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm, from strains: faster than by A, and
+    exact to rounding of the strains' work, where the entries of A cancel in a motion that is almost rigid."""
+    C = _curvature(solid, at)
+    if solid.element.bubbles:
+        K = _condensed(_point_stiffness(solid, C, at.g), solid.element.n_nodes)
+        mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
+        return np.einsum("mik,mil->kl", mine, K @ mine)
+    form = np.zeros((motions.shape[2], motions.shape[2]))
+    _add_form(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
+    return form
 
 
 def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
@@ -328,3 +343,47 @@ def _scatter_stiffness(C, g, bulk, mixed, gradients, weights, slots, data, dthet
                     for i in range(3):
                         for j in range(3):
                             data[slots[e, b, a, i] + j] += K[a, b, i, j]
+
+
+@njit(cache=True)
+def _add_form(C, g, bulk, mixed, gradients, weights, cells, motions, form):
+    m, q = weights.shape
+    n, count = cells.shape[1], motions.shape[2]
+    M, CM = np.empty((9, count)), np.empty((9, count))
+    theta, theta_sum = np.empty(count), np.empty(count)
+    for e in range(m):
+        theta_sum[:] = 0.0
+        volume = 0.0
+        for point in range(q):
+            k = e * q + point
+            w = weights[e, point]
+            volume += w
+            M[:] = 0.0
+            for a in range(n):
+                node = cells[e, a]
+                for i in range(3):
+                    for j in range(3):
+                        dN = gradients[e, point, a, j]
+                        for c in range(count):
+                            M[3 * i + j, c] += motions[node, i, c] * dN
+            theta[:] = 0.0
+            for row in range(9):
+                CM[row] = 0.0
+                for column in range(9):
+                    for c in range(count):
+                        CM[row, c] += C[k, row, column] * M[column, c]
+                for c in range(count):
+                    theta[c] += g[k, row // 3, row % 3] * M[row, c]
+            for b in range(count):
+                theta_sum[b] += w * theta[b]
+                for c in range(count):
+                    work = 0.0
+                    for row in range(9):
+                        work += M[row, b] * CM[row, c]
+                    form[b, c] += w * work
+                    if not mixed:
+                        form[b, c] += w * bulk * theta[b] * theta[c]
+        if mixed:
+            for b in range(count):
+                for c in range(count):
+                    form[b, c] += bulk / volume * theta_sum[b] * theta_sum[c]

@@ -3,20 +3,22 @@
 A shard starts its rows from the skeleton and from its own rows only: which process solves it, after which other one,
 and how often the work was interrupted, leaves no trace in the numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from cfem.condensed.parameters import sampled
 from cfem.core.errors import CfemError
 from cfem.core.progress import progress
 from cfem.core.provenance import versions
 from cfem.core.spec import meaning
-from cfem.dataset.reader import read_table
+from cfem.dataset.reader import column_array, read_table
 from cfem.dataset.schema import schema
 from cfem.sample import shard, tour
 from cfem.sample.plan import unit_rows
@@ -24,32 +26,40 @@ from cfem.sample.shard import Job
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec
 
+Advance = Callable[[int], None]
+
+
+def _unseen(rows: int) -> None:
+    """No progress to show."""
+
 
 def sample(
     spec: SampleSpec, factory: SolverFactory, folder: Path, executor: Executor, made_from: str = "", quiet: bool = False
 ) -> dict[str, pa.Table]:
     """One table a split, rows in the order of their plan. `folder` keeps what is finished; a later call with the same
     arguments goes on from there. Raises NumericalError where no state of the skeleton converges."""
-    try:
-        facts = executor.submit(shard.facts, factory).result()
-        job = _job(spec, factory, facts, folder, made_from)
-        first = tour.skeleton(job.u, spec.skeleton)
-        rest = np.setdiff1d(np.arange(len(job.u)), first)
-        files = _solve(job, first, tour.shards(job.u, rest, spec.shard), executor, quiet)
-    except BrokenProcessPool:
-        do = "run again to go on from what is finished, with fewer --workers if memory ran out"
-        raise CfemError("a worker process died", where="simulate-sample", do=do) from None
+    job = make_job(spec, factory, folder, executor, made_from)
+    first = tour.skeleton(job.u, spec.skeleton)
+    rest = np.setdiff1d(np.arange(len(job.u)), first)
+    with progress("simulate-sample", len(job.u), done=_finished(job, first, rest, spec.shard), quiet=quiet) as advance:
+        files = [solve_skeleton(job, first, executor, advance)]
+        files += solve_rows(job, rest, spec.shard, executor, advance)
     return merge(files, list(spec.splits))
 
 
-def _job(spec: SampleSpec, factory: SolverFactory, facts: Facts, folder: Path, made_from: str) -> Job:
-    plans = {name: unit_rows(split, facts.rows.n_a) for name, split in spec.splits.items()}
+def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: Executor, made_from: str = "") -> Job:
+    """The rows of all splits, to be solved into `folder`."""
+    with _live_workers():
+        facts: Facts = executor.submit(shard.facts, factory).result()
+    columns = facts.rows.n_a + len(sampled(facts.parameters))
+    plans = {name: unit_rows(split, columns) for name, split in spec.splits.items()}
     meta = {
         "scene": facts.scene,
         "rest_e": facts.rest_e.tolist(),
         "reach": facts.reach.tolist(),
         "length": facts.length,
-        "plan": meaning(spec, {"scene", "mesh", "out"}),
+        "compliance": facts.compliance.tolist(),
+        "plan": meaning(spec, {"scene", "mesh", "out", "parameters"}),
         "made_from": made_from,
         "versions": versions(),
     }
@@ -59,25 +69,58 @@ def _job(spec: SampleSpec, factory: SolverFactory, facts: Facts, folder: Path, m
         u=np.concatenate(list(plans.values())),
         split=tuple(name for name, rows in plans.items() for _ in rows),
         id=tuple(index for rows in plans.values() for index in range(len(rows))),
-        schema=schema(facts.rows, meta),
+        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units),
+        skeleton=folder,
         folder=folder,
     )
 
 
-def _solve(job: Job, first: np.ndarray, shards: Sequence[np.ndarray], executor: Executor, quiet: bool) -> list[Path]:
-    """The files that hold all rows, those made that are not there yet."""
-    files = [job.shard_rows(number) for number in range(len(shards))]
-    waiting = [number for number, file in enumerate(files) if not file.exists()]
-    begun = job.skeleton_rows.exists()
-    done = len(first) * begun + sum(len(rows) for number, rows in enumerate(shards) if number not in waiting)
-    with progress("simulate-sample", len(job.u), done=done, quiet=quiet) as advance:
-        if not begun:
-            executor.submit(shard.solve_skeleton, job, first).result()
-            advance(len(first))
-        futures = [executor.submit(shard.solve_shard, job, number, shards[number]) for number in waiting]
+def solve_skeleton(job: Job, rows: np.ndarray, executor: Executor, advance: Advance = _unseen) -> Path:
+    """The file with these rows (indices into job.u), made if it is not there, and beside it their states."""
+    if not job.skeleton_rows.exists():
+        with _live_workers():
+            executor.submit(shard.solve_skeleton, job, rows).result()
+        advance(len(rows))
+    return job.skeleton_rows
+
+
+def solve_rows(job: Job, rows: np.ndarray, size: int, executor: Executor, advance: Advance = _unseen) -> list[Path]:
+    """The files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
+    same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else."""
+    pieces = tour.shards(job.u, rows, size)
+    waiting = [number for number, piece in enumerate(pieces) if not _holds(job, number, piece)]
+    with _live_workers():
+        futures = [executor.submit(shard.solve_shard, job, number, pieces[number]) for number in waiting]
         for future in as_completed(futures):
             advance(future.result())
-    return [job.skeleton_rows, *files]
+    return [job.shard_rows(number) for number in range(len(pieces))]
+
+
+def _holds(job: Job, number: int, piece: np.ndarray) -> bool:
+    """Whether the shard is solved. Rows that were chosen by a model may be others after it was trained anew."""
+    file = job.shard_rows(number)
+    if not file.exists():
+        return False
+    table = read_table(file)
+    same = np.array_equal(column_array(table, "u"), job.u[piece])
+    return same and table["id"].to_pylist() == [job.id[index] for index in piece]
+
+
+def _finished(job: Job, first: np.ndarray, rest: np.ndarray, size: int) -> int:
+    """Rows that an earlier run has solved."""
+    pieces = tour.shards(job.u, rest, size)
+    done = sum(len(piece) for number, piece in enumerate(pieces) if job.shard_rows(number).exists())
+    return done + (len(first) if job.skeleton_rows.exists() else 0)
+
+
+@contextmanager
+def _live_workers() -> Iterator[None]:
+    """Says what to do where a worker dies within."""
+    try:
+        yield
+    except BrokenProcessPool:
+        do = "run again to go on from what is finished, with fewer --workers if memory ran out"
+        raise CfemError("a worker process died", where="simulate-sample", do=do) from None
 
 
 def merge(files: Sequence[Path], splits: Sequence[str]) -> dict[str, pa.Table]:

@@ -3,7 +3,7 @@
 import io
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,13 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import pack_upper
+from cfem.condensed.parameters import sampled, slopes
 from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
 from cfem.equilibrium.predictor import Knot, knot, predict
 from cfem.equilibrium.solution import Equilibrium
+from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
 from cfem.sample.solver import Facts, Solver, SolverFactory
 
@@ -25,7 +27,8 @@ from cfem.sample.solver import Facts, Solver, SolverFactory
 class Job:
     """All that a worker needs, picklable.
 
-    u: (m, n_a) rows of all splits; split, id: (m,) where each row belongs; schema: of the files; folder: for them"""
+    u: (m, n_a + n_p) rows; split, id: (m,) where each belongs; schema: of the files; skeleton: folder of the states
+    that all rows start from; folder: of the rows"""
 
     factory: SolverFactory
     space: str
@@ -33,15 +36,16 @@ class Job:
     split: tuple[str, ...]
     id: tuple[int, ...]
     schema: pa.Schema
+    skeleton: Path
     folder: Path
 
     @property
     def skeleton_states(self) -> Path:
-        return self.folder / "skeleton.npz"
+        return self.skeleton / "skeleton.npz"
 
     @property
     def skeleton_rows(self) -> Path:
-        return self.folder / "skeleton.parquet"
+        return self.skeleton / "skeleton.parquet"
 
     def shard_rows(self, number: int) -> Path:
         return self.folder / f"shard-{number:05d}.parquet"
@@ -74,14 +78,22 @@ def solve_shard(job: Job, number: int, indices: np.ndarray) -> int:
 def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tuple[list[dict[str, Any]], list[Knot]]:
     """Records of the rows, and the states that are known after them."""
     solver, knots, records = _solver(job.factory), list(known), []
+    n_a, parameters = solver.facts.rows.n_a, sampled(solver.facts.parameters)
     for index in indices:
         begin = time.perf_counter()
         u = job.u[index]
-        asked = actuation(job.space, u, solver.facts.reach)
-        solved = solver.solve(asked, predict(knots, u, asked))
+        asked = actuation(job.space, u[:n_a], solver.facts.reach, solver.facts.compliance)
+        p = drawn(parameters, u[n_a:])
+        q = place(parameters, p)
+        solved = solver.solve(asked, predict(knots, u, asked, q), p)
+        record = _record(job, index, solved)
+        if parameters:
+            record["p"] = p
+        if parameters and solved.converged:
+            record["dpsi_dp"] = solved.slopes.psi * slopes(parameters, p)
         if solved.converged:
-            knots.append(knot(u, solved))
-        records.append(_record(job, index, replace(solved, seconds=time.perf_counter() - begin)))
+            knots.append(knot(u, solved, q=q))
+        records.append(record | {"seconds": time.perf_counter() - begin})
     return records, knots
 
 
@@ -97,7 +109,6 @@ def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
         "factorizations": solved.factorizations,
         "steps": solved.steps,
         "residual": solved.residual,
-        "seconds": solved.seconds,
     }
     if solved.converged:
         row |= {
@@ -109,6 +120,8 @@ def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
             "energy": solved.energy,
             "slack": solved.slack,
         }
+    if solved.converged and solved.dW is not None:
+        row["dW"] = pack_upper(solved.dW[: solved.n_a]).ravel()
     return row
 
 

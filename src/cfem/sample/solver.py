@@ -3,31 +3,41 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
+
+# Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
+_STEP = 1e-4
 
 
 @dataclass(frozen=True)
 class Facts:
-    """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm."""
+    """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
+    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest."""
 
     scene: str
     rows: Rows
     reach: np.ndarray
     rest_e: np.ndarray
     length: float
+    compliance: np.ndarray
+    parameters: tuple[Parameter, ...] = ()
+    row_units: tuple[tuple[str, str], ...] = ()
 
 
 class Solver(Protocol):
     facts: Facts
 
-    def solve(self, actuation: Actuation, start: State | None) -> Equilibrium:
-        """From `start`; from rest where that is None or fails. Depends on its arguments alone, not on earlier calls."""
+    def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
+        """Of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by the sampled
+        parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
 
 
 # Built once in every process: hashable, and picklable to it.
@@ -41,25 +51,62 @@ class FiniteElements:
     scene: Path
     mesh: Path
     tolerance: float
+    parameters: tuple[Parameter, ...] = ()
+    third_order: bool = False
 
     def __call__(self) -> Solver:
+        from cfem.equilibrium.actuation import force
         from cfem.equilibrium.newton import Settings
         from cfem.equilibrium.problem import Problem
-        from cfem.robot.build import build_robot
+        from cfem.equilibrium.solve import solve
         from cfem.robot.load import load_scene_and_mesh
+        from cfem.sample.family import RobotFamily
 
-        robot = build_robot(*load_scene_and_mesh(self.scene, self.mesh))
-        facts = Facts(robot.name, robot.rows, robot.reach, robot.rest_e, robot.length)
-        return _FiniteElementSolver(facts, Problem(robot), Settings(tolerance=self.tolerance))
+        family = RobotFamily(*load_scene_and_mesh(self.scene, self.mesh), self.parameters)
+        robot = family.robot
+        units = row_units(robot)
+        problem, settings = Problem(robot), Settings(tolerance=self.tolerance)
+        rest = solve(problem, force(np.zeros(robot.rows.n_a)), settings=settings)
+        if not rest.converged:
+            raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="simulate-sample")
+        facts = Facts(
+            robot.name, robot.rows, robot.reach, robot.rest_e, robot.length, rest.condensed.W_aa, self.parameters, units
+        )
+        return _FiniteElementSolver(facts, family, problem, settings, self.third_order)
 
 
 @dataclass(frozen=True)
 class _FiniteElementSolver:
-    facts: Facts
-    problem: object
-    settings: object
+    """problem: of the scene's own robot."""
 
-    def solve(self, actuation: Actuation, start: State | None) -> Equilibrium:
+    facts: Facts
+    family: Any
+    problem: Any
+    settings: Any
+    third_order: bool
+
+    def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
+        from cfem.equilibrium.parameter_slopes import Sides
+        from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
 
-        return solve(self.problem, actuation, start, settings=self.settings)
+        problem, sides = self.problem, ()
+        if len(p):
+            problem = Problem(self.family.at(p), like=self.problem if self.family.material_only else None)
+            around = (self.family.around(p, index, _STEP) for index in range(len(p)))
+            sides = [
+                Sides(Problem(behind, like=problem), Problem(ahead, like=problem), width)
+                for behind, ahead, width in around
+            ]
+        return solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
+
+
+def row_units(robot: Any) -> tuple[tuple[str, str], ...]:
+    """Units of the displacement and of the multiplier of each row."""
+    from cfem.constraint.cavity import Cavity
+
+    effectors = [
+        ("rad", "N mm") if name.split(".")[-1].startswith("r") else ("mm", "N") for name in robot.rows.effectors
+    ]
+    actuators = [("mm^3", "MPa") if isinstance(row, Cavity) else ("mm", "N") for row in robot.actuators]
+    return (*effectors, *actuators, *[("mm", "N")] * robot.rows.n_c)

@@ -1,0 +1,62 @@
+"""How an equilibrium follows a parameter q of its robot, at constant delta_a, from one state and its factor.
+
+With R, delta and the Lagrangian L = U - f_ext . u - lambda . delta of robots on either side differenced at the fixed
+state (x, lambda), element pressures eliminated in each:
+
+    dPsi/dq = dL/dq        dlambda/dq = -W_aa^-1 (ddelta/dq - H_a^T y)        dx/dq = -y + A^-1 H_a dlambda/dq,
+
+y = A^-1 dR/dq; the first because L is stationary in the state (envelope theorem). Contacts stay free of force."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.solution import ParameterSlopes
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Two problems that differ from the one at hand in one parameter, on either side of it, by `width` in all."""
+
+    behind: Problem
+    ahead: Problem
+    width: float
+
+
+@dataclass(frozen=True)
+class Differences:
+    """At the fixed state: of R (n_dof, n_q), delta (n_active, n_q) and the Lagrangian (n_q,) by each parameter."""
+
+    residual: np.ndarray
+    delta: np.ndarray
+    lagrangian: np.ndarray
+
+
+def differences(at: Evaluation, lam: np.ndarray, sides: Sequence[Sides]) -> Differences:
+    """By central differences of the robots on either side."""
+
+    def parts(problem: Problem) -> tuple[np.ndarray, np.ndarray, float]:
+        there = problem.evaluate(at.x, np.empty(0), at.load)
+        return there.residual(lam), there.delta, problem.potential(there) - float(lam @ there.delta)
+
+    pairs = [(parts(side.behind), parts(side.ahead), side.width) for side in sides]
+    columns = [
+        [(after - before) / width for before, after in zip(behind, ahead, strict=True)]
+        for behind, ahead, width in pairs
+    ]
+    residual, delta, lagrangian = (np.stack(column, axis=-1) for column in zip(*columns, strict=True))
+    return Differences(residual, delta, lagrangian)
+
+
+def parameter_slopes(
+    problem: Problem, at: Evaluation, W: np.ndarray, Z: np.ndarray, found: Differences, y: np.ndarray
+) -> ParameterSlopes:
+    """W (n, n) and Z (n_dof, n) = A^-1 H^T of all rows; y (n_dof, n_q) = A^-1 of the differences of R."""
+    a = problem.robot.rows.a
+    n_a = a.stop - a.start
+    lam = -np.linalg.solve(W[a, a], found.delta[:n_a] - at.H[:, :n_a].T @ y)
+    motion = Z[:, a] @ lam - y
+    x = np.stack([problem.kinematics.spread(at.x, column) for column in motion.T], axis=-1)
+    return ParameterSlopes(found.lagrangian, lam, x)

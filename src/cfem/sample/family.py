@@ -1,0 +1,47 @@
+"""One robot for each value of the parameters, built from what they leave alone."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.condensed.parameters import Parameter, coordinates, sampled, values
+from cfem.equilibrium.robot import Robot
+from cfem.mechanics.body import with_materials
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.build import as_material, build_robot
+from cfem.robot.spec import SceneSpec
+from cfem.sample.parameters import range_coordinates, with_values
+
+
+class RobotFamily:
+    """The robots of one scene and mesh, one for each p; what p leaves alone is built once.
+
+    parameters: the sampled ones; robot: the scene's own; material_only: whether only moduli vary from robot to robot"""
+
+    def __init__(self, scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter]):
+        self.parameters = sampled(parameters)
+        self.robot = build_robot(scene, mesh)
+        self.material_only = all(
+            one.key.startswith("material") and not one.key.endswith("density") for one in self.parameters
+        )
+        self._scene, self._mesh = scene, mesh
+
+    def at(self, p: np.ndarray) -> Robot:
+        """p: (n_p,) values."""
+        if not self.parameters:
+            return self.robot
+        scene = with_values(self._scene, [one.key for one in self.parameters], p)
+        if not self.material_only:
+            return build_robot(scene, self._mesh)
+        materials = [scene.material, *(item.material for item in scene.materials)]
+        return replace(self.robot, body=with_materials(self.robot.body, [as_material(one) for one in materials]))
+
+    def around(self, p: np.ndarray, index: int, step: float) -> tuple[Robot, Robot, float]:
+        """The robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how
+        much that coordinate differs between them."""
+        low, high = range_coordinates(self.parameters)
+        middle = coordinates(self.parameters, p)
+        shift = step * (high - low) * (np.arange(len(p)) == index)
+        behind, ahead = (values(self.parameters, middle + sign * shift) for sign in (-1, 1))
+        return self.at(behind), self.at(ahead), float(2 * shift[index])

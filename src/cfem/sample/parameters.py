@@ -1,0 +1,104 @@
+"""Which numbers of a scene vary from row to row: from the keys and ranges that the user writes to Parameters,
+and from shares of the ranges to values."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cfem.condensed.parameters import Coordinate, Parameter, coordinates, values
+from cfem.core.errors import SpecError
+from cfem.core.spec import Spec, load_spec
+from cfem.core.units import unit_of
+from cfem.robot.spec import SceneSpec
+from cfem.sample.spec import ParameterSpec
+
+# The rest of a scene makes the mesh, as regions do, or names things.
+_FREE = ("material", "materials", "gravity", "loads", "actuators", "contacts", "effectors")
+Key = tuple[str | int, ...]
+
+
+def scene_parameters(asked: Mapping[str, ParameterSpec], path: Path) -> tuple[Parameter, ...]:
+    """As the scene at `path` has them. Raises SpecError, naming the parameter, where its key is none of a number that
+    leaves the mesh alone, or its range none of values that the scene accepts there."""
+    scene = load_spec(path, SceneSpec)
+    return tuple(_parameter(name, spec, scene, path) for name, spec in asked.items())
+
+
+def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> Parameter:
+    key, where = _split(spec.key), f"parameters.{name}"
+    if key[0] not in _FREE or "region" in key:
+        what = f"key: '{spec.key}' changes the mesh, or nothing; designs with meshes of their own are not there yet"
+        raise SpecError(what, where=where, do=f"use a number under one of {', '.join(_FREE)}")
+    reference, unit = _number(scene, key, where)
+    ends = []
+    for text in spec.ends:
+        try:
+            ends.append(_number(load_spec(path, SceneSpec, [f"{spec.key}={text}"]), key, where)[0])
+        except SpecError as error:
+            raise SpecError(f"range: {str(error).removeprefix('--set: ')}", where=where) from None
+    if not ends[0] < ends[1]:
+        raise SpecError("range: expected two different values, the smaller first", where=where)
+    homogeneous = not (scene.materials or scene.loads or scene.gravity)
+    exact = spec.key == "material.young" and homogeneous
+    return Parameter(name, spec.key, unit, *ends, reference, _coordinate(key), exact)
+
+
+def _coordinate(key: Key) -> Coordinate:
+    return {"poisson": "log(1-2p)", "young": "log"}.get(str(key[-1]), "linear")
+
+
+def _split(key: str) -> Key:
+    return tuple(int(part) if part.isdigit() else part for part in key.split("."))
+
+
+def _number(scene: SceneSpec, key: Key, where: str) -> tuple[float, str]:
+    """Value and unit of the number at `key`."""
+    node, unit = scene, "1"
+    for part in key:
+        if isinstance(node, Spec) and part in type(node).model_fields:
+            unit, node = unit_of(type(node).model_fields[part]), getattr(node, part)
+        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
+            node = node[part]
+        else:
+            node = None
+    if not isinstance(node, int | float) or isinstance(node, bool):
+        text = ".".join(str(part) for part in key)
+        raise SpecError(f"key: the scene has no number at '{text}'", where=where, do="give the path of a number")
+    return float(node), unit
+
+
+def with_values(scene: SceneSpec, keys: Sequence[str], p: np.ndarray) -> SceneSpec:
+    """The scene with other numbers at `keys`."""
+    for key, value in zip(keys, p, strict=True):
+        scene = _replaced(scene, _split(key), float(value))
+    return scene
+
+
+def _replaced(node, key: Key, value: float):
+    if not key:
+        return value
+    part, rest = key[0], key[1:]
+    if isinstance(node, list):
+        return [_replaced(item, rest, value) if index == part else item for index, item in enumerate(node)]
+    return node.model_copy(update={part: _replaced(getattr(node, part), rest, value)})
+
+
+def drawn(parameters: Sequence[Parameter], u: np.ndarray) -> np.ndarray:
+    """(n_p,) values for shares u (n_p,) of the ranges, evenly in the parameters' coordinates."""
+    if not parameters:
+        return np.zeros(0)
+    low, high = range_coordinates(parameters)
+    return values(parameters, low + u * (high - low))
+
+
+def place(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
+    """(n_p,) coordinates of p."""
+    return coordinates(parameters, p) if parameters else np.zeros(0)
+
+
+def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """(n_p,) coordinates of the lower and of the higher end of each range."""
+    return tuple(
+        coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
+    )

@@ -1,0 +1,90 @@
+"""dW/dlambda is the derivative of whole solves, and the third derivative of one energy: totally symmetric."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.constraint.attachment import attach
+from cfem.constraint.cable import make_cable
+from cfem.equilibrium import actuation
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+
+EXACT = Settings(tolerance=1e-12)
+ROBOTS = {
+    "tet4, corotational": dict(element="tet4", law="corotational", poisson=0.3),
+    "tet10p0, nu 0.49": dict(poisson=0.49),
+    "hex8, ogden": dict(element="hex8", law="ogden", poisson=0.4),
+    "rigid end": dict(rigid_end=True),
+    "weight, contact free": dict(weight=0.01, contact=True),
+}
+
+
+@pytest.fixture(scope="module", params=ROBOTS.values(), ids=ROBOTS)
+def solved(request):
+    problem = Problem(bar(divisions=(5, 1, 1), **request.param))
+    state = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, third_order=True)
+    assert state.converged
+    return problem, state
+
+
+def test_it_is_the_derivative_of_W_along_whole_solves(solved):
+    """Richardson's rule on whole solves: errors of the fourth power of the step."""
+    problem, state = solved
+    lam = state.state.lam
+    for k in range(problem.robot.rows.n_a):
+
+        def slope(h, k=k):
+            ahead, behind = (
+                solve(problem, actuation.force(lam + sign * h * np.eye(len(lam))[k]), state.state, None, EXACT)
+                for sign in (1, -1)
+            )
+            assert ahead.converged and behind.converged
+            return (ahead.condensed.W - behind.condensed.W) / (2 * h)
+
+        h = 2e-3 * np.abs(lam).max()
+        expected = (4 * slope(h / 2) - slope(h)) / 3
+        np.testing.assert_allclose(state.dW[k], expected, rtol=0, atol=5e-7 * np.abs(expected).max())
+
+
+def test_it_is_the_third_derivative_of_one_energy_and_the_second_of_the_effectors(solved):
+    problem, state = solved
+    rows = problem.robot.rows
+    third = state.dW[:, rows.active, rows.active]
+    for order in ((0, 2, 1), (1, 0, 2), (2, 1, 0)):
+        np.testing.assert_allclose(third.transpose(order), third, rtol=0, atol=1e-6 * np.abs(third).max())
+    second = state.dW[:, rows.e, rows.active]  # [k, i, j] = d2 e_i / dlambda_j dlambda_k
+    np.testing.assert_allclose(second.transpose(2, 1, 0), second, rtol=0, atol=1e-6 * np.abs(second).max())
+
+
+def test_it_costs_no_factorisation_and_changes_nothing_else():
+    problem = Problem(bar(divisions=(5, 1, 1)))
+    plain, more = (solve(problem, actuation.displacement([2.0, 3.5]), third_order=wanted) for wanted in (False, True))
+    assert plain.dW is None and more.dW.shape == (2, 5, 5)
+    assert (more.factorizations, more.iterations) == (plain.factorizations, plain.iterations)
+    np.testing.assert_array_equal(more.condensed.W, plain.condensed.W)
+
+
+def test_stiffness_scales_it_by_its_inverse_square():
+    """No outside formula, but one of units: W ~ 1/E and lambda ~ E at the same delta."""
+    soft, stiff = (
+        solve(Problem(bar(young=young, divisions=(4, 1, 1))), actuation.displacement([2.0, 3.0]), third_order=True)
+        for young in (1.0, 100.0)
+    )
+    np.testing.assert_allclose(1e4 * stiff.dW, soft.dW, rtol=0, atol=1e-6 * np.abs(soft.dW).max())
+
+
+def test_a_cable_that_moves_nothing_changes_nothing():
+    """One along held nodes only: its row of W is zero, and what it changes is zero, not 0/0."""
+    robot = bar(divisions=(4, 1, 1))
+    held = np.flatnonzero(robot.body.mesh.X[:, 0] < 31)
+    mesh = robot.body.mesh
+    points = [attach(mesh, np.array([x, 5.0, 5.0]), 0.0, "idle") for x in (2.0, 10.0)]
+    idle = make_cable(points, None, "idle")
+    assert np.isin(idle.nodes, held).all()
+    problem = Problem(replace(robot, fixed=held, actuators=(robot.actuators[0], idle)))
+    state = solve(problem, actuation.force([0.5, 0.2]), third_order=True)
+    assert state.converged and not state.dW[1].any() and state.dW[0].any()
