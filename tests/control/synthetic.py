@@ -60,5 +60,8 @@ class ArcRobot:
         delta_free = np.concatenate([tip(delta_a), delta_a]) - W[:, 3:] @ lam
         return Condensed(ROWS, W, delta_free, lam)
 
-    def inside(self, delta_a: np.ndarray) -> bool:
-        return bool((np.abs(delta_a) <= 20).all())
+    def inside(self, condensed: Condensed) -> bool:
+        return bool((np.abs(condensed.delta_a) <= 20).all())
+
+    def distance(self, condensed: Condensed) -> float:
+        return float(np.abs(condensed.delta_a).max() / 20)

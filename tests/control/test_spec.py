@@ -9,7 +9,7 @@ from cfem.core.spec import load_spec
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 
 
-@pytest.mark.parametrize("scene", ["bar", "soft-finger"])
+@pytest.mark.parametrize("scene", ["bar", "soft-finger", "diamond", "trunk"])
 def test_pipelines_are_valid(scene):
     assert load_spec(PIPELINES / scene / "control.yaml", ControlSpec).trajectories
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cfem.control.trajectory import arc, loop_of_shares
+from cfem.control.trajectory import arc, half_sphere, loop_of_shares
 
 
 def test_quarter_circle_of_the_finger():
@@ -14,6 +14,17 @@ def test_quarter_circle_of_the_finger():
 @pytest.mark.parametrize("plane, axis", [("xy", 2), ("yz", 0), ("zx", 1)])
 def test_arcs_stay_in_their_plane(plane, axis):
     assert (arc(np.array([1.0, 2.0, 3.0]), 5.0, 0.0, 6.0, plane, 9)[:, axis] == axis + 1.0).all()
+
+
+def test_half_spheres_spiral_from_the_top_down_to_the_equator():
+    centre = np.array([1.0, 2.0, 3.0])
+    goals = half_sphere(centre, 195.0, 2.25, 37) - centre
+    np.testing.assert_allclose(np.linalg.norm(goals, axis=1), 195.0)
+    np.testing.assert_allclose(goals[[0, -1]], [[0, 0, 195], [0, 195, 0]], atol=1e-9)  # two turns and a quarter
+    assert (np.diff(goals[:, 2]) < 0).all()
+    np.testing.assert_allclose(np.diff(np.arccos(goals[1:, 2] / 195)), np.pi / 72, rtol=1e-6)
+    turned = np.diff(np.unwrap(np.arctan2(goals[1:, 1], goals[1:, 0])))
+    np.testing.assert_allclose(turned, 2.25 * 2 * np.pi / 36)
 
 
 @pytest.mark.parametrize("n_a", [1, 2, 3])

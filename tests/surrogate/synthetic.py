@@ -3,11 +3,12 @@
 In q = Q delta_a (mean shortening q_0, contrasts q_i) Psi = A (cosh(a q_0) - 1) + sum_i B q_i^2 / (1 + b q_0) + G q_i^4:
 strictly convex on the states sampled here. The tip bends by an angle k q_0 and leans by q_1."""
 
-from types import SimpleNamespace
-
 import numpy as np
+import pyarrow as pa
 
 from cfem.condensed import Rows, unpack_upper
+from cfem.condensed.parameters import Parameter, to_json
+from cfem.dataset.reader import Dataset
 
 A, a, B, b, G, K, LENGTH, REACH = 380.0, 0.055, 4.3, 0.02, 0.01, 0.04, 110.0, 20.0
 
@@ -67,27 +68,80 @@ def locked_compliance(delta_a: np.ndarray) -> np.ndarray:
     return unpack_upper(np.column_stack(entries))
 
 
-def dataset(m: int, seed: int, n_a: int = 2, unilateral: bool = True) -> SimpleNamespace:
-    """m random states of [0, 20 mm]^n_a, with unilateral=True those which need no pushing cable."""
-    delta_a = np.random.default_rng(seed).uniform(0, REACH, (200 * m if unilateral else m, n_a))
-    if unilateral:
-        delta_a = delta_a[(energy(delta_a)[1] >= 0).all(axis=1)][:m]
-        assert len(delta_a) == m
+POISSON = Parameter("poisson", "material.poisson", "1", 0.3, 0.49, 0.4, "log(1-2p)")
+YOUNG = Parameter("young", "material.young", "MPa", 1.0, 9.0, 3.0, "log", exact=True)
+
+
+def stiffer(p: np.ndarray) -> np.ndarray:
+    """(m, 1) Poisson's ratio -> (m,) factor of the energy, 1 at p = 0."""
+    return 1 + 0.1 * np.log(1 - 2 * p[:, 0]) ** 2
+
+
+def states(delta_a: np.ndarray, factor: np.ndarray) -> dict[str, np.ndarray]:
+    """All columns of states (m, n_a) of robots whose energy is `factor` (m,) times that above."""
     psi, lam, hessian = energy(delta_a)
+    psi, lam, hessian = factor * psi, factor[:, None] * lam, factor[:, None, None] * hessian
     e, gradient = effector(delta_a)
-    rows = Rows(("tip.x", "tip.y", "tip.z"), tuple(f"cable{i}" for i in range(n_a)))
-    W = np.empty((m, rows.n, rows.n))
+    rows = rows_of(delta_a.shape[1])
+    W = np.empty((len(delta_a), rows.n, rows.n))
     W[:, rows.a, rows.a] = W_aa = np.linalg.inv(hessian)
     W[:, rows.e, rows.a] = gradient @ W_aa
     W[:, rows.a, rows.e] = W[:, rows.e, rows.a].swapaxes(1, 2)
-    W[:, rows.e, rows.e] = locked_compliance(delta_a) + gradient @ W_aa @ gradient.swapaxes(1, 2)
+    C = locked_compliance(delta_a) / factor[:, None, None]
+    W[:, rows.e, rows.e] = C + gradient @ W_aa @ gradient.swapaxes(1, 2)
     delta_free = np.hstack([e, delta_a]) - np.einsum("mij,mj->mi", W[:, :, rows.a], lam)
+    return dict(delta_a=delta_a, delta_e=e, lambda_a=lam, W=W, delta_free=delta_free, energy=psi)
+
+
+def compliance_derivatives(delta_a: np.ndarray, factor: np.ndarray, h: float = 1e-3) -> np.ndarray:
+    """(m, n_a, n, n) dW/dlambda_k = sum_l W_kl dW/ddelta_l, by central differences of fourth order."""
+
+    def W(steps: float, axis: int) -> np.ndarray:
+        return states(delta_a + steps * h * np.eye(delta_a.shape[1])[axis], factor)["W"]
+
+    by_delta = np.stack(
+        [(8 * (W(1, i) - W(-1, i)) - (W(2, i) - W(-2, i))) / (12 * h) for i in range(delta_a.shape[1])], axis=1
+    )
+    a = rows_of(delta_a.shape[1]).a
+    return np.einsum("mkl,mlij->mkij", states(delta_a, factor)["W"][:, a, a], by_delta)
+
+
+def rows_of(n_a: int) -> Rows:
+    return Rows(("tip.x", "tip.y", "tip.z"), tuple(f"cable{i}" for i in range(n_a)))
+
+
+def dataset(
+    m: int, seed: int, n_a: int = 2, unilateral: bool = True, third_order: bool = False, parameters: bool = False
+) -> Dataset:
+    """m random states of [0, 20 mm]^n_a, with unilateral=True those which need no pushing cable; parameters: of robots
+    with random Poisson's ratios."""
+    rng = np.random.default_rng(seed)
+    delta_a = rng.uniform(0, REACH, (200 * m if unilateral else m, n_a))
+    if unilateral:
+        delta_a = delta_a[(energy(delta_a)[1] >= 0).all(axis=1)][:m]
+        assert len(delta_a) == m
+    q = rng.uniform(np.log(1 - 2 * POISSON.high), np.log(1 - 2 * POISSON.low), (m, 1))
+    p = (1 - np.exp(q)) / 2 if parameters else np.zeros((m, 0))
+    factor = stiffer(p) if parameters else np.ones(m)
     meta = {
         "scene": "synthetic",
         "rest_e": [0.0, 10.0, -LENGTH],
         "reach": [[0.0, REACH]] * n_a,
         "length": LENGTH,
-        "units": {"delta_a": "mm", "lambda_a": "N", "W": "mm/N", "delta_free": "mm"},
+        "parameters": to_json([POISSON, YOUNG]) if parameters else [],
     }
-    arrays = dict(delta_a=delta_a, delta_e=e, lambda_a=lam, W=W, delta_free=delta_free, energy=psi)
-    return SimpleNamespace(rows=rows, meta=meta, **arrays)
+    names = ("iterations", "factorizations", "steps", "residual", "seconds")
+    slope = 0.2 * np.log1p(-2 * p) * -2 / (1 - 2 * p)
+    return Dataset(
+        rows=rows_of(n_a),
+        id=np.arange(m),
+        u=np.hstack([delta_a / REACH, p]),
+        slack=np.zeros((m, n_a), dtype=bool),
+        p=p,
+        dW=compliance_derivatives(delta_a, factor) if third_order else None,
+        dpsi_dp=slope * energy(delta_a)[0][:, None] if parameters else None,
+        cost={name: np.full(m, 0.1) for name in names},
+        failed=pa.table({}),
+        meta=meta,
+        **states(delta_a, factor),
+    )

@@ -1,11 +1,13 @@
 """Basis, gradient and Hessian against numpy.polynomial and finite differences."""
 
+from itertools import combinations_with_replacement, product
+
 import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
 from cfem.predict.chebyshev import basis, polynomials
-from cfem.surrogate.chebyshev import derivative_matrices, index_set, number_of_terms
+from cfem.surrogate.chebyshev import derivative_matrices, index_set
 from cfem.surrogate.spectral import design_rows
 
 
@@ -15,31 +17,38 @@ def test_polynomials_are_chebyshevs_inside_and_outside_the_box(degree):
     assert np.allclose(polynomials(z, degree).T, chebyshev.chebvander(z, degree), rtol=1e-12, atol=1e-13)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4])
-def test_a_lower_degree_is_a_prefix_of_a_higher_one(n):
-    full = index_set(n, 5)
-    assert len(np.unique(full, axis=0)) == len(full) == number_of_terms(n, 5)
-    for degree in range(6):
-        assert np.array_equal(index_set(n, degree), full[: number_of_terms(n, degree)])
+@pytest.mark.parametrize("weights", [[1.0], [1.0, 1.0], [1.0, 2.5], [1.0, 1.3, 4.0], [2.0, 1.0, 1.0, 1.5]])
+def test_an_index_set_is_all_below_a_degree_and_lower_ones_are_prefixes(weights):
+    found, order = index_set(np.array(weights), 400, 8)
+    assert np.allclose(order, found @ weights) and (np.diff(order) >= -1e-9).all() and len(found) <= 400
+    reach = [range(int(8 / weight) + 1) for weight in weights]
+    expected = [k for k in product(*reach) if np.dot(k, weights) <= np.floor(order[-1] + 1e-9) + 1e-9]
+    if len(expected) <= 400:
+        assert {tuple(k) for k in found.tolist()} == {k for k in expected if np.dot(k, weights) <= order[-1] + 1e-9}
+    members = {tuple(k) for k in found.tolist()}
+    for k in members:  # with every index all smaller ones
+        for axis, power in enumerate(k):
+            assert power == 0 or (*k[:axis], power - 1, *k[axis + 1 :]) in members
+
+
+def test_the_number_of_terms_is_kept():
+    for terms in (1, 4, 5, 100):
+        assert len(index_set(np.ones(3), terms, 40)[0]) <= terms
+    assert len(index_set(np.ones(3), 84, 40)[0]) == 84  # all of degree 6
 
 
 def test_derivative_matrix_of_one_variable_is_numpys_chebder():
-    (D,) = derivative_matrices(index_set(1, 9))
+    (D,) = derivative_matrices(index_set(np.ones(1), 10, 40)[0])
     coefficients = np.random.default_rng(0).normal(size=10)
     assert np.allclose((D @ coefficients)[:-1], chebyshev.chebder(coefficients), rtol=1e-13)
 
 
 @pytest.mark.parametrize("n", [2, 3, 4])
-def test_gradient_and_hessian_against_finite_differences(n):
-    indices = index_set(n, 6)
+def test_derivatives_against_finite_differences(n):
+    indices, _ = index_set(np.ones(n), 1000, 6)
     z, h = np.random.default_rng(1).uniform(-0.9, 0.9, (7, n)), 1e-5
-    rows = design_rows(z, indices, 2)
-    pairs = [(i, j) for i in range(n) for j in range(i, n)]
-    for i in range(n):
-        step = h * np.eye(n)[i]
-        central = (basis(z + step, indices) - basis(z - step, indices)) / (2 * h)
-        assert np.allclose(rows[:, 1 + i], central, atol=1e-7)
-        gradients = [design_rows(z + sign * step, indices, 1)[:, 1:] for sign in (1, -1)]
-        for j in range(n):
-            column = 1 + n + pairs.index((min(i, j), max(i, j)))
-            assert np.allclose(rows[:, column], (gradients[0] - gradients[1])[:, j] / (2 * h), atol=1e-6)
+    for order in (1, 2, 3):
+        for one in combinations_with_replacement(range(n), order):
+            step = h * np.eye(n)[one[-1]]
+            ahead, behind = (design_rows(z + sign * step, indices, (one[:-1],)) for sign in (1, -1))
+            assert np.allclose(design_rows(z, indices, (one,)), (ahead - behind) / (2 * h), atol=1e-5)

@@ -32,11 +32,11 @@ def test_it_writes_a_model_that_knows_itself(spec):
     assert results["errors"]["loss"] < 1e-5 and results["errors"]["states"] == 20
     assert [point["samples"] for point in results["learning_curve"]] == [10, 20, 40]
     assert {record["quantity"] for record in results["history"]} == {
-        "energy",
+        "potential",
         "effector",
-        "locked_compliance",
+        "effector_compliance",
     }
-    assert results["positive_definite"]["hessian"]["share"] == 1.0
+    assert results["positive_definite"]["share"] == 1.0 and results["positive_definite"]["queries"] == 100_000
     assert run(spec, [], None, Options())["status"] == "up to date"
 
 
@@ -88,5 +88,5 @@ def test_mlp_is_stored_and_loaded(tmp_path):
     card = json.loads((folder / "model.json").read_text())
     assert card["activation"] == "relu" and card["kind"] == "mlp"
     stored = read_arrays(folder, "test_vectors.npz")
-    W, _ = load_model(folder).evaluate(stored["delta_a"])
+    W, _ = load_model(folder).evaluate(stored["s"], stored["p"])
     assert np.array_equal(W, stored["W"])

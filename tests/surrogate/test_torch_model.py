@@ -7,7 +7,7 @@ from surrogate.synthetic import dataset
 
 from cfem.predict.load import build
 from cfem.surrogate.spec import MlpSpec, SpectralSpec
-from cfem.surrogate.stage import train_and_judge
+from cfem.surrogate.stage import model_inputs, train_and_judge
 from cfem.surrogate.torch_model import module_of, spd_inverse
 
 TINY = MlpSpec(kind="mlp", width=16, depth=2, epochs=2)
@@ -31,6 +31,20 @@ def test_gradients_reach_the_inputs():
     meta, arrays, _ = train_and_judge(training, training, SpectralSpec(kind="spectral", max_degree=5))
     states = torch.tensor(training.delta_a[:2], requires_grad=True)
     assert torch.autograd.gradcheck(module_of(meta, arrays), (states,))
+
+
+@pytest.mark.parametrize("form", ["displacement", "force"])
+@pytest.mark.parametrize("parameters", [False, True])
+def test_every_output_by_every_input_against_finite_differences(form, parameters):
+    training = dataset(60, 1, parameters=parameters)
+    spec = SpectralSpec(kind="spectral", form=form, max_degree=6)
+    meta, arrays, _ = train_and_judge(training, training, spec)
+    model, predictor = module_of(meta, arrays), build(meta, arrays)
+    inputs = model_inputs(predictor, training)[: 1 + parameters]
+    points = tuple(torch.tensor(one[:3], requires_grad=True) for one in inputs)
+    assert torch.autograd.gradcheck(model, points, rtol=1e-6, atol=1e-9)
+    for one, other in zip(model(*points), predictor.evaluate(*(one[:3] for one in inputs)), strict=True):
+        assert np.allclose(one.detach().numpy(), other, rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5])

@@ -25,7 +25,7 @@ class Controller:
 @dataclass(frozen=True)
 class Tracked:
     """One goal, absolute (n_e,) mm, by one controller: what it planned, what the plant did, whether the plan
-    stayed inside the model's domain."""
+    stayed inside the model's domain and how far from the training states it is (NaN where nothing was learned)."""
 
     controller: str
     index: int
@@ -33,6 +33,7 @@ class Tracked:
     plan: Reach
     measured: Measurement
     inside: bool
+    distance: float
 
     @property
     def error(self) -> float:
@@ -83,9 +84,11 @@ def follow(
         turn += [(controller, plans[controller.name][index]) for controller in learned]
         for place, (controller, plan) in enumerate(turn):
             measured = plant.step(plan.delta_a)
-            inside = getattr(controller.model, "inside", None)
-            within = bool(inside(plan.delta_a)) if inside else True
-            tracked.append(Tracked(controller.name, index, goal, plan, measured, within))
+            inside, distance = True, np.nan
+            if hasattr(controller.model, "inside"):
+                found = plan.iterate.condensed
+                inside, distance = controller.model.inside(found), controller.model.distance(found)
+            tracked.append(Tracked(controller.name, index, goal, plan, measured, inside, distance))
             if place == 0:
                 after(index)
     return tracked

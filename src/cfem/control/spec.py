@@ -21,6 +21,17 @@ class ArcSpec(Spec):
     goals: PositiveInt
 
 
+class HalfSphereSpec(Spec):
+    """Goals on a spiral over the upper half of a sphere, from its top down to its equator, whether the robot can reach
+    them or not. turns: about the z axis."""
+
+    kind: Literal["half-sphere"]
+    centre: LengthVector
+    radius: Length
+    turns: float = 3.0
+    goals: PositiveInt
+
+
 class GoalsSpec(Spec):
     """Goals one by one."""
 
@@ -46,7 +57,7 @@ class ImageSpec(Spec):
         return self
 
 
-TrajectorySpec = Annotated[ArcSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]
+TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]
 
 
 class SearchSpec(Spec):

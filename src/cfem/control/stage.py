@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, TrajectorySpec
+from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, run_stage
@@ -76,7 +76,7 @@ def _work(
 
 def _goals(name: str, trajectory: TrajectorySpec, robot, fem) -> np.ndarray:
     """(m, n_e) mm absolute."""
-    from cfem.control.trajectory import arc, loop_of_shares
+    from cfem.control.trajectory import arc, half_sphere, loop_of_shares
 
     if isinstance(trajectory, ArcSpec):
         return _fit(
@@ -84,6 +84,9 @@ def _goals(name: str, trajectory: TrajectorySpec, robot, fem) -> np.ndarray:
             arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals"))),
             robot,
         )
+    if isinstance(trajectory, HalfSphereSpec):
+        points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
+        return _fit(name, points, robot)
     if isinstance(trajectory, GoalsSpec):
         return _fit(name, trajectory.points, robot)
     if len(trajectory.centre) != robot.rows.n_a:

@@ -27,6 +27,7 @@ def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None
         "predicted_distance": plan.distance,
         "reachable": plan.distance < reached,
         "inside": tracked.inside,
+        "distance_to_data": tracked.distance,
         "status": plan.status.value,
         "plant_status": measured.status,
         "iterations": plan.iterations,
@@ -88,6 +89,8 @@ def headline(trajectories: dict[str, dict]) -> list[str]:
             if fe:
                 parts.append(f"mean {fe['mean']:.2g}, max {fe['max']:.2g} mm from FE-based control")
             parts.append(f"{row['step_us']['median']:.0f} us a step")
+            if row["inside"] < row["goals"]:
+                parts.append(f"{row['goals'] - row['inside']} plans OUTSIDE what the model was trained on")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
     return lines
 

@@ -16,6 +16,15 @@ def arc(centre: np.ndarray, radius: float, start: float, end: float, plane: str,
     return points
 
 
+def half_sphere(centre: np.ndarray, radius: float, turns: float, goals: int) -> np.ndarray:
+    """(goals, 3) mm on a sphere about centre (3,) mm, from its top down to its equator, both included, by equal angles
+    from the z axis and, `turns` in all, by equal angles about it."""
+    share = np.linspace(0, 1, goals)
+    polar, around = share * np.pi / 2, share * 2 * np.pi * turns
+    out = np.sin(polar)
+    return np.asarray(centre, float) + radius * np.stack([out * np.cos(around), out * np.sin(around), np.cos(polar)], 1)
+
+
 def loop_of_shares(centre: np.ndarray, radii: np.ndarray, goals: int) -> np.ndarray:
     """(goals, n_a) a closed curve in the pulling cube [0, 1]^n_a, an ellipse for two actuators: each share
     follows the one before by a quarter turn. Its image by FE is a curve that the robot can follow."""

@@ -1,4 +1,5 @@
-"""ONNX: one graph, delta_a (batch, n_a) mm -> W (batch, n, n), delta_free (batch, n), float64.
+"""ONNX: one graph, delta_a (batch, n_a) mm or lambda_a (batch, n_a) N by the model's form, and p (batch, n_p) where the
+model has parameters -> W (batch, n, n), delta_free (batch, n), float64.
 
 Units, rows, domain, errors and hashes travel in its metadata."""
 
@@ -15,6 +16,8 @@ OPSET = 17
 CARD = (
     "scene",
     "kind",
+    "form",
+    "parameters",
     "rows",
     "units",
     "rest_e",
@@ -30,18 +33,19 @@ CARD = (
 def onnx_bytes(model: nn.Module, meta: dict[str, Any]) -> bytes:
     """The checked graph of a torch model, with what model.json says as metadata_props (JSON text each)."""
     buffer = io.BytesIO()
+    names = [{"displacement": "delta_a", "force": "lambda_a"}[meta["form"]], "p"][: len(example(meta))]
     with warnings.catch_warnings():
         # The tracing exporter, which torch calls legacy: half the bytes of the newer one's graph, the same run time.
         warnings.simplefilter("ignore", DeprecationWarning)
         torch.onnx.export(
             model,
-            (example(meta),),
+            example(meta),
             buffer,
             dynamo=False,
             opset_version=OPSET,
-            input_names=["delta_a"],
+            input_names=names,
             output_names=["W", "delta_free"],
-            dynamic_axes={"delta_a": {0: "batch"}, "W": {0: "batch"}, "delta_free": {0: "batch"}},
+            dynamic_axes={name: {0: "batch"} for name in (*names, "W", "delta_free")},
         )
     graph = onnx.load_from_string(buffer.getvalue())
     props = {key: meta[key] if isinstance(meta[key], str) else json.dumps(meta[key]) for key in CARD}
@@ -50,6 +54,8 @@ def onnx_bytes(model: nn.Module, meta: dict[str, Any]) -> bytes:
     return graph.SerializeToString()
 
 
-def example(meta: dict[str, Any]) -> torch.Tensor:
-    """(2, n_a) mm a batch inside the domain, for tracing."""
-    return torch.tensor(meta["domain"]["delta_a"], dtype=torch.float64)
+def example(meta: dict[str, Any]) -> tuple[torch.Tensor, ...]:
+    """Inputs inside the domain, a batch of two, for tracing: s (2, n_a) and, where the model has parameters, p (2, n_p)."""
+    s = torch.tensor(meta["domain"]["delta_a" if meta["form"] == "displacement" else "lambda_a"], dtype=torch.float64)
+    p = torch.tensor([[one["low"], one["high"]] for one in meta["parameters"]], dtype=torch.float64)
+    return (s, p.T.contiguous()) if meta["parameters"] else (s,)

@@ -24,7 +24,7 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
     model = spec_path.parent / spec.model
     stage = Stage(
         name="export",
-        version=1,
+        version=2,
         spec=spec,
         inputs={"model": model},
         out=out or spec_path.parent / spec.out,
@@ -43,7 +43,7 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, Any]:
     vectors = read_arrays(model_folder, "test_vectors.npz")
     reference = vectors["W"], vectors["delta_free"]
     parity = {
-        name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["delta_a"])))
+        name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
         for name in spec.formats
     }
     write_json(folder / "model.json", {**meta, "parity": parity})
@@ -71,23 +71,24 @@ def difference(reference: np.ndarray, found: np.ndarray) -> float:
     return float(np.abs(found - reference).max() / np.abs(reference).max())
 
 
-def _run_arrays(path: Path, meta: dict, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _run_arrays(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     with np.load(path, allow_pickle=False) as arrays:
-        return build(meta, dict(arrays)).evaluate(states)
+        return build(meta, dict(arrays)).evaluate(s, p)
 
 
-def _run_onnx(path: Path, meta: dict, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _run_onnx(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     from cfem.predict.onnx import OnnxPredictor
 
-    return OnnxPredictor(meta, path).evaluate(states)
+    return OnnxPredictor(meta, path).evaluate(s, p)
 
 
-def _run_torchscript(path: Path, meta: dict, states: np.ndarray) -> tuple[np.ndarray, ...]:
+def _run_torchscript(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
     import torch
 
+    inputs = (s, p) if meta["parameters"] else (s,)
     with warnings.catch_warnings(), torch.no_grad():
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tuple(out.numpy() for out in torch.jit.load(path)(torch.as_tensor(states)))
+        return tuple(out.numpy() for out in torch.jit.load(path)(*map(torch.as_tensor, inputs)))
 
 
 RUNNERS = {"arrays": _run_arrays, "onnx": _run_onnx, "torchscript": _run_torchscript}

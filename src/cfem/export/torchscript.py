@@ -7,11 +7,11 @@ import torch
 from torch import nn
 
 
-def torchscript_bytes(model: nn.Module, example: torch.Tensor) -> bytes:
-    """example: (2, n_a) mm; the batch axis stays free."""
+def torchscript_bytes(model: nn.Module, example: tuple[torch.Tensor, ...]) -> bytes:
+    """example: inputs (2, ...); the batch axis stays free."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         # torch calls its script format deprecated; it is what libtorch reads.
         warnings.simplefilter("ignore", DeprecationWarning)
-        torch.jit.save(torch.jit.trace(model, (example,)), buffer)
+        torch.jit.save(torch.jit.trace(model, example), buffer)
     return buffer.getvalue()

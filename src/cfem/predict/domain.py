@@ -1,42 +1,105 @@
-"""Where a model was trained: the box that its states fill, in displacements and in multipliers."""
+"""Where a model was trained, and how far from there a state is."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+
+from cfem.predict.energy import Form
+
+MARGIN = 0.05  # share of each range by which the boxes are wider than the data
+STATES = 128  # kept of the training states
+FAR = 2.0  # gaps: a state farther than this from all of them is not among the data
 
 
 @dataclass(frozen=True)
 class Domain:
-    """Smallest and largest of the training states, with a margin.
+    """delta_a, lambda_a: (2, n_a) smallest and largest of the training states, with a margin; p: (2, n_p) the same of
+    the parameters' coordinates; states: (k, 2 n_a + n_p) some of the training states, spread over all of them.
 
-    delta_a: (2, n_a) mm; lambda_a: (2, n_a) N. Pulling states fill a wedge of the displacements, whose box would be
-    mostly empty: the box of the multipliers cuts the wedge out of it."""
+    Pulling states fill a wedge of the displacements, whose box would be mostly empty: the box of the multipliers cuts
+    the wedge out of it."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
+    p: np.ndarray
+    states: np.ndarray
 
     @classmethod
-    def of(cls, delta_a: np.ndarray, lambda_a: np.ndarray, margin: float = 0.05) -> "Domain":
-        """From states (m, n_a) each; `margin` is a share of each range."""
-        return cls(_box(delta_a, margin), _box(lambda_a, margin))
+    def of(cls, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> "Domain":
+        """From states (m, n_a), (m, n_a) and the coordinates (m, n_p) of their parameters."""
+        p = np.zeros((len(delta_a), 0)) if p is None else p
+        states = np.hstack([delta_a, lambda_a, p])
+        return cls(_box(delta_a), _box(lambda_a), _box(p), states[_spread(states / _range(_box(states)), STATES)])
 
     @classmethod
     def from_json(cls, data: dict) -> "Domain":
-        return cls(np.asarray(data["delta_a"], float), np.asarray(data["lambda_a"], float))
+        return cls(*(np.asarray(data[name], float) for name in cls.__dataclass_fields__))
 
     def to_json(self) -> dict:
-        return {"delta_a": self.delta_a.tolist(), "lambda_a": self.lambda_a.tolist()}
+        return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
 
-    def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray) -> bool:
-        """Whether one state (n_a,), (n_a,) lies inside."""
-        return bool(
-            (delta_a >= self.delta_a[0]).all()
-            and (delta_a <= self.delta_a[1]).all()
-            and (lambda_a >= self.lambda_a[0]).all()
-            and (lambda_a <= self.lambda_a[1]).all()
-        )
+    def outside(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float:
+        """How far one state lies outside the boxes, as a share of their widths; 0 inside."""
+        low, high = self._box
+        state = self._state(delta_a, lambda_a, p)
+        return float((np.maximum(low - state, state - high) / _range(self._box)).max(initial=0.0))
+
+    def distance(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float:
+        """From one state to the nearest kept training state, in units of the largest gap between one of them and its
+        nearest neighbour: about 1 or less among the data, however many there are."""
+        width = _range(self._box)
+        offsets = (self.states - self._state(delta_a, lambda_a, p)) / width
+        return float(np.sqrt((offsets**2).sum(axis=1).min()) / self._gap)
+
+    def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> bool:
+        """Whether one state is like those that the model was trained on."""
+        return self.outside(delta_a, lambda_a, p) == 0.0 and self.distance(delta_a, lambda_a, p) <= FAR
+
+    def nearest(self, s: np.ndarray, form: Form, p: np.ndarray | None = None) -> np.ndarray:
+        """(n_a,) the multipliers (form 'displacement') or displacements ('force') of the kept state whose displacements
+        (multipliers) and parameters are nearest to s (n_a,), p (n_p,)."""
+        n_a = len(s)
+        mine, other = slice(n_a), slice(n_a, 2 * n_a)
+        if form == "force":
+            mine, other = other, mine
+        known, width = self.states, _range(self._box)
+        apart = (((known[:, mine] - s) / width[mine]) ** 2).sum(axis=1)
+        if p is not None and len(p):
+            apart += (((known[:, 2 * n_a :] - p) / width[2 * n_a :]) ** 2).sum(axis=1)
+        return known[np.argmin(apart), other]
+
+    @cached_property
+    def _box(self) -> np.ndarray:
+        return np.hstack([self.delta_a, self.lambda_a, self.p])
+
+    @cached_property
+    def _gap(self) -> float:
+        scaled = self.states / _range(self._box)
+        apart = np.linalg.norm(scaled[:, None] - scaled, axis=2)
+        np.fill_diagonal(apart, np.inf)
+        return float(apart.min(axis=1).max()) if len(apart) > 1 else 1.0
+
+    def _state(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None) -> np.ndarray:
+        return np.concatenate([delta_a, lambda_a, [] if p is None else p])
 
 
-def _box(states: np.ndarray, margin: float) -> np.ndarray:
+def _box(states: np.ndarray) -> np.ndarray:
     low, high = states.min(axis=0), states.max(axis=0)
-    return np.stack([low - margin * (high - low), high + margin * (high - low)])
+    return np.stack([low - MARGIN * (high - low), high + MARGIN * (high - low)])
+
+
+def _range(box: np.ndarray) -> np.ndarray:
+    width = box[1] - box[0]
+    return np.where(width > 0, width, 1.0)
+
+
+def _spread(points: np.ndarray, count: int) -> np.ndarray:
+    """`count` (or all) indices into points (m, n): again and again the point farthest from those chosen."""
+    chosen, distance = [], np.full(len(points), np.inf)
+    latest = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+    for _ in range(min(count, len(points))):
+        chosen.append(latest)
+        distance = np.minimum(distance, ((points - points[latest]) ** 2).sum(axis=1))
+        latest = int(np.argmax(distance))
+    return np.array(chosen)

@@ -14,7 +14,7 @@ from cfem.predict.protocol import Predictor
 from cfem.predict.spectral import SpectralPredictor
 
 KINDS = {"spectral": SpectralPredictor, "mlp": MlpPredictor}
-FORMAT = 1
+FORMAT = 2
 Runtime = Literal["arrays", "onnx"]
 
 

@@ -1,9 +1,10 @@
-"""The paper's network F: actuator displacements to the entries of W and delta_free, each learned on its own."""
+"""The paper's network F: actuator displacements (or forces) and parameters to the entries of W and delta_free, each
+learned on its own."""
 
 import numpy as np
 
 from cfem.condensed import unpack_upper
-from cfem.predict.protocol import Predictor
+from cfem.predict.protocol import ArrayPredictor
 
 
 def _silu(x: np.ndarray) -> np.ndarray:
@@ -13,9 +14,10 @@ def _silu(x: np.ndarray) -> np.ndarray:
 ACTIVATIONS = {"relu": lambda x: np.maximum(x, 0), "tanh": np.tanh, "silu": _silu}
 
 
-class MlpPredictor(Predictor):
-    """arrays: in_mean, in_scale (n_a,) mm; out_mean, out_scale (k,); weight_i (outputs, inputs) and bias_i of layer i,
-    float32 as trained. Outputs are the packed upper triangle of W, then delta_free."""
+class MlpPredictor(ArrayPredictor):
+    """arrays: in_mean, in_scale (n_a + n_q,) of s and the learned parameters' coordinates; out_mean, out_scale (k,);
+    weight_i (outputs, inputs) and bias_i of layer i, float32 as trained. Outputs are the packed upper triangle of W,
+    then delta_free."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
@@ -27,9 +29,9 @@ class MlpPredictor(Predictor):
         # Transposed and contiguous: a row-vector product then streams each weight once.
         self._layers = [(np.ascontiguousarray(arrays[f"weight_{i}"].T), arrays[f"bias_{i}"]) for i in range(depth)]
 
-    def evaluate(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mean, scale = self._in
-        hidden = ((delta_a - mean) / scale).astype(self._layers[0][0].dtype)
+        hidden = ((np.concatenate([s, q], axis=-1) - mean) / scale).astype(self._layers[0][0].dtype)
         for weight, bias in self._layers[:-1]:
             hidden = self._activation(hidden @ weight + bias)
         weight, bias = self._layers[-1]

@@ -9,7 +9,8 @@ from cfem.predict.protocol import Predictor
 
 
 class OnnxPredictor(Predictor):
-    """Inputs and outputs of the graph: delta_a (B, n_a) -> W (B, n, n), delta_free (B, n), float64."""
+    """Inputs and outputs of the graph: delta_a or lambda_a (B, n_a) by the form, p (B, n_p) where it has parameters ->
+    W (B, n, n), delta_free (B, n), float64."""
 
     def __init__(self, meta: dict, path: Path):
         import onnxruntime as ort
@@ -24,7 +25,13 @@ class OnnxPredictor(Predictor):
             raise InputError(
                 f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it anew with --force"
             ) from error
+        self._inputs = tuple(one.name for one in self._session.get_inputs())
 
-    def evaluate(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        W, delta_free = self._session.run(["W", "delta_free"], {"delta_a": delta_a})
-        return W, delta_free
+    def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        s = np.asarray(s, float)
+        inputs = {self._inputs[0]: s.reshape(-1, s.shape[-1])}
+        if self.parameters:
+            p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
+            inputs[self._inputs[1]] = np.ascontiguousarray(p.reshape(-1, p.shape[-1]))
+        W, delta_free = self._session.run(["W", "delta_free"], inputs)
+        return W.reshape(*s.shape[:-1], *W.shape[1:]), delta_free.reshape(*s.shape[:-1], -1)

@@ -5,35 +5,133 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.parameters import coordinates, from_json
+from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
+from cfem.predict.energy import Form
 
 
 class Predictor(ABC):
-    """A model of (W, delta_free) over delta_a, with what its users must know about it.
+    """A model of (W, delta_free), with what its users must know about it.
 
     meta:   model.json
     rows:   names and order e, a of the rows of W
+    form:   what it is a function of: 'displacement', s = delta_a, or 'force', s = lambda_a
+    parameters: the design and material parameters p that it takes as well; the scene's own values where none are given
     rest_e: (n_e,) mm rest positions of the effectors; reach: (n_a, 2) mm; length: mm, what '% of length' refers to
     domain: where it was trained"""
 
     def __init__(self, meta: dict):
         self.meta = meta
         self.rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
+        self.form: Form = meta["form"]
+        self.parameters = from_json(meta["parameters"])
         self.rest_e = np.asarray(meta["rest_e"], float)
         self.reach = np.asarray(meta["reach"], float)
         self.length = float(meta["length"])
         self.domain = Domain.from_json(meta["domain"])
+        self._reference = np.array([one.reference for one in self.parameters])
+        self._learned = [i for i, one in enumerate(self.parameters) if not one.exact]
+        self._exact = [i for i, one in enumerate(self.parameters) if one.exact]
 
     @abstractmethod
-    def evaluate(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(B, n_a) mm -> W (B, n, n), delta_free (B, n)."""
+    def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(..., n_a) mm or N by the form, (..., n_p) -> W (..., n, n), delta_free (..., n)."""
 
-    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
-        """The condensed robot where the actuators stand at delta_a (n_a,) mm; effectors from their rest position."""
-        W, delta_free = (batch[0] for batch in self.evaluate(np.asarray(delta_a, float)[None]))
+    def softer(self, p: np.ndarray) -> np.ndarray:
+        """(..., n_p) -> (...) reference over Young's modulus where its effect is exact (identity 6 of the condensed
+        model: W ~ 1/E, lambda ~ E), else 1."""
+        return np.prod(self._reference[self._exact] / p[..., self._exact], axis=-1)
+
+    def q(self, p: np.ndarray | None) -> np.ndarray:
+        """(..., n_p) -> (..., n_q) coordinates of the parameters that are learned."""
+        p = self._p(p)
+        if not self._learned:
+            return p[..., :0]
+        return coordinates([self.parameters[i] for i in self._learned], p[..., self._learned])
+
+    def at(self, s: np.ndarray, p: np.ndarray | None = None) -> Condensed:
+        """The condensed robot at one input s (n_a,) of the form; effectors from their rest position."""
+        s = np.asarray(s, float)
+        W, delta_free = self.evaluate(s, p)
         a = self.rows.a
-        return Condensed(self.rows, W, delta_free, np.linalg.solve(W[a, a], delta_a - delta_free[a]))
+        lam = s if self.form == "force" else np.linalg.solve(W[a, a], s - delta_free[a])
+        return Condensed(self.rows, W, delta_free, lam)
 
-    def inside(self, delta_a: np.ndarray) -> bool:
-        """Whether delta_a (n_a,) mm, and the multipliers that the model finds there, are those it was trained on."""
-        return self.domain.holds(delta_a, self.at_displacement(delta_a).lambda_a)
+    def at_displacement(self, delta_a: np.ndarray, p: np.ndarray | None = None) -> Condensed:
+        """The condensed robot where its actuators stand at delta_a (n_a,) mm. NumericalError where there is none."""
+        return self.at(delta_a, p) if self.form == "displacement" else self._find(np.asarray(delta_a, float), p)
+
+    def at_force(self, lambda_a: np.ndarray, p: np.ndarray | None = None) -> Condensed:
+        """The condensed robot under lambda_a (n_a,) N. NumericalError where there is none."""
+        return self.at(lambda_a, p) if self.form == "force" else self._find(np.asarray(lambda_a, float), p)
+
+    def _find(self, wanted: np.ndarray, p: np.ndarray | None, tolerance: float = 1e-11) -> Condensed:
+        """The state whose dual quantity is `wanted` (n_a,): Newton from the nearest training state, halving steps;
+        tolerance: relative to the domain's largest value. W_aa is the derivative, d delta_a / d lambda_a."""
+        a = self.rows.a
+        by_force = self.form == "displacement"  # what is wanted are forces, what is varied are displacements
+        box = self.domain.lambda_a if by_force else self.domain.delta_a
+        softer = self.softer(self._p(p)) if self.parameters else 1.0  # the domain's states are those of the reference
+        start = self.domain.nearest(
+            wanted * softer if by_force else wanted, "force" if by_force else "displacement", self.q(p)
+        )
+        here = self.at(start if by_force else start / softer, p)
+        missing = wanted - (here.lam if by_force else here.delta[a])
+        for _ in range(60):
+            if np.abs(missing).max() <= tolerance * max(np.abs(box).max(), np.abs(wanted).max()):
+                return here
+            s = here.delta[a] if by_force else here.lam
+            step = here.W_aa @ missing if by_force else np.linalg.solve(here.W_aa, missing)
+            for share in 0.5 ** np.arange(12):
+                trial = self.at(s + share * step, p)
+                left = wanted - (trial.lam if by_force else trial.delta[a])
+                if np.linalg.norm(left) < np.linalg.norm(missing):
+                    break
+            else:
+                break
+            here, missing = trial, left
+        if np.abs(missing).max() <= 1e3 * tolerance * np.abs(box).max():  # as near as rounding lets it come
+            return here
+        what, unit = ("multipliers", "N") if by_force else ("displacements", "mm")
+        raise NumericalError(
+            f"the model finds no state of {what} {wanted.tolist()} {unit}: {np.abs(missing).max():.2g} {unit} are left",
+            do="ask inside its domain",
+        )
+
+    def inside(self, condensed: Condensed, p: np.ndarray | None = None) -> bool:
+        """Whether a state found with this model is like those that it was trained on."""
+        return self.domain.holds(*self._where(condensed, p))
+
+    def distance(self, condensed: Condensed, p: np.ndarray | None = None) -> float:
+        """How far a state is from the training states: about 1 or less among them (`Domain.distance`)."""
+        return self.domain.distance(*self._where(condensed, p))
+
+    def _where(self, condensed: Condensed, p: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        softer = self.softer(self._p(p)) if self.parameters else 1.0
+        return condensed.delta_a, condensed.lambda_a * softer, self.q(p)
+
+    def _p(self, p: np.ndarray | None) -> np.ndarray:
+        if p is None:
+            return self._reference
+        p = np.asarray(p, float)
+        if p.shape[-1] != len(self.parameters):
+            raise InputError(f"{p.shape[-1]} parameters given, the model has {[one.name for one in self.parameters]}")
+        return p
+
+
+class ArrayPredictor(Predictor):
+    """One that runs on arrays here: a kind says what it has learned, the exact parameters are dealt with for all."""
+
+    @abstractmethod
+    def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., n_a) inputs of the form, (..., n_q) coordinates of the parameters that are learned -> W (..., n, n),
+        delta_free (..., n), at the reference of those that are exact."""
+
+    def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        if not self.parameters:
+            return self.learned(s, s[..., :0])
+        p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
+        softer = self.softer(p)[..., None]
+        W, delta_free = self.learned(s * softer if self.form == "force" else s, self.q(p))
+        return W * softer[..., None], delta_free

@@ -1,23 +1,40 @@
-"""Total-degree index sets, and differentiation as a matrix on the coefficients of a Chebyshev series."""
-
-from itertools import product
-from math import comb
+"""Index sets of anisotropic total degree, and differentiation as a matrix on the coefficients of a Chebyshev series."""
 
 import numpy as np
 from scipy.sparse import csr_array
 
 
-def index_set(n: int, degree: int) -> np.ndarray:
-    """(M, n) all k with k_1 + ... + k_n <= degree, lower degrees first: the set of a lower degree is a prefix."""
-    if n == 1:
-        return np.arange(degree + 1)[:, None]
-    lists = [k for k in product(range(degree + 1), repeat=n) if sum(k) <= degree]
-    return np.array(sorted(lists, key=lambda k: (sum(k), k)), dtype=np.int64)
+def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """The largest set {k: weights . k <= d} of at most `max_terms` multi-indices, with d <= max_degree: (M, n) in the
+    order of weights . k, so that the set of a lower d is a prefix, and that product (M,). weights: (n,) >= 1."""
+    weights = np.asarray(weights, float)
+    reached = np.inf
+    degree = 1.0
+    best = np.zeros((1, len(weights)), dtype=np.int64)
+    while degree <= max_degree and reached:
+        found = _within(weights, degree, max_terms)
+        if found is None:
+            break
+        best = found
+        degree += 1.0
+    order = best @ weights
+    sorting = np.lexsort((*best.T[::-1], np.round(order, 9)))
+    return best[sorting], order[sorting]
 
 
-def number_of_terms(n: int, degree: int) -> int:
-    """Rows of `index_set(n, degree)`."""
-    return comb(n + degree, n)
+def _within(weights: np.ndarray, degree: float, max_terms: int) -> np.ndarray | None:
+    """All k with weights . k <= degree, None where they are more than max_terms."""
+    found = np.zeros((1, 0), dtype=np.int64)
+    left = np.full(1, degree + 1e-9)
+    for weight in weights:
+        counts = (left / weight).astype(int) + 1
+        if counts.sum() > max_terms:
+            return None
+        parents = np.repeat(np.arange(len(found)), counts)
+        powers = np.concatenate([np.arange(count) for count in counts])
+        found = np.column_stack([found[parents], powers])
+        left = left[parents] - weight * powers
+    return found
 
 
 def derivative_matrices(indices: np.ndarray) -> list[csr_array]:

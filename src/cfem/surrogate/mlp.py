@@ -1,17 +1,31 @@
 """Trains the paper's network F on the entries of W and delta_free, standardised, by mean squared error.
 
-The inputs are delta_a alone: without design parameters the paper's further inputs W0 and delta_free0 are constant.
-Every tenth training row validates: it steers the schedule and picks the epoch. Test rows never come here."""
+The inputs are delta_a, or lambda_a in the force form, and the coordinates of the sampled parameters p. For designs the
+paper feeds F with (delta_a, W0, delta_free0), the condensed model at rest, which a second network G makes of the
+design; here the few numbers p that determine W0 and delta_free0 are inputs themselves. The network is the same for any
+number of actuators. W is symmetric because its upper triangle is what is learned; nothing makes it positive definite.
 
+Every tenth training row validates: it steers the schedule, picks the epoch and judges a search. Test rows never come
+here."""
+
+import hashlib
+import json
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor
 
 from cfem.condensed import pack_upper
+from cfem.core.errors import InputError
+from cfem.core.spec import meaning
+from cfem.surrogate.descent import descend
 from cfem.surrogate.error_measures import CONSTANT
+from cfem.surrogate.observations import inputs
+from cfem.surrogate.search import Report, search
 from cfem.surrogate.spec import MlpSpec
 from cfem.surrogate.torch_model import Mlp
 
@@ -20,71 +34,91 @@ VALIDATION_STRIDE = 10
 
 @dataclass(frozen=True)
 class Training:
-    """model: at its best epoch on validation; history: one record a hundredth of the epochs, standardised losses."""
+    """model: at its best epoch, on the CPU; validation: its standardised loss on the validation rows; history: one
+    record a hundredth of the epochs."""
 
     model: Mlp
     best_epoch: int
+    validation: float
     history: list[dict[str, float]]
 
 
-def train(dataset: Any, spec: MlpSpec) -> Training:
-    """Adam with the schedule of `spec` on all rows of `dataset` (cfem.dataset.reader.Dataset, training rows only)."""
-    with torch.random.fork_rng(devices=[]):
+def fit(
+    dataset: Any, spec: MlpSpec, folder: Path | None = None
+) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, float]]]:
+    """Arrays of cfem.predict.mlp, facts for model.json, history; after a search where the spec asks for one.
+
+    dataset: cfem.dataset.reader.Dataset, training rows only. folder: where a killed fit of the same rows by the same
+    spec goes on; what is kept there is the caller's to remove."""
+    files = None if folder is None else folder / f"mlp-{identity(dataset, spec)}"
+    facts: dict[str, Any] = {}
+    if spec.search is not None:
+        trial = spec.model_copy(update={"search": None, "epochs": spec.search.epochs})
+        table = None if files is None else files.with_suffix(".json")
+        facts["search"] = search(partial(judge, dataset, trial), spec.search, spec.seed, table)
+        spec = spec.model_copy(update={"search": None, **facts["search"]["choice"]})
+    found = train(dataset, spec, None if files is None else files.with_suffix(".pt"))
+    own = {name: getattr(spec, name) for name in ("form", "activation")}
+    validated = {"best_epoch": found.best_epoch, "validation_loss": found.validation}
+    return found.model.arrays(), {**own, **validated, "device": device_of(spec).type, **facts}, found.history
+
+
+def judge(dataset: Any, spec: MlpSpec, choice: dict[str, Any], report: Report) -> float:
+    """The validation loss of `spec` with `choice` in it."""
+    return train(dataset, spec.model_copy(update=choice), report=report).validation
+
+
+def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: Report | None = None) -> Training:
+    """One network, without a search; checkpoint, report: as in `cfem.surrogate.descent.descend`.
+
+    Raises InputError where no row is left to validate or the device is not there, NumericalError where it diverges."""
+    device, m = device_of(spec), len(dataset.delta_a)
+    validates = np.arange(m) % VALIDATION_STRIDE == VALIDATION_STRIDE - 1
+    if not validates.any():
+        raise InputError(f"{m} training rows leave none to validate a network", do=f"use {VALIDATION_STRIDE} or more")
+    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
         torch.manual_seed(spec.seed)
-        model = Mlp(dataset.rows, spec.width, spec.depth, spec.activation, spec.dropout)
-        validation = np.arange(len(dataset.delta_a)) % VALIDATION_STRIDE == VALIDATION_STRIDE - 1
-        inputs, targets = standardise(model, dataset, ~validation)
-        return descend(model, inputs, targets, torch.as_tensor(validation), spec)
+        s, q = inputs(dataset, spec.form)
+        model = Mlp(dataset.rows, q.shape[1], spec.width, spec.depth, spec.activation, spec.dropout)
+        rows = standardise(model, np.hstack([s, q]), dataset, ~validates)
+        fitted, held_out = (tuple(values[chosen].to(device) for values in rows) for chosen in (~validates, validates))
+        record = descend(model.net.to(device), fitted, held_out, spec, checkpoint, report)
+    return Training(model.cpu().eval(), record["best_epoch"], record["best"], record["history"])
 
 
-def standardise(model: Mlp, dataset: Any, fitted: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
-    """Sets the model's means and scales from the rows `fitted` (m,) bool; returns all rows standardised, float32."""
+def device_of(spec: MlpSpec) -> torch.device:
+    """Where to train. InputError where the spec asks for a GPU and there is none."""
+    gpu = torch.cuda.is_available()
+    if spec.device == "cuda" and not gpu:
+        raise InputError("torch finds no GPU here", where="model.device: cuda", do="set it to auto or cpu")
+    return torch.device("cuda" if gpu and spec.device != "cpu" else "cpu")
+
+
+def standardise(model: Mlp, values: np.ndarray, dataset: Any, fitted: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Sets the model's means and scales from the rows `fitted` (m,) bool of its inputs `values` (m, n_a + n_q) and its
+    outputs; returns all rows of both standardised, float32."""
     packed, delta_free = pack_upper(dataset.W), dataset.delta_free
     outputs = np.hstack([packed, delta_free])
     size = np.repeat([np.abs(packed).max(), np.abs(delta_free).max()], [packed.shape[1], delta_free.shape[1]])
-    deviation = outputs[fitted].std(axis=0)
-    constant = deviation <= CONSTANT * size
-    model.in_mean.copy_(torch.as_tensor(dataset.delta_a[fitted].mean(axis=0)))
-    model.in_scale.copy_(torch.as_tensor(dataset.delta_a[fitted].std(axis=0)))
-    model.out_mean.copy_(torch.as_tensor(outputs[fitted].mean(axis=0)))
-    model.out_scale.copy_(torch.as_tensor(np.where(constant, 0.0, deviation)))
-    inputs = (torch.tensor(dataset.delta_a) - model.in_mean) / model.in_scale
-    targets = (outputs - outputs[fitted].mean(axis=0)) / np.where(constant, np.inf, deviation)
-    return inputs.float(), torch.as_tensor(targets).float()
+    out_mean, out_scale = outputs[fitted].mean(axis=0), outputs[fitted].std(axis=0)
+    constant = out_scale <= CONSTANT * size
+    in_mean, in_scale = values[fitted].mean(axis=0), values[fitted].std(axis=0)
+    in_scale[in_scale <= CONSTANT * np.abs(values).max(axis=0)] = np.inf  # what never varied says nothing
+    numbers = {
+        "in_mean": in_mean,
+        "in_scale": in_scale,
+        "out_mean": out_mean,
+        "out_scale": np.where(constant, 0.0, out_scale),
+    }
+    for name, number in numbers.items():
+        getattr(model, name).copy_(torch.as_tensor(number))
+    targets = (outputs - out_mean) / np.where(constant, np.inf, out_scale)
+    return torch.as_tensor((values - in_mean) / in_scale).float(), torch.as_tensor(targets).float()
 
 
-def descend(
-    model: Mlp, inputs: torch.Tensor, targets: torch.Tensor, validation: torch.Tensor, spec: MlpSpec
-) -> Training:
-    """Mini-batches, best epoch on validation kept; stops early where that is `patience` epochs old."""
-    x, y = inputs[~validation], targets[~validation]
-    optimiser = torch.optim.Adam(model.net.parameters(), lr=spec.learning_rate)
-    if spec.schedule == "cosine":
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, spec.epochs)
-    else:
-        schedule = torch.optim.lr_scheduler.ReduceLROnPlateau(optimiser, factor=0.5, patience=spec.patience // 5)
-    best, best_epoch, best_state, history = np.inf, 0, {}, []
-    for epoch in range(1, spec.epochs + 1):
-        model.train()
-        total = 0.0
-        for batch in torch.randperm(len(x)).split(spec.batch_size):
-            loss = nn.functional.mse_loss(model.net(x[batch]), y[batch])
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            total += loss.item() * len(batch)
-        model.eval()
-        with torch.no_grad():
-            held_out = nn.functional.mse_loss(model.net(inputs[validation]), targets[validation]).item()
-        if held_out < best:
-            best, best_epoch = held_out, epoch
-            best_state = {name: value.clone() for name, value in model.state_dict().items()}
-        ends = epoch == spec.epochs or epoch - best_epoch >= spec.patience
-        if ends or epoch % max(spec.epochs // 100, 1) == 0:
-            rate = optimiser.param_groups[0]["lr"]
-            history.append({"epoch": epoch, "training": total / len(x), "validation": held_out, "learning_rate": rate})
-        if ends:
-            break
-        schedule.step(*([held_out] if spec.schedule == "plateau" else []))
-    model.load_state_dict(best_state)
-    return Training(model, best_epoch, history)
+def identity(dataset: Any, spec: MlpSpec) -> str:
+    """Names what a fit is of: its rows and its spec."""
+    digest = hashlib.sha256(json.dumps(meaning(spec)).encode())
+    for values in (*inputs(dataset, spec.form), dataset.W, dataset.delta_free):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()[:16]

@@ -3,33 +3,81 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, model_validator
 
 from cfem.core.spec import Spec
 
 
 class SpectralSpec(Spec):
-    """The energy model in Chebyshev polynomials; degrees are chosen by cross-validation."""
+    """The energy model in Chebyshev polynomials; degrees and weights are chosen by cross-validation. form: what it is
+    a function of, displacements or forces of the actuators; max_terms: of one series."""
 
     kind: Literal["spectral"]
+    form: Literal["displacement", "force"] = "displacement"
     max_degree: Annotated[int, Field(ge=1, le=40)] = 16
+    max_terms: Annotated[int, Field(ge=1, le=10_000)] = 2000
     folds: Annotated[int, Field(ge=2, le=20)] = 5
 
 
+Activation = Literal["relu", "tanh", "silu"]
+Share = Annotated[float, Field(ge=0, lt=1)]
+
+
+class MlpRanges(Spec):
+    """What a search varies: least and greatest, or the choices; what is not named keeps the model's value."""
+
+    depth: tuple[PositiveInt, PositiveInt] | None = None
+    width: tuple[PositiveInt, PositiveInt] | None = None
+    activation: Annotated[tuple[Activation, ...], Field(min_length=1)] | None = None
+    dropout: tuple[Share, Share] | None = None
+    learning_rate: tuple[PositiveFloat, PositiveFloat] | None = None
+    batch_size: tuple[PositiveInt, PositiveInt] | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "MlpRanges":
+        given = {name: values for name, values in self if values is not None}
+        if not given:
+            raise ValueError(f"name one or more of {', '.join(type(self).model_fields)}")
+        for name, values in given.items():
+            if name != "activation" and values[0] > values[1]:
+                raise ValueError(f"{name}: {values[0]} is greater than {values[1]}")
+        return self
+
+
+class MlpSearch(Spec):
+    """A search for the network, judged by validation rows. It ends after `trials`, and begins none after `seconds`;
+    each trial trains for `epochs`, in which its schedule ends too."""
+
+    over: MlpRanges
+    trials: PositiveInt = 30
+    seconds: PositiveFloat | None = None
+    epochs: PositiveInt = 200
+
+
 class MlpSpec(Spec):
-    """The paper's network of entries."""
+    """The paper's network of entries. form: what it is a function of, displacements or forces of the actuators; depth,
+    width: of its hidden layers; optimiser: muon takes larger batches and rates (225, 4e-3), reaches a lower loss with a
+    smooth activation, and wants a processor with bfloat16 arithmetic; patience: epochs without a better one on
+    validation rows after which training ends; device: auto is a GPU where there is one."""
 
     kind: Literal["mlp"]
+    form: Literal["displacement", "force"] = "displacement"
     depth: PositiveInt = 3
     width: PositiveInt = 450
-    activation: Literal["relu", "tanh", "silu"] = "relu"
-    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    activation: Activation = "relu"
+    dropout: Share = 0.0
+    optimiser: Literal["adam", "muon"] = "adam"
     learning_rate: PositiveFloat = 1e-3
     schedule: Literal["plateau", "cosine"] = "cosine"
     batch_size: PositiveInt = 64
     epochs: PositiveInt = 1500
     patience: PositiveInt = 500
     seed: NonNegativeInt = 0
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    search: MlpSearch | None = None
+
+
+ModelSpec = Annotated[SpectralSpec | MlpSpec, Field(discriminator="kind")]
 
 
 class TrainSpec(Spec):
@@ -38,6 +86,6 @@ class TrainSpec(Spec):
 
     dataset: Path
     out: Path
-    model: Annotated[SpectralSpec | MlpSpec, Field(discriminator="kind")]
+    model: ModelSpec
     samples: Annotated[int, Field(ge=4)] | None = None
     learning_curve: tuple[Annotated[int, Field(ge=4)], ...] = ()

@@ -1,158 +1,246 @@
-"""The energy model: Psi, e and C_ee as Chebyshev series, fitted by linear least squares to all that the samples know.
+"""The energy model as Chebyshev series, fitted by linear least squares to all that the samples know.
 
-Every FE state gives, for nothing, the value, gradient and Hessian of Psi (energy, lambda, W_aa^-1), the value and
-gradient of e (delta_e, W_ea W_aa^-1) and the value of C_ee = W_ee - W_ea W_aa^-1 W_ae. Each of the three has its own
-degree, chosen by cross-validation on the training states."""
+The potential, e and C each have their own index set, of anisotropic total degree, chosen by the error of states left
+out: among weights of the coordinates that are all 1, weights by how fast the coefficients fall along each, and weights by
+how much the effectors' map bends along each, and among degrees."""
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement, pairwise
 from typing import Any
 
 import numpy as np
 
-from cfem.condensed import pack_upper
 from cfem.predict.chebyshev import basis
-from cfem.surrogate.chebyshev import derivative_matrices, index_set, number_of_terms
+from cfem.predict.energy import Form
+from cfem.surrogate.chebyshev import derivative_matrices, index_set
+from cfem.surrogate.coordinates import box_coordinates, mean_square
+from cfem.surrogate.least_squares import residual_square, solve_nested, triangular
+from cfem.surrogate.observations import Derivative, Observations, in_box, inputs, observations
 
-QUANTITIES = ("energy", "effector", "locked_compliance")
-MAX_TERMS = 2000
-BOX_MARGIN = 0.01  # of the range of the data: a polynomial of high degree grows fast outside its box
+ROWS_A_TERM = 1 / 0.9
+BLOCK = 4_000_000  # entries of a block of the least-squares matrix
+MOST_ROWS = 40  # a term: more rows than that add time and no accuracy
+HARDLY = 0.1  # of the largest second derivative of the effectors' map
+PILOT_TERMS = 600  # whose decay says which coordinates matter
+
+
+@dataclass(frozen=True)
+class Series:
+    """indices (M, n), coefficients (M, q) of one quantity in box coordinates."""
+
+    indices: np.ndarray
+    coefficients: np.ndarray
 
 
 @dataclass(frozen=True)
 class Fit:
-    """arrays: what SpectralPredictor evaluates; degrees: chosen, by quantity;
-    held_out: one record a quantity and degree: terms and the root mean square error of states left out, relative."""
+    """arrays: what SpectralPredictor evaluates; terms: chosen, by quantity; weights: of the coordinates, by quantity;
+    held_out: one record a quantity, weighting and degree: terms and the root mean square error of states left out,
+    relative."""
 
     arrays: dict[str, np.ndarray]
-    degrees: dict[str, int]
+    terms: dict[str, int]
+    weights: dict[str, list[float]]
     held_out: list[dict[str, Any]]
 
 
-@dataclass(frozen=True)
-class Observations:
-    """What is known of one quantity in box coordinates z: orders[d] (m, k_d, q), its derivatives of order d."""
-
-    orders: tuple[np.ndarray, ...]
-
-    def scaled(self) -> tuple[np.ndarray, np.ndarray]:
-        """(m, k, q) all orders, each divided by its standard deviation, and (k,) those divisors."""
-        scales = [np.std(order, axis=0).max(initial=0.0) or np.abs(order).max() or 1.0 for order in self.orders]
-        divisors = np.concatenate([np.full(order.shape[1], s) for order, s in zip(self.orders, scales, strict=True)])
-        return np.concatenate(self.orders, axis=1) / divisors[:, None], divisors
-
-
-def fit(dataset: Any, max_degree: int = 16, folds: int = 5) -> Fit:
+def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_terms: int = 2000, folds: int = 5) -> Fit:
     """Fits all states of `dataset` (cfem.dataset.reader.Dataset, training rows only); fewer folds for fewer states."""
-    folds = min(folds, len(dataset.delta_a))
-    delta_a = dataset.delta_a
-    a = dataset.rows.a
-    stiffness = np.linalg.inv(dataset.W[:, a, a])
-    to_box, offset = box_coordinates(delta_a, stiffness.mean(axis=0))
-    z = delta_a @ to_box.T + offset
-    n_a = delta_a.shape[1]
-    while max_degree > 1 and number_of_terms(n_a, max_degree) > MAX_TERMS:
-        max_degree -= 1
-    coefficients, degrees, held_out = {}, {}, []
-    for name, observed in zip(QUANTITIES, observations(dataset, stiffness, to_box), strict=True):
-        errors, coefficients[name] = fit_quantity(z, observed, max_degree, folds)
-        degrees[name] = int(np.argmin(errors))
-        coefficients[name] = coefficients[name][degrees[name]]
-        held_out += [
-            {"quantity": name, "degree": degree, "terms": number_of_terms(n_a, degree), "error": float(error)}
-            for degree, error in enumerate(errors)
-        ]
-    indices = index_set(n_a, max(degrees.values()))
-    arrays = {
-        "to_box": to_box,
-        "offset": offset,
-        "indices": indices,
-        "series": series(coefficients, indices, to_box),
-    }
-    return Fit(arrays, degrees, held_out)
-
-
-def box_coordinates(delta_a: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """z = to_box delta_a + offset: rotated to the principal axes of the mean stiffness (n_a, n_a), which tell soft
-    directions from stiff ones, then scaled so that the states (m, n_a) lie in [-1, 1]."""
-    spread = np.ptp(delta_a, axis=0)
-    axes = np.linalg.eigh(stiffness * np.outer(spread, spread))[1].T / spread
-    y = delta_a @ axes.T
-    low, high = y.min(axis=0), y.max(axis=0)
-    half = (0.5 + BOX_MARGIN) * (high - low)
-    return axes / half[:, None], -(low + high) / 2 / half
-
-
-def observations(dataset: Any, stiffness: np.ndarray, to_box: np.ndarray) -> tuple[Observations, ...]:
-    """What the samples know of Psi, e and C_ee; derivatives by z = to_box delta_a + offset."""
-    e, a = dataset.rows.e, dataset.rows.a
-    from_box = np.linalg.inv(to_box)
-    W_ea = dataset.W[:, e, a]
-    gradient_e = W_ea @ stiffness
-    locked = dataset.W[:, e, e] - gradient_e @ W_ea.swapaxes(1, 2)
-    hessian = from_box.T @ stiffness @ from_box
-    return (
-        Observations(
-            (
-                dataset.energy[:, None, None],
-                (dataset.lambda_a @ from_box)[..., None],
-                pack_upper(hessian)[..., None],
-            )
-        ),
-        Observations((dataset.delta_e[:, None, :], (gradient_e @ from_box).swapaxes(1, 2))),
-        Observations((pack_upper(locked)[:, None, :],)),
+    s, q = inputs(dataset, form)
+    known = observations(dataset, form)
+    metric = _metric(s, q, known)
+    to_box, offset = box_coordinates(s, q, metric)
+    active = active_weights(metric, s, q.shape[1])
+    z = np.hstack([s, q]) @ to_box.T + offset
+    chosen, weights, held_out = {}, {}, []
+    for name, observed in known.items():
+        chosen[name], weights[name], records = fit_quantity(
+            z, in_box(observed, to_box), max_degree, max_terms, folds, active
+        )
+        held_out += [{"quantity": name, **record} for record in records]
+    indices, arrays = series(chosen, to_box, s.shape[1])
+    return Fit(
+        {"to_box": to_box, "offset": offset, "indices": indices, "series": arrays},
+        {name: len(one.indices) for name, one in chosen.items()},
+        {name: one.tolist() for name, one in weights.items()},
+        held_out,
     )
 
 
+def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.ndarray:
+    """The form whose principal axes become coordinates: the mean Hessian of the potential for one or two inputs, the
+    mean squared second derivative of the effectors' map for more (active directions of its gradient, Constantine
+    2015)."""
+    n_a = s.shape[1]
+    if n_a <= 2:
+        mean = known["potential"].values[:, 1 + n_a : 1 + n_a + n_a * (n_a + 1) // 2, 0].mean(axis=0)
+        metric = np.zeros((n_a, n_a))
+        metric[np.triu_indices(n_a)] = mean
+        return metric + np.triu(metric, 1).T
+    effector = known["effector"]
+    pairs = tuple(combinations_with_replacement(range(n_a), 2))
+    if pairs[0] in effector.derivatives:
+        return mean_square(effector.values[:, 1 + n_a :], n_a)
+    to_box, offset = box_coordinates(s, q, np.eye(n_a))
+    z = np.hstack([s, q]) @ to_box.T + offset
+    pilot, _, _ = fit_quantity(z, in_box(effector, to_box), max_degree=6, max_terms=PILOT_TERMS, folds=5)
+    second = design_rows(z, pilot.indices, pairs) @ pilot.coefficients
+    return mean_square(in_box(Observations(pairs, second, n_a), np.linalg.inv(to_box)).values, n_a)
+
+
 def fit_quantity(
-    z: np.ndarray, observed: Observations, max_degree: int, folds: int
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """(degrees,) held-out errors, and (M, q) coefficients fitted to all states, for every degree from 0 that the number
-    of rows allows (terms at most 0.7 of the rows of a fold's fit)."""
-    m, n = z.shape
+    z: np.ndarray,
+    observed: Observations,
+    max_degree: int,
+    max_terms: int,
+    folds: int,
+    active: np.ndarray | None = None,
+) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
+    """The series with the least error on states left out, the weights of its coordinates, and one record a trial.
+    active: weights to try besides equal ones and those by the coefficients' decay."""
+    n = z.shape[1]
     targets, divisors = observed.scaled()
-    rows = (m - -(-m // folds)) * len(divisors)
-    degree = max(d for d in range(max_degree + 1) if d == 0 or number_of_terms(n, d) <= 0.7 * rows)
-    counts = [number_of_terms(n, d) for d in range(degree + 1)]
-    design = design_rows(z, index_set(n, degree), len(observed.orders) - 1) / divisors[:, None]
-    squares = np.zeros(len(counts))
-    for fold in range(folds):
-        out = np.arange(m) % folds == fold
-        for number, solution in enumerate(nested_least_squares(design[~out], targets[~out], counts)):
-            squares[number] += ((design[out][..., : len(solution)] @ solution - targets[out]) ** 2).sum()
-    return np.sqrt(squares / targets.size), nested_least_squares(design, targets, counts)
+    folds = min(folds, len(z))
+    most = int(len(divisors) * (len(z) - -(-len(z) // folds)) / ROWS_A_TERM)
+    most = max(1, min(max_terms, most))
+    found, records = [], []
+
+    def attempt(name: str, weights: np.ndarray, limit: int) -> Series:
+        indices, order = index_set(weights, limit, max_degree)
+        counts = level_counts(order, smooth=name != "equal")
+        trials = try_counts(z, observed.derivatives, targets, divisors, indices, counts, folds)
+        records.extend(
+            {"weights": name, "degree": float(order[count - 1]), "terms": count, "error": error}
+            for count, (error, _) in zip(counts, trials, strict=True)
+            if np.isfinite(error)
+        )
+        at = int(np.argmin([error for error, _ in trials]))
+        series = Series(indices[: counts[at]], trials[at][1])
+        found.append((trials[at][0], series, weights))
+        return series
+
+    pilot = attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
+    others = {"decay": decay_weights(pilot), "active": active} if n > 1 else {}
+    for name, weights in others.items():
+        if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
+            attempt(name, weights, most)
+    _, series, weights = min(found, key=lambda one: one[0])
+    return series, weights, records
 
 
-def design_rows(z: np.ndarray, indices: np.ndarray, order: int) -> np.ndarray:
-    """(m, k, M) value, gradient and upper triangle of the Hessian of the basis at z (m, n), up to the stated order."""
-    values = basis(z, indices)
-    rows = [values]
-    if order >= 1:
-        D = derivative_matrices(indices)
-        first = [values @ D_i for D_i in D]
-        rows += first
-    if order == 2:
-        rows += [first[i] @ D[j] for i in range(len(D)) for j in range(i, len(D))]
-    return np.stack(rows, axis=1)
+def level_counts(order: np.ndarray, smooth: bool) -> list[int]:
+    """Sizes of the nested sets to try, of indices sorted by `order` (M,): whole degrees, or, for weighted ones, steps
+    of a quarter in number."""
+    ends = [i + 1 for i, (one, other) in enumerate(pairwise(order)) if other > one + 1e-9] + [len(order)]
+    if not smooth:
+        return ends
+    counts = [ends[0]]
+    for end in ends[1:]:
+        if end >= 1.25 * counts[-1] or end == ends[-1]:
+            counts.append(end)
+    return counts
 
 
-def nested_least_squares(design: np.ndarray, targets: np.ndarray, counts: list[int]) -> list[np.ndarray]:
-    """Least squares with the first M columns of design (m, k, M_max), for every M in counts: one QR serves them all."""
-    Q, R = np.linalg.qr(design.reshape(-1, design.shape[-1]))
-    right = Q.T @ targets.reshape(-1, targets.shape[-1])
-    return [np.linalg.solve(R[:M, :M], right[:M]) for M in counts]
+def try_counts(
+    z: np.ndarray,
+    derivatives: tuple[Derivative, ...],
+    targets: np.ndarray,
+    divisors: np.ndarray,
+    indices: np.ndarray,
+    counts: list[int],
+    folds: int,
+) -> list[tuple[float, np.ndarray]]:
+    """(relative root mean square error of states left out, coefficients fitted to all states) for every count."""
+    m, k, outputs = targets.shape
+    members = [np.arange(m)[np.arange(m) % folds == fold] for fold in range(folds)]
+    left_out = [triangular(blocks(z[rows], derivatives, targets[rows], divisors, indices)) for rows in members]
+    everything = triangular(left_out)
+    solutions = solve_nested(everything, outputs, counts)
+    # many columns make the factors of all but one fold the dearest part: one fold then has to do
+    judged = range(folds) if len(indices) <= PILOT_TERMS else range(1)
+    squares, count = np.zeros(len(counts)), 0
+    for fold in judged:
+        others = triangular(left_out[:fold] + left_out[fold + 1 :])
+        for number, solution in enumerate(solve_nested(others, outputs, counts)):
+            squares[number] += np.inf if solution is None else residual_square(left_out[fold], outputs, solution)
+        count += len(members[fold]) * k * outputs
+    errors = np.sqrt(squares / count)
+    return [
+        (np.inf if solution is None else float(error), solution)
+        for error, solution in zip(errors, solutions, strict=True)
+    ]
 
 
-def series(coefficients: dict[str, np.ndarray], indices: np.ndarray, to_box: np.ndarray) -> np.ndarray:
-    """(n_out, M) coefficients of every part of `cfem.predict.spectral.layout`, derivatives by delta_a."""
-    psi, e, locked = (_padded(coefficients[name], len(indices)) for name in QUANTITIES)
+def blocks(
+    z: np.ndarray, derivatives: tuple[Derivative, ...], targets: np.ndarray, divisors: np.ndarray, indices: np.ndarray
+):
+    """Rows [A b] of the least-squares problem, some states at a time."""
     D = derivative_matrices(indices)
-    n_a = len(to_box)
-    by_delta = [sum(to_box[j, i] * D[j] for j in range(n_a)) for i in range(n_a)]
-    psi_i = [D_i @ psi for D_i in by_delta]
-    psi_ij = [by_delta[j] @ psi_i[i] for i in range(n_a) for j in range(i, n_a)]
-    e_i = np.stack([D_i @ e for D_i in by_delta], axis=-1)  # (M, n_e, n_a)
-    return np.hstack([psi, *psi_i, *psi_ij, e, e_i.reshape(len(indices), -1), locked]).T.copy()
+    at_once = max(1, BLOCK // (len(derivatives) * len(indices)))
+    for first in range(0, len(z), at_once):
+        part = slice(first, first + at_once)
+        design = design_rows(z[part], indices, derivatives, D) / divisors[:, None]
+        rows = np.concatenate([design, targets[part]], axis=2)
+        yield rows.reshape(-1, rows.shape[2])
 
 
-def _padded(coefficients: np.ndarray, terms: int) -> np.ndarray:
-    return np.pad(coefficients, ((0, terms - len(coefficients)), (0, 0)))
+def design_rows(
+    z: np.ndarray, indices: np.ndarray, derivatives: tuple[Derivative, ...], D: list | None = None
+) -> np.ndarray:
+    """(m, k, M) the stated derivatives of the basis at z (m, n)."""
+    D = D or derivative_matrices(indices)
+    known = {(): basis(z, indices)}
+    for one in sorted(derivatives, key=len):
+        for end in range(1, len(one) + 1):
+            if one[:end] not in known:
+                known[one[:end]] = known[one[: end - 1]] @ D[one[end - 1]]
+    return np.stack([known[one] for one in derivatives], axis=1)
+
+
+def decay_weights(series: Series, largest: float = 4.0) -> np.ndarray:
+    """(n,) weights >= 1 by how fast the coefficients fall with the degree in each coordinate: the rate of a geometric
+    fall from degree 1 on, that of the slowest coordinate being 1."""
+    size = np.linalg.norm(series.coefficients / np.abs(series.coefficients).max(axis=0, initial=1e-300), axis=1)
+    rates = np.full(series.indices.shape[1], np.inf)
+    for axis, degrees in enumerate(series.indices.T):
+        falls = np.array([np.sqrt((size[degrees == k] ** 2).sum()) for k in range(1, degrees.max() + 1)])
+        # odd or even degrees may lack: what counts is what is left from each degree on
+        beyond = np.maximum.accumulate(falls[::-1])[::-1]
+        if len(beyond) > 1:
+            log = np.log(np.maximum(beyond, 1e-17))
+            rates[axis] = (log[0] - log[-1]) / (len(log) - 1)
+    slowest = rates.min()
+    if not np.isfinite(slowest) or slowest <= 0:
+        return np.ones(len(rates))
+    return np.clip(rates / slowest, 1.0, largest)
+
+
+def active_weights(metric: np.ndarray, s: np.ndarray, n_q: int) -> np.ndarray | None:
+    """(n,) 2 for the coordinates along which the effectors' map hardly bends, by the metric that the coordinates of
+    `box_coordinates` come from, 1 for the others and for parameters; None for one or two inputs."""
+    if s.shape[1] <= 2:
+        return None
+    spread = np.ptp(s, axis=0)
+    bend = np.sqrt(np.maximum(np.linalg.eigvalsh(metric * np.outer(spread, spread)), 0.0))
+    return np.concatenate([np.where(bend < HARDLY * bend[-1], 2.0, 1.0), np.ones(n_q)])
+
+
+def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> tuple[np.ndarray, np.ndarray]:
+    """The union of the index sets (M, n), and (n_out, M) coefficients of every part of `cfem.predict.energy.layout`,
+    derivatives by s (n_a,)."""
+    union = {tuple(k) for one in chosen.values() for k in one.indices.tolist()}
+    indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
+    position = {tuple(k): i for i, k in enumerate(indices.tolist())}
+
+    def padded(one: Series) -> np.ndarray:
+        full = np.zeros((len(indices), one.coefficients.shape[1]))
+        full[[position[tuple(k)] for k in one.indices.tolist()]] = one.coefficients
+        return full
+
+    psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))
+    D = derivative_matrices(indices)
+    by_s = [sum(to_box[j, i] * D[j] for j in range(n_a)) for i in range(n_a)]
+    psi_i = [D_i @ psi for D_i in by_s]
+    psi_ij = [by_s[j] @ psi_i[i] for i in range(n_a) for j in range(i, n_a)]
+    e_i = np.stack([D_i @ e for D_i in by_s], axis=-1)  # (M, n_e, n_a)
+    return indices, np.hstack([psi, *psi_i, *psi_ij, e, e_i.reshape(len(indices), -1), compliance]).T.copy()

@@ -1,12 +1,12 @@
 """`cfem train`: a dataset to a model folder. Test rows judge, and do nothing else.
 
-weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs delta_a with the W
+weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs s (and p) with the W
 and delta_free that the model gives there, so that every other form of it can be compared."""
 
 import io
+import shutil
 import time
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,9 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
-from cfem.surrogate.spec import MlpSpec, SpectralSpec, TrainSpec
+from cfem.surrogate.spec import MlpSpec, ModelSpec, SpectralSpec, TrainSpec
 
-DOMAIN_POINTS = 2000
+QUERIES = 100_000  # at which W has to be positive definite
 
 
 def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
@@ -30,7 +30,7 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
     folder = spec_path.parent / spec.dataset
     stage = Stage(
         name="train",
-        version=1,
+        version=2,
         spec=spec,
         inputs={"dataset": folder},
         out=out or spec_path.parent / spec.out,
@@ -45,108 +45,147 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
 
     training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples)
     test = read_dataset(artefact_file(dataset_folder, "test.parquet"))
-    if training.rows != test.rows or not len(test.delta_a):
+    if training.rows != test.rows or not len(test):
         raise InputError("its test rows are none, or of another robot", where=str(dataset_folder), do="sample it anew")
-    meta, arrays, results = train_and_judge(training, test, spec.model)
+    checkpoints = folder / "checkpoints"  # from which a killed training goes on
+    meta, arrays, results = train_and_judge(training, test, spec.model, checkpoints)
+    predictor = build(meta, arrays)
+    results["positive_definite"] = definite = check_definite(predictor, training)
     results["learning_curve"] = [
-        learning_point(first_rows(training, samples), test, spec.model)
+        learning_point(first_rows(training, samples), test, spec.model, checkpoints)
         for samples in spec.learning_curve
-        if samples < len(training.delta_a)
-    ] + [{key: results[key] for key in ("samples", "seconds_fit", "errors")}]
-    data = {"content": artefact_content(dataset_folder), "samples": len(training.delta_a)}
-    write_json(folder / "model.json", {**meta, "dataset": data})
+        if samples < len(training)
+    ] + [point(results)]
+    data = {"content": artefact_content(dataset_folder), "samples": len(training)}
+    write_json(folder / "model.json", {**meta, "dataset": data, "positive_definite": definite})
     write_arrays(folder / "weights.npz", arrays)
-    W, delta_free = build(meta, arrays).evaluate(test.delta_a)
-    write_arrays(folder / "test_vectors.npz", {"delta_a": test.delta_a, "W": W, "delta_free": delta_free})
-    errors = results["errors"]
-    results["headline"] = [
-        f"{spec.model.kind}, {results['samples']} samples: loss {errors['loss']:.2e} on {errors['states']} states; "
-        f"off by {errors['tip_mm']['max']:.2g} mm and {errors['force_N']['max']:.2g} N at most; "
-        f"fitted in {results['seconds_fit']:.3g} s, {results['microseconds_query']:.0f} us a query"
-    ]
+    s, p = model_inputs(predictor, test)
+    W, delta_free = predictor.evaluate(s, p)
+    write_arrays(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
+    results["headline"] = headline(results)
+    shutil.rmtree(checkpoints, ignore_errors=True)
     return results
 
 
+def headline(results: dict[str, Any]) -> list[str]:
+    errors, definite = results["errors"], results["positive_definite"]
+    lines = [
+        f"{results['kind']}, {results['samples']} samples: loss {errors['loss']:.2e} on {errors['states']} states; "
+        f"off by {errors['tip_mm']['max']:.2g} mm and {errors['force_N']['max']:.2g} N at most; "
+        f"fitted in {results['seconds_fit']:.3g} s, {results['microseconds_query']:.0f} us a query"
+    ]
+    if definite["share"] < 1:
+        lines.append(
+            f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random states "
+            "between the samples: more samples, or fewer degrees, may mend it"
+        )
+    return lines
+
+
 def train_and_judge(
-    training: Any, test: Any, spec: SpectralSpec | MlpSpec
+    training: Any, test: Any, spec: ModelSpec, folder: Path | None = None
 ) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, Any]]:
-    """model.json, arrays, results (errors on the test rows, history, seconds)."""
+    """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
     from cfem.surrogate.error_measures import measure
     from cfem.surrogate.model_card import model_card
 
     begin = time.perf_counter()
-    arrays, facts, history = (fit_spectral if isinstance(spec, SpectralSpec) else train_mlp)(training, spec)
+    arrays, facts, history = FITS[type(spec)](training, spec, folder)
     seconds = time.perf_counter() - begin
     meta = model_card(spec.kind, training, **facts)
     predictor = build(meta, arrays)
-    errors = measure(test, *predictor.evaluate(test.delta_a))
+    errors = measure(test, *predictions(predictor, test))
     results = {
         "kind": spec.kind,
-        "samples": len(training.delta_a),
+        "samples": len(training),
         "seconds_fit": seconds,
-        "microseconds_query": query_microseconds(predictor, test.delta_a),
+        "seconds_sampling": float(training.cost["seconds"].sum()),
+        "microseconds_query": query_microseconds(predictor, test),
         "errors": errors,
-        **definiteness(predictor, training.delta_a),
         **facts,
         "history": history,
     }
     return {**meta, "errors": errors, "history": history}, arrays, results
 
 
-def fit_spectral(training: Any, spec: SpectralSpec) -> tuple[dict, dict, list]:
+Fitted = tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]  # arrays, facts for model.json, history
+
+
+def fit_spectral(training: Any, spec: SpectralSpec, folder: Path | None) -> Fitted:
     from cfem.surrogate.spectral import fit
 
-    found = fit(training, spec.max_degree, spec.folds)
-    return found.arrays, {"degrees": found.degrees}, found.held_out
+    found = fit(training, spec.form, spec.max_degree, spec.max_terms, spec.folds)
+    return found.arrays, {"form": spec.form, "terms": found.terms, "weights": found.weights}, found.held_out
 
 
-def train_mlp(training: Any, spec: MlpSpec) -> tuple[dict, dict, list]:
-    from cfem.surrogate.mlp import train
+def fit_mlp(training: Any, spec: MlpSpec, folder: Path | None) -> Fitted:
+    from cfem.surrogate.mlp import fit
 
-    found = train(training, spec)
-    facts = {"activation": spec.activation, "best_epoch": found.best_epoch}
-    return found.model.arrays(), facts, found.history
+    return fit(training, spec, folder)
 
 
-def learning_point(training: Any, test: Any, spec: SpectralSpec | MlpSpec) -> dict[str, Any]:
-    _, _, results = train_and_judge(training, test, spec)
-    return {key: results[key] for key in ("samples", "seconds_fit", "errors")}
+FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {SpectralSpec: fit_spectral, MlpSpec: fit_mlp}
 
 
-def definiteness(predictor: Predictor, delta_a: np.ndarray) -> dict[str, Any]:
-    """Whether W_aa, and for the energy model hess Psi and C_ee, are positive definite between the training states."""
-    from cfem.predict.spectral import SpectralPredictor
-    from cfem.surrogate.model_card import random_states, share_positive_definite
-
-    points = random_states(delta_a, DOMAIN_POINTS)
-    if isinstance(predictor, SpectralPredictor):
-        parts = predictor.parts(points)
-        checked = {name: parts[name] for name in ("hessian", "locked_compliance")}
-    else:
-        checked = {"W": predictor.evaluate(points)[0]}
-    return {"positive_definite": {name: share_positive_definite(matrices) for name, matrices in checked.items()}}
+def point(results: dict[str, Any]) -> dict[str, Any]:
+    """One point of the learning curve."""
+    kept = ("samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors")
+    return {key: results[key] for key in kept}
 
 
-def query_microseconds(predictor: Predictor, delta_a: np.ndarray, repeats: int = 500) -> float:
-    """Median time of `at_displacement`, one state after the other."""
+def learning_point(training: Any, test: Any, spec: ModelSpec, folder: Path) -> dict[str, Any]:
+    _, _, results = train_and_judge(training, test, spec, folder)
+    return point(results)
+
+
+def check_definite(predictor: Predictor, training: Any) -> dict[str, Any]:
+    from cfem.surrogate.definiteness import definiteness
+
+    return definiteness(predictor, training, QUERIES)
+
+
+def model_inputs(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
+    """s (m, n_a) by the model's form, p (m, n_p) of the test states."""
+    s = test.delta_a if predictor.form == "displacement" else test.lambda_a
+    return s, all_parameters(predictor, test)
+
+
+def all_parameters(predictor: Predictor, dataset: Any) -> np.ndarray:
+    """(m, n_p) the dataset's sampled parameters among all that the model has, exact ones at their reference."""
+    p = np.tile([one.reference for one in predictor.parameters], (len(dataset), 1))
+    p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = dataset.p
+    return p
+
+
+def predictions(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
+    """W (m, n, n), delta_free (m, n) where the actuators stand as in the test states, whatever the model's form."""
+    p = all_parameters(predictor, test)
+    if predictor.form == "displacement":
+        return predictor.evaluate(test.delta_a, p)
+    found = [predictor.at_displacement(*state) for state in zip(test.delta_a, p, strict=True)]
+    return np.array([one.W for one in found]), np.array([one.delta_free for one in found])
+
+
+def query_microseconds(predictor: Predictor, test: Any, repeats: int = 500) -> float:
+    """Median time of one query, one state after the other."""
+    s, p = model_inputs(predictor, test)
     times = []
     for i in range(repeats):
+        state = s[i % len(s)], p[i % len(s)]
         begin = time.perf_counter()
-        predictor.at_displacement(delta_a[i % len(delta_a)])
+        predictor.at(*state)
         times.append(time.perf_counter() - begin)
     return 1e6 * float(np.median(times))
 
 
 def first_rows(dataset: Any, samples: int | None) -> Any:
     """The first `samples` converged rows of a cfem.dataset.reader.Dataset, all of them where None."""
-    available = len(dataset.delta_a)
+    available = len(dataset)
     if (samples or 4) > available:
         raise InputError(
             f"holds {available} converged training rows, {samples or 4} are asked for", do="sample more rows"
         )
-    per_row = ("id", "u", "delta_a", "delta_e", "lambda_a", "W", "delta_free", "energy", "slack")
-    cost = {name: values[:samples] for name, values in dataset.cost.items()}
-    return replace(dataset, **{name: getattr(dataset, name)[:samples] for name in per_row}, cost=cost)
+    return dataset if samples is None else dataset.take(np.arange(samples))
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:

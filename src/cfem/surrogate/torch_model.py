@@ -1,6 +1,8 @@
-"""The models as differentiable torch modules: forward(delta_a (B, n_a)) -> W (B, n, n), delta_free (B, n), float64.
+"""The models as differentiable torch modules: forward(s (B, n_a)) or forward(s, p (B, n_p)) -> W (B, n, n),
+delta_free (B, n), float64; s is delta_a or lambda_a, by the model's form.
 
-Standardisation and box coordinates are inside, so an exported graph takes mm and gives mm/N and mm."""
+Standardisation, box coordinates and the coordinates of parameters are inside, so an exported graph takes mm or N and
+gives mm/N and mm."""
 
 from itertools import pairwise
 
@@ -9,37 +11,82 @@ import torch
 from torch import Tensor, nn
 
 from cfem.condensed import Rows
-from cfem.predict.spectral import layout, unpacking
+from cfem.condensed.parameters import Parameter, from_json
+from cfem.predict.energy import Form, layout, unpacking
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh, "silu": nn.SiLU}
 
 
-class Spectral(nn.Module):
-    """The energy model; arrays as cfem.predict.spectral.SpectralPredictor."""
+class Parametric(nn.Module):
+    """A module learned(s, q) of the learned parameters' coordinates q as one of p: W (B, n, n), delta_free (B, n)
+    whose exact parameters scale W by reference over value (`cfem.predict.protocol.Predictor.softer`)."""
 
-    def __init__(self, rows: Rows, arrays: dict[str, np.ndarray]):
+    def __init__(self, learned: nn.Module, form: Form, parameters: tuple[Parameter, ...]):
         super().__init__()
-        self.n_a, self.n_e = rows.n_a, rows.n_e
+        self.learned, self.form = learned, form
+        self.coordinates = [one.coordinate for one in parameters if not one.exact]
+        self.columns = [i for i, one in enumerate(parameters) if not one.exact]
+        self.exact = [(i, one.reference) for i, one in enumerate(parameters) if one.exact]
+
+    def forward(self, s: Tensor, p: Tensor) -> tuple[Tensor, Tensor]:
+        softer = torch.ones_like(p[:, :1])
+        for column, reference in self.exact:
+            softer = softer * reference / p[:, column : column + 1]
+        q = [COORDINATES[name](p[:, i : i + 1]) for name, i in zip(self.coordinates, self.columns, strict=True)]
+        s = s * softer if self.form == "force" else s
+        W, delta_free = self.learned(s, torch.cat(q, dim=1) if q else p[:, :0])
+        return W * softer[:, :, None], delta_free
+
+
+COORDINATES = {"linear": lambda p: p, "log": torch.log, "log(1-2p)": lambda p: torch.log(1 - 2 * p)}
+
+
+class Condense(nn.Module):
+    """Flat outputs (B, k) in the order of `cfem.predict.energy.layout` to W (B, n, n), delta_free (B, n), as
+    `cfem.predict.energy.condense`."""
+
+    def __init__(self, form: Form, rows: Rows):
+        super().__init__()
+        self.form, self.n_a, self.n_e = form, rows.n_a, rows.n_e
         self.sizes = [part.stop - part.start for part in layout(rows.n_a, rows.n_e).values()]
-        self.degree = int(arrays["indices"].max(initial=0))
-        for name in ("to_box", "offset", "indices", "series"):
-            self.register_buffer(name, torch.as_tensor(arrays[name]))
         self.register_buffer("unpack_a", torch.as_tensor(unpacking(rows.n_a).ravel()))
         self.register_buffer("unpack_e", torch.as_tensor(unpacking(rows.n_e).ravel()))
 
-    def forward(self, delta_a: Tensor) -> tuple[Tensor, Tensor]:
-        out = self.basis(delta_a @ self.to_box.T + self.offset) @ self.series.T
-        _, gradient, hessian, effector, effector_gradient, locked = torch.split(out, self.sizes, dim=1)
+    def forward(self, s: Tensor, out: Tensor) -> tuple[Tensor, Tensor]:
+        _, gradient, hessian, effector, effector_gradient, compliance = torch.split(out, self.sizes, dim=1)
+        hessian = hessian[:, self.unpack_a].reshape(-1, self.n_a, self.n_a)
+        W_ee = compliance[:, self.unpack_e].reshape(-1, self.n_e, self.n_e)
         gradient_e = effector_gradient.reshape(-1, self.n_e, self.n_a)
-        W_aa = spd_inverse(hessian[:, self.unpack_a].reshape(-1, self.n_a, self.n_a))
-        W_ea = gradient_e @ W_aa
-        W_ee = locked[:, self.unpack_e].reshape(-1, self.n_e, self.n_e) + W_ea @ gradient_e.transpose(1, 2)
+        if self.form == "displacement":
+            delta_a, lam = s, gradient
+            W_aa = spd_inverse(hessian)
+            W_ea = gradient_e @ W_aa
+            W_ee = W_ee + W_ea @ gradient_e.transpose(1, 2)
+        else:
+            delta_a, lam = gradient, s
+            W_aa, W_ea = hessian, gradient_e
         W_a = torch.cat([W_ea, W_aa], dim=1)
         W = torch.cat([torch.cat([W_ee, W_ea.transpose(1, 2)], dim=1), W_a], dim=2)
-        return W, torch.cat([effector, delta_a], dim=1) - (W_a @ gradient[:, :, None])[:, :, 0]
+        return W, torch.cat([effector, delta_a], dim=1) - (W_a @ lam[:, :, None])[:, :, 0]
+
+
+class Spectral(nn.Module):
+    """The energy model in Chebyshev polynomials; arrays as cfem.predict.spectral.SpectralPredictor."""
+
+    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray]):
+        super().__init__()
+        self.condense = Condense(form, rows)
+        self.n = arrays["indices"].shape[1]
+        self.degree = int(arrays["indices"].max(initial=0))
+        for name in ("to_box", "offset", "indices", "series"):
+            self.register_buffer(name, torch.as_tensor(arrays[name]))
+
+    def forward(self, s: Tensor, q: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        t = s if q is None else torch.cat([s, q], dim=1)
+        return self.condense(s, self.basis(t @ self.to_box.T + self.offset) @ self.series.T)
 
     def basis(self, z: Tensor) -> Tensor:
-        """(B, n_a) -> (B, M), by the doubling of cfem.predict.chebyshev."""
+        """(B, n) -> (B, M), by the doubling of cfem.predict.chebyshev."""
         table = torch.stack([torch.ones_like(z), z])
         known = 1
         while known < self.degree:
@@ -48,7 +95,7 @@ class Spectral(nn.Module):
             table = torch.cat([table, new])
             known += more
         product = table[self.indices[:, 0], :, 0]
-        for axis in range(1, self.n_a):
+        for axis in range(1, self.n):
             product = product * table[self.indices[:, axis], :, axis]
         return product.T
 
@@ -56,31 +103,27 @@ class Spectral(nn.Module):
 class Mlp(nn.Module):
     """The paper's F: hidden layers of equal width, float32 within, standardised inputs and outputs.
 
-    Outputs are the packed upper triangle of W, then delta_free; an entry with out_scale 0 is constant."""
+    Inputs are s, then the n_q coordinates of the learned parameters. Outputs are the packed upper triangle of W, then
+    delta_free; an entry with out_scale 0 is constant."""
 
-    def __init__(self, rows: Rows, width: int, depth: int, activation: str, dropout: float = 0.0):
+    def __init__(self, rows: Rows, n_q: int, width: int, depth: int, activation: str, dropout: float = 0.0):
         super().__init__()
         self.n = rows.n
-        sizes = [rows.n_a, *[width] * depth]
+        inputs, outputs = rows.n_a + n_q, rows.n * (rows.n + 1) // 2 + rows.n
+        sizes = [inputs, *[width] * depth]
         hidden = [
             layer
-            for inputs, outputs in pairwise(sizes)
-            for layer in (nn.Linear(inputs, outputs), ACTIVATIONS[activation](), nn.Dropout(dropout))
+            for before, after in pairwise(sizes)
+            for layer in (nn.Linear(before, after), ACTIVATIONS[activation](), nn.Dropout(dropout))
         ]
-        outputs = rows.n * (rows.n + 1) // 2 + rows.n
         self.net = nn.Sequential(*hidden, nn.Linear(sizes[-1], outputs))
-        for name, size in (
-            ("in_mean", rows.n_a),
-            ("in_scale", rows.n_a),
-            ("out_mean", outputs),
-            ("out_scale", outputs),
-        ):
+        for name, size in (("in_mean", inputs), ("in_scale", inputs), ("out_mean", outputs), ("out_scale", outputs)):
             self.register_buffer(name, torch.zeros(size, dtype=torch.float64))
         self.register_buffer("unpack", torch.as_tensor(unpacking(rows.n).ravel()))
 
-    def forward(self, delta_a: Tensor) -> tuple[Tensor, Tensor]:
-        standardised = ((delta_a - self.in_mean) / self.in_scale).float()
-        out = self.net(standardised).double() * self.out_scale + self.out_mean
+    def forward(self, s: Tensor, q: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        t = s if q is None else torch.cat([s, q], dim=1)
+        out = self.net(((t - self.in_mean) / self.in_scale).float()).double() * self.out_scale + self.out_mean
         return out[:, : -self.n][:, self.unpack].reshape(-1, self.n, self.n), out[:, -self.n :]
 
     @property
@@ -99,7 +142,8 @@ class Mlp(nn.Module):
 def mlp_from_arrays(rows: Rows, arrays: dict[str, np.ndarray], activation: str) -> Mlp:
     """A trained Mlp from what `Mlp.arrays` gave."""
     depth = sum(name.startswith("weight_") for name in arrays) - 1
-    model = Mlp(rows, arrays["weight_0"].shape[0], depth, activation)
+    width, inputs = arrays["weight_0"].shape
+    model = Mlp(rows, inputs - rows.n_a, width, depth, activation)
     with torch.no_grad():
         for i, layer in enumerate(model.layers):
             layer.weight.copy_(torch.as_tensor(arrays[f"weight_{i}"]))
@@ -112,8 +156,12 @@ def mlp_from_arrays(rows: Rows, arrays: dict[str, np.ndarray], activation: str) 
 def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
     """The torch module of a model folder's content (cfem.predict.load.read_meta, read_arrays), ready for inference."""
     rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
-    model = Spectral(rows, arrays) if meta["kind"] == "spectral" else mlp_from_arrays(rows, arrays, meta["activation"])
-    return model.eval()
+    parameters = from_json(meta["parameters"])
+    if meta["kind"] == "spectral":
+        model = Spectral(meta["form"], rows, arrays)
+    else:
+        model = mlp_from_arrays(rows, arrays, meta["activation"])
+    return (Parametric(model, meta["form"], parameters) if parameters else model).eval()
 
 
 def spd_inverse(matrix: Tensor) -> Tensor:

@@ -1,0 +1,38 @@
+"""Linear least squares for nested sets of columns, by QR of blocks: any number of rows, one pass over them.
+
+The triangular factor R of [A b] holds all there is to know: the solution with the first M columns is one triangular
+solve, the residual |A x - b| of any x is |R_A x - R_b|, and the factor of two blocks of rows is that of their factors
+one above the other (Demmel, Grigori, Hoemmen, Langou 2012, tall skinny QR)."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+SINGULAR = 1e-13  # of the largest diagonal entry: columns that depend on those before them
+
+
+def triangular(blocks: Iterable[np.ndarray]) -> np.ndarray:
+    """R (at most columns, columns) of all blocks (rows, columns) of [A b] together."""
+    R = None
+    for block in blocks:
+        R = np.linalg.qr(block if R is None else np.vstack([R, block]), mode="r")
+    return R
+
+
+def solve_nested(R: np.ndarray, outputs: int, counts: Sequence[int]) -> list[np.ndarray | None]:
+    """(M, outputs) solutions with the first M columns, for every M in counts; None where these are dependent. R: of
+    [A b] with b the last `outputs` columns."""
+    columns = R.shape[1] - outputs
+    diagonal = np.abs(np.diag(R[:, :columns]))
+    found = []
+    for M in counts:
+        sound = len(diagonal) >= M and diagonal[:M].min() > SINGULAR * diagonal[:M].max()
+        found.append(solve_triangular(R[:M, :M], R[:M, columns:], check_finite=False) if sound else None)
+    return found
+
+
+def residual_square(R: np.ndarray, outputs: int, solution: np.ndarray) -> float:
+    """|A x - b|^2 of the rows that R stands for, x being zero beyond the solution's first columns."""
+    columns = R.shape[1] - outputs
+    return float(((R[:, : len(solution)] @ solution - R[:, columns:]) ** 2).sum())
