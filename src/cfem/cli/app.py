@@ -60,9 +60,19 @@ def simulate_sample(
     json: Json = False,
     quiet: Quiet = False,
     workers: Workers = None,
+    until_error: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Add states where the model errs, until it errs less.")
+    ] = None,
 ) -> None:
     """Solve the planned equilibria: FE states with W and delta_free, to Parquet. Resumes what was interrupted."""
-    run_command(lambda o: _stage("sample")(spec, set_ or [], out, o, workers=workers), force, check, json, quiet)
+    overrides = [*(set_ or []), *([f"until.error={until_error}"] if until_error else [])]
+
+    def fill(*arguments):
+        return import_module("cfem.active.fill").fill(*arguments)
+
+    run_command(
+        lambda o: _stage("sample")(spec, overrides, out, o, fill=fill, workers=workers), force, check, json, quiet
+    )
 
 
 _stage_command("robot", "Make the mesh of a scene, with named sets and quality figures.", "mesh")
@@ -72,6 +82,42 @@ _stage_command("surrogate", "Fit a condensed model to a dataset; errors on its t
 _stage_command("export", "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
 _stage_command("control", "Follow trajectories by inverse control, in the FE plant.", "control")
 _stage_command("report", "One self-contained HTML page: pictures, errors against run time, provenance.", "report")
+
+
+@app.command()
+def init(
+    name: Annotated[str, typer.Argument(help="Of the new scene: small letters, digits and hyphens.")],
+    source: Annotated[Path, typer.Option("--from", help="Its shape: .step .stp, closed .stl, or .vtu .vtk .msh.")],
+    unit: Annotated[
+        str | None, typer.Option(help="Of the numbers in an .stl or mesh file: 'mm', 'm', '25.4 mm'.")
+    ] = None,
+    cells: Annotated[str | None, typer.Option(help="About how many tetrahedra to make.")] = None,
+    fixed: Annotated[
+        str | None, typer.Option(help="'z <= 5 mm', bottom, top, left, right, front, back, a set.")
+    ] = None,
+    young: Annotated[str | None, typer.Option(help="Young's modulus: '500 kPa'.")] = None,
+    poisson: Annotated[str | None, typer.Option(help="Poisson's ratio, at most 0.4999.")] = None,
+    cable: Annotated[
+        list[str] | None, typer.Option(help="'NAME: pull point; point; ...', points 'x, y, z' in mm. Repeatable.")
+    ] = None,
+    cables: Annotated[str | None, typer.Option(help="How many to place along the body, at equal angles.")] = None,
+    reach: Annotated[str | None, typer.Option(help="Largest shortening of each cable: '10 mm'.")] = None,
+    effector: Annotated[str | None, typer.Option(help="The watched point: 'x, y, z' in mm.")] = None,
+    folder: Annotated[Path, typer.Option(help="Where scenes are.")] = Path("pipelines"),
+    force: Annotated[bool, typer.Option("--force", help="Replace the files of a scene that is there.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """A new scene from a STEP, STL or mesh file; what no option says is asked, or guessed where nobody can be asked."""
+
+    def work(options):
+        from cfem.cli.init import init_scene
+
+        given = {"unit": unit, "cells": cells, "fixed": fixed, "young": young, "poisson": poisson}
+        given |= {"cables": cables, "reach": reach, "effector": effector}
+        return init_scene(name, source, folder, given, cable or [], options.force, quiet, json)
+
+    run_command(work, force=force, as_json=json, quiet=quiet)
 
 
 @app.command()

@@ -1,0 +1,190 @@
+"""`cfem simulate-sample --until-error`: rounds of FE states, each where the model of those before errs most.
+
+The training split is a pool; its first rows are solved, a model is fitted, and batches follow until every state of two
+batches in a row was predicted within the error asked for, before it was solved. Test rows are solved too and take no
+part. Interrupted, the same command goes on: the rows of a round depend on those of the rounds before alone."""
+
+import shutil
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from cfem.active.choose import choose, disagreement
+from cfem.active.place import effectors, place
+from cfem.condensed.parameters import sampled, values
+from cfem.core.progress import progress
+from cfem.dataset.reader import Dataset, as_dataset, column_array
+from cfem.dataset.schema import parameters_of
+from cfem.dataset.writer import content_hash, write_table
+from cfem.predict.load import build
+from cfem.predict.protocol import Predictor
+from cfem.sample import artefact, tour
+from cfem.sample.parameters import range_coordinates
+from cfem.sample.plan import actuation
+from cfem.sample.pool import worker_pool
+from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
+from cfem.sample.shard import Job
+from cfem.sample.solver import SolverFactory
+from cfem.sample.spec import SampleSpec, Until
+from cfem.surrogate.model_card import model_card
+from cfem.surrogate.spectral import fit
+
+COMMITTEE = 4  # models, each of the data without a part
+PIECES = 4  # of a batch, whatever the number of workers
+
+
+@dataclass(frozen=True)
+class Round:
+    """samples: training states before it; rows: it added; expected, observed: mm, largest error of the effectors at its
+    rows, as the committee guessed and as FE showed; seconds: of fitting and choosing."""
+
+    samples: int
+    rows: int
+    expected: float
+    observed: float
+    seconds: float
+
+
+def fill(
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: int | None
+) -> dict[str, Any]:
+    """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where spec.until is
+    None."""
+    if spec.until is None:
+        return artefact.fill(folder, spec, factory, made_from, quiet, workers)
+    begin = time.perf_counter()
+    with worker_pool(workers) as executor:
+        tables, rounds = explore(spec, factory, folder / "shards", executor, made_from, quiet)
+    for split, table in tables.items():
+        write_table(folder / f"{split}.parquet", table)
+    shutil.rmtree(folder / "shards")
+    found = verdict(spec.until, tables, rounds)
+    return {
+        **artefact.results(tables),
+        "until": found,
+        "headline": headline(found),
+        "wall_seconds": time.perf_counter() - begin,
+        "content": content_hash(tables),
+    }
+
+
+def explore(
+    spec: SampleSpec, factory: SolverFactory, folder: Path, executor: Any, made_from: str, quiet: bool
+) -> tuple[dict[str, pa.Table], list[Round]]:
+    """One table a split, and what the rounds gave."""
+    until = spec.until
+    job = make_job(spec, factory, folder, executor, made_from)
+    pool = np.flatnonzero(np.array(job.split) == "train")
+    known = np.union1d(pool[: until.first], np.flatnonzero(np.array(job.split) != "train"))
+    rounds: list[Round] = []
+    largest = min(until.largest, len(pool)) + len(job.u) - len(pool)
+    with progress("simulate-sample", largest, quiet=quiet) as advance:
+        first = known[tour.skeleton(job.u[known], spec.skeleton)]
+        files = [solve_skeleton(job, first, executor, advance)]
+        files += solve_rows(job, np.setdiff1d(known, first), spec.shard, executor, advance)
+        chosen = pool[: until.first]
+        while len(chosen) < min(until.largest, len(pool)) and not settled(rounds, until):
+            begin = time.perf_counter()
+            training = as_dataset(merge(files, ["train"])["train"])
+            whole, parts = committee(training, until)
+            left = np.setdiff1d(pool, chosen)
+            batch, expected = next_batch(
+                job, training, whole, parts, left, min(until.batch, until.largest - len(chosen))
+            )
+            seconds = time.perf_counter() - begin
+            mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
+            new = solve_rows(mine, batch, -(-len(batch) // PIECES), executor, advance)
+            observed = largest_error(whole, as_dataset(merge(new, ["train"])["train"]))
+            rounds.append(Round(len(training), len(batch), expected, observed, seconds))
+            files, chosen = files + new, np.concatenate([chosen, batch])
+    return merge(files, list(spec.splits)), rounds
+
+
+def settled(rounds: list[Round], until: Until) -> bool:
+    """Whether the last two batches were known before they were solved."""
+    return len(rounds) >= 2 and all(one.observed <= until.error for one in rounds[-2:])
+
+
+def committee(training: Dataset, until: Until) -> tuple[Predictor, list[Predictor]]:
+    """The model of all states, and those of all but every fourth."""
+    number = np.arange(len(training))
+    parts = [training.take(number % COMMITTEE != one) for one in range(COMMITTEE)]
+    return model(training, until), [model(part, until) for part in parts]
+
+
+def model(training: Dataset, until: Until) -> Predictor:
+    return build(
+        model_card("spectral", training, until.form), fit(training, until.form, max_terms=until.max_terms).arrays
+    )
+
+
+def next_batch(
+    job: Job, training: Dataset, whole: Predictor, parts: list[Predictor], left: np.ndarray, count: int
+) -> tuple[np.ndarray, float]:
+    """`count` rows of those left (indices into job.u), and the largest disagreement among them, mm."""
+    u = job.u[left]
+    n_a = whole.rows.n_a
+    nearest = np.array([np.argmin(((training.u - row) ** 2).sum(axis=1)) for row in u])
+    start = (training.delta_a if whole.form == "displacement" else training.lambda_a)[nearest]
+    p = parameters_at(training, whole, u[:, n_a:])
+    compliance = np.array(training.meta["compliance"])
+    asked = [actuation(job.space, row[:n_a], whole.reach, compliance) for row in u]
+    if job.space == "pulling":
+        rows = np.array([one.C[0] if len(one.C) else np.ones(n_a) for one in asked])
+        target = np.array([one.target[0] if len(one.C) else 0.0 for one in asked])
+        s, found = place(whole, rows, target, p, start)
+        s = np.where(found[:, None], s, start)
+    else:
+        s = np.array([one.target for one in asked])
+        if whole.form == "force":
+            s = np.array([whole.at_displacement(*state).lambda_a for state in zip(s, p, strict=True)])
+    score = disagreement(whole, parts, s, p)
+    failed = column_array(training.failed, "u") if len(training.failed) else None
+    picked = choose(u, score, count, failed)
+    return left[picked], float(np.nanmax(score))
+
+
+def parameters_at(training: Dataset, predictor: Predictor, u: np.ndarray) -> np.ndarray:
+    """(m, n_p) all parameters of the model at shares u (m, n_q) of the ranges of the sampled ones."""
+    p = np.tile([one.reference for one in predictor.parameters], (len(u), 1))
+    learned = sampled(parameters_of(training.meta))
+    if learned:
+        low, high = range_coordinates(learned)
+        p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = values(
+            learned, low + u * (high - low)
+        )
+    return p
+
+
+def largest_error(predictor: Predictor, states: Dataset) -> float:
+    """mm: largest distance between an effector by the model and by FE."""
+    if not len(states):
+        return np.inf
+    s = states.delta_a if predictor.form == "displacement" else states.lambda_a
+    p = np.tile([one.reference for one in predictor.parameters], (len(states), 1))
+    p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = states.p
+    apart = (effectors(predictor, s, p) - states.delta_e).reshape(len(states), -1, 3)
+    return float(np.linalg.norm(apart, axis=2).max())
+
+
+def verdict(until: Until, tables: dict[str, pa.Table], rounds: list[Round]) -> dict[str, Any]:
+    """What the loop reached, and, by a model of all its states, the error at the test states that it never saw."""
+    training = as_dataset(tables["train"])
+    test = largest_error(model(training, until), as_dataset(tables["test"])) if "test" in tables else None
+    return {
+        "error": until.error,
+        "reached": settled(rounds, until),
+        "samples": len(training),
+        "test_error": test,
+        "rounds": [vars(one) for one in rounds],
+    }
+
+
+def headline(found: dict[str, Any]) -> list[str]:
+    how = "reached" if found["reached"] else "NOT reached: allow more rows (until.largest, the split's rows)"
+    judged = "" if found["test_error"] is None else f"; {found['test_error']:.2g} mm at most on the test states"
+    return [f"error of {found['error']:g} mm {how}, with {found['samples']} training states{judged}"]
