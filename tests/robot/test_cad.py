@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.robot.bar import bar
-from cfem.robot.cad import Box, Difference, Frustum, Prism, Union
+from cfem.robot.cad import Box, Difference, Frustum, Loft, Prism, Union
 from cfem.robot.geometry import Bar, Refinement, SoftFinger
 from cfem.robot.meshing import run_gmsh
 from cfem.robot.soft_finger import cavity, soft_finger
@@ -52,6 +52,7 @@ def test_volume_of_a_cavity():
         (bar(Bar(kind="bar")), 6000.0),
         (Prism(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)), -1.0, 1.0), 12.0),
         (Frustum((0.0, 0.0, 0.0), (0.0, 0.0, 6.0), 2.0, 1.0), np.pi * 6 / 3 * (4 + 2 + 1)),
+        (Loft(((0, 0, 0), (4, 0, 0), (0, 4, 0)), ((1, 1, 6), (3, 1, 6), (1, 3, 6))), 6 / 3 * (8 + 4 + 2)),
         (Difference(Box((0.0, 0.0, 0.0), (4.0, 4.0, 4.0)), (Box((1.0, 1.0, 1.0), (3.0, 3.0, 3.0)),)), 56.0),
         (Union((Box((0.0, 0.0, 0.0), (2.0, 2.0, 2.0)), Box((1.0, 0.0, 0.0), (3.0, 2.0, 2.0)))), 12.0),
     ],

@@ -1,5 +1,7 @@
 """Meshes on disk: ours as .vtu that ParaView opens (sets as 0/1 arrays), and the user's of tetrahedra or hexahedra."""
 
+import contextlib
+import io
 from pathlib import Path
 
 import meshio
@@ -95,7 +97,8 @@ def _read(path: Path) -> meshio.Mesh:
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it")
     try:
-        return meshio.read(path)
+        with contextlib.redirect_stderr(io.StringIO()):  # meshio also prints what it raises
+            return meshio.read(path)
     except SystemExit as error:  # meshio exits the process on formats that it does not know
         raise InputError("is of no mesh format that can be read", where=str(path)) from error
     except Exception as error:  # a parser of damaged bytes may raise anything

@@ -1,0 +1,81 @@
+"""`cfem init`: asks on a terminal, says what it takes elsewhere."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cfem.core.errors import SpecError
+from cfem.init.question import Answer, Ask, Question, answer
+
+_STAGES = {
+    "mesh": "scene",
+    "simulate-sample": "sample",
+    "train": "train",
+    "export": "export",
+    "control": "control",
+    "report": "report",
+}
+
+
+def init_scene(
+    name: str,
+    source: Path,
+    folder: Path,
+    given: Mapping[str, str | None],
+    cables: Sequence[str],
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+) -> dict[str, Any] | str:
+    """given: what options say, by name."""
+    from cfem.init.create import create
+
+    if cables and given.get("cables") is not None:
+        raise SpecError("--cable and --cables exclude each other", do="state each cable, or how many to place")
+    stated = [flag for flag, said in given.items() if said is not None]
+    made = create(name, source, folder, cables, _asking(given, quiet), stated, force)
+    return made if as_json else _text(made)
+
+
+def _asking(given: Mapping[str, str | None], quiet: bool) -> Ask:
+    def ask(question: Question) -> Answer:
+        said = given.get(question.flag)
+        if said is not None:
+            return answer(question, said)
+        if is_terminal():
+            return _from_terminal(question)
+        if not quiet:
+            print(f'--{question.flag} "{question.default}"    # guessed: {question.why}', file=sys.stderr)
+        return answer(question, None)
+
+    return ask
+
+
+def is_terminal() -> bool:
+    """Whether somebody can be asked."""
+    return sys.stdin.isatty()
+
+
+def _from_terminal(question: Question) -> Answer:
+    """Asks until the answer makes sense; nothing typed is the default."""
+    while True:
+        print(f"{question.text}\n  [{question.default}: {question.why}] ", end="", file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+        if not line:
+            raise KeyboardInterrupt
+        try:
+            return answer(question, line.strip() or None)
+        except SpecError as error:
+            print(f"  {error}", file=sys.stderr)
+
+
+def _text(made: dict[str, Any]) -> str:
+    folder = made["folder"]
+    return "\n".join(
+        [
+            f"made {folder}: {' '.join(made['files'])}",
+            f"next: look at {folder}/scene.yaml, then `make {Path(folder).name}`, or one by one",
+            *(f"  cfem {command} {folder}/{spec}.yaml" for command, spec in _STAGES.items()),
+        ]
+    )

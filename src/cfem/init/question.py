@@ -1,0 +1,73 @@
+"""What a new scene is asked, one value at a time."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import SpecError
+from cfem.core.units import parse_quantity
+
+
+@dataclass(frozen=True)
+class Question:
+    """flag: the option that answers it; text: of the question; default: what a person would type; why: where the
+    default comes from; read: from what was typed to the value, SpecError where that cannot be."""
+
+    flag: str
+    text: str
+    default: str
+    why: str
+    read: Callable[[str], Any]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """value; guess: why it is so where nobody said so, else None."""
+
+    value: Any
+    guess: str | None = None
+
+
+Ask = Callable[[Question], Answer]
+
+
+def answer(question: Question, text: str | None) -> Answer:
+    """What `text` says, the default where it is None. SpecError, naming the option, where it says nothing sensible."""
+    try:
+        value = question.read(question.default if text is None else text)
+    except (SpecError, ValueError) as error:
+        said = error.what if isinstance(error, SpecError) else str(error)
+        do = error.do if isinstance(error, SpecError) else f"write it as in '{question.default}'"
+        raise SpecError(said, where=f"--{question.flag}", do=do) from None
+    return Answer(value, question.why if text is None else None)
+
+
+def positive(text: str, unit: str) -> float:
+    """A quantity above zero in `unit`. ValueError for anything else."""
+    value = parse_quantity(text, unit)
+    if not value > 0:
+        raise ValueError(f"must be above zero, got '{text}'")
+    return value
+
+
+def whole(text: str, least: int, most: int) -> int:
+    """An integer within bounds. ValueError for anything else."""
+    if not re.fullmatch(r"\s*\d+\s*", text) or not least <= int(text) <= most:
+        raise ValueError(f"expected a whole number from {least} to {most}, got '{text}'")
+    return int(text)
+
+
+def point(text: str) -> np.ndarray:
+    """(3,) mm of 'x, y, z', in mm or in the unit that follows. ValueError for anything else."""
+    match = re.fullmatch(r"(.*[\d.])\s*([a-z]+)?", text.strip())
+    numbers, unit = match.groups() if match else ("", None)
+    try:
+        x = np.array([float(part) for part in numbers.split(",")])
+    except ValueError:
+        x = np.empty(0)
+    if x.shape != (3,) or not np.isfinite(x).all():
+        raise ValueError(f"expected three coordinates 'x, y, z' in mm, got '{text.strip()}'")
+    return x * parse_quantity(f"1 {unit or 'mm'}", "mm")

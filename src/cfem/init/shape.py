@@ -1,0 +1,124 @@
+"""The body in a file, known by a coarse mesh of it."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.init.interior import Interior, interior
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.geometry import MeshFile, StepFile
+from cfem.robot.mesh_file import read_own
+from cfem.robot.meshing import corner_mesh, measure, solid_of
+from cfem.robot.spec import Meshing
+
+STEP, STL, MESH = (".step", ".stp"), (".stl",), (".vtu", ".vtk", ".msh")
+# A regular tetrahedron of edge h has the volume h^3 / 8.485.
+_REGULAR = 6 * np.sqrt(2)
+_ATTEMPTS = 4
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file as it is: volume and surface in the cube and square of its unit (of mm in a STEP file); own: its mesh
+    where it holds one."""
+
+    path: Path
+    volume: float
+    area: float
+    own: Mesh | None
+
+    @property
+    def has_unit(self) -> bool:
+        return self.path.suffix.lower() in STEP
+
+
+@dataclass(frozen=True)
+class Shape:
+    """mesh: corner nodes, mm, coarse where it is made here; size: mm, that it was made with, or of its cells."""
+
+    mesh: Mesh
+    size: float
+
+    @cached_property
+    def interior(self) -> Interior:
+        """Its inside."""
+        return interior(self.mesh)
+
+    @property
+    def low(self) -> np.ndarray:
+        """(3,) mm."""
+        return self.mesh.X.min(axis=0)
+
+    @property
+    def high(self) -> np.ndarray:
+        """(3,) mm."""
+        return self.mesh.X.max(axis=0)
+
+    @property
+    def extent(self) -> np.ndarray:
+        """(3,) mm."""
+        return self.high - self.low
+
+    @property
+    def volume(self) -> float:
+        """mm^3."""
+        return float(self.mesh.volumes.sum())
+
+
+def read_source(path: Path) -> Source:
+    """InputError where the file is missing, of no known kind, or holds no one closed body."""
+    suffix = path.suffix.lower()
+    if suffix not in STEP + STL + MESH:
+        known = " ".join(STEP + STL + MESH)
+        raise InputError(f"'{suffix}' is no kind of shape that can be read", where=str(path), do=f"one of {known}")
+    if not path.is_file():
+        raise InputError("no such file", where=str(path), do="check the path")
+    if suffix in MESH:
+        own = read_own(path, 1.0)
+        return Source(path, float(own.volumes.sum()), surface_area(own.X[own.facets]), own)
+    return Source(path, *measure(solid_of(geometry(path, 1.0), Path())), None)
+
+
+def geometry(path: Path, unit: float) -> StepFile | MeshFile:
+    """As a scene has it."""
+    if path.suffix.lower() in STEP:
+        return StepFile(kind="step", path=path)
+    return MeshFile(kind="mesh-file", path=path, unit=f"{unit!r} mm")
+
+
+def natural_unit(source: Source) -> str:
+    """Of a file that states none: robots of less than a cubic unit are drawn in metres."""
+    return "m" if source.volume < 1.0 else "mm"
+
+
+def make_shape(source: Source, unit: float, cells: int) -> Shape:
+    """unit: mm. Cells as large as a third of the body is thick on average, or larger, so that they are no more than
+    half of `cells` and sizes graded from them have room. InputError where the body cannot be meshed."""
+    if source.own is not None:
+        mesh = replace(source.own, X=source.own.X * unit)
+        return Shape(mesh, _two_digits((_REGULAR * mesh.volumes.mean()) ** (1 / 3)))
+    volume, area = source.volume * unit**3, source.area * unit**2
+    size = max(4 * volume / area / 3, (_REGULAR * volume / (cells / 2)) ** (1 / 3))
+    for attempt in range(_ATTEMPTS):
+        tried = _two_digits(size / 1.5**attempt)
+        meshing = Meshing(size=f"{tried!r} mm", element="tet4")
+        try:
+            mesh, _ = corner_mesh(geometry(source.path, unit), meshing, [], Path(), "geometry")
+            return Shape(mesh, tried)
+        except InputError as error:  # too coarse a surface may intersect itself
+            last = error
+    raise last
+
+
+def surface_area(corners: np.ndarray) -> float:
+    """mm^2 of facets (k, 3 | 4, 3), a quadrilateral by its diagonals."""
+    first = corners[:, 2] - corners[:, 0]
+    second = corners[:, -1] - corners[:, 1]
+    return float(np.linalg.norm(np.cross(first, second), axis=1).sum() / 2)
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")

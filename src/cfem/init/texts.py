@@ -1,0 +1,193 @@
+"""The six files of a new scene, as text."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.init.cables import CableLine
+from cfem.init.hold import AXES, Hold
+from cfem.init.question import Answer
+
+STAGES = ("scene", "sample", "train", "export", "control", "report")
+_FEW, _ROWS, _MORE_ROWS = 3, 60, 100  # training rows for so many cables, and for more
+
+
+@dataclass(frozen=True)
+class NewScene:
+    """All that the files say. file: name of the shape's copy; unit: text, None where the file states its own; extent
+    (3,) mm; volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's; element; hold,
+    young, poisson: each an Answer; cables and whether they were placed here; radius mm of attachments; reach: an
+    Answer in mm; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
+
+    name: str
+    file: str
+    unit: Answer | None
+    extent: np.ndarray
+    volume: float
+    axis: int
+    length: float
+    size: float
+    cells: Answer | None
+    element: str
+    hold: Answer
+    young: Answer
+    poisson: Answer
+    cables: Sequence[CableLine]
+    placed: str | None
+    radius: float
+    reach: Answer
+    effector: Answer
+    carrier_radius: float | None
+
+
+def number(value: float) -> str:
+    """To nine digits, which node coordinates are compared to."""
+    return f"{value + 0.0:.9g}" if abs(value) > 1e-12 else "0"
+
+
+def short(value: float) -> str:
+    """A quantity that was guessed, to three digits."""
+    return f"{float(f'{value:.3g}'):.9g}"
+
+
+def vector(values: Sequence[float]) -> str:
+    return "[" + ", ".join(number(value) for value in values) + "]"
+
+
+def texts(robot: NewScene) -> dict[str, str]:
+    """File name -> text."""
+    writers = (_scene, _sample, _train, _export, _control, _report)
+    return {
+        f"{stage}.yaml": f"# yaml-language-server: $schema=../../schemas/{stage}.json\n{write(robot)}"
+        for stage, write in zip(STAGES, writers, strict=True)
+    }
+
+
+def _scene(robot: NewScene) -> str:
+    kind = "step" if robot.unit is None else f"mesh-file, unit: {number(robot.unit.value)} mm"
+    extent = " x ".join(short(side) for side in robot.extent)
+    size = (f"{extent} mm, {short(robot.volume)} mm^3", _guesses(robot.unit) if robot.unit else "")
+    lines = [
+        f"# The robot, from {robot.file}: `cfem mesh scene.yaml`. Look at what is marked as guessed.",
+        f"name: {robot.name}",
+        f"out: ../../data/{robot.name}/mesh",
+        f"length: {number(robot.length)} mm{_note(f'along {AXES[robot.axis]}; what % of length refers to')}",
+        f"geometry: {{kind: {kind}, path: {robot.file}}}" + _note("; ".join(part for part in size if part)),
+        *_mesh(robot),
+        f"material: {{law: neo-hookean-log, young: {robot.young.value}, poisson: {number(robot.poisson.value)}}}"
+        + _note(_guesses(robot.young, robot.poisson)),
+        "fixed:" + _note(_guesses(robot.hold)),
+        f"  - {_selection(robot.hold.value)}",
+        "actuators:" + _note(f"guessed: {robot.placed}" if robot.placed else ""),
+    ]
+    for cable in robot.cables:
+        lines += [
+            "  - kind: cable",
+            f"    name: {cable.name}",
+            f"    pull_point: {{mm: {vector(cable.pull)}}}",
+            "    points:",
+            "      mm:",
+            *(f"        - {vector(point)}" for point in cable.points),
+            f"    radius: {short(robot.radius)} mm" + _note("of the region through which each point acts"),
+            f"    reach: {{mm: [0, {number(robot.reach.value)}]}}" + _note(_guesses(robot.reach)),
+        ]
+    lines += [
+        "effectors:" + _note(_guesses(robot.effector)),
+        "  - name: tip",
+        f"    point: {{mm: {vector(robot.effector.value)}}}",
+        f"    radius: {short(robot.radius)} mm",
+    ]
+    if robot.carrier_radius is not None:
+        lines.append(f"    carrier_radius: {short(robot.carrier_radius)} mm" + _note("what lies so near carries it"))
+    return "\n".join(lines) + "\n"
+
+
+def _mesh(robot: NewScene) -> list[str]:
+    if robot.cells is None:
+        return [
+            f"mesh: {{size: {number(robot.size)} mm, element: {robot.element}}}"
+            + _note("the file's own cells as they are")
+        ]
+    return [
+        "mesh:",
+        f"  size: {number(robot.size)} mm" + _note("the largest"),
+        f"  cells: {robot.cells.value}" + _note("about so many, finest where they matter; more are exacter and slower"),
+    ]
+
+
+def _selection(hold: Hold) -> str:
+    if hold.name is not None:
+        return f"{{kind: name, name: {json.dumps(hold.name)}}}"
+    plane = hold.selection()
+    point, normal = vector(plane.point), vector(plane.normal)
+    return f"{{kind: plane, point: {{mm: {point}}}, normal: {normal}}}" + _note(str(hold))
+
+
+def _sample(robot: NewScene) -> str:
+    rows = _ROWS if len(robot.cables) <= _FEW else _MORE_ROWS
+    return f"""# The states to solve: `cfem simulate-sample sample.yaml`. Cables that are slack or pull, and never push.
+scene: scene.yaml
+mesh: ../../data/{robot.name}/mesh
+out: ../../data/{robot.name}/samples
+space: pulling
+splits:
+  train: {{rows: {rows}, method: scrambled-halton, seed: 1}}     # what the model is fitted to; more rows extend the set
+  test: {{rows: 50, method: random, seed: 2}}                # what it is judged by
+"""
+
+
+def _train(robot: NewScene) -> str:
+    return f"""# The energy model, fitted without epochs: `cfem train train.yaml`.
+dataset: ../../data/{robot.name}/samples
+out: ../../models/{robot.name}/spectral
+model: {{kind: spectral}}
+learning_curve: [20, 40]       # would fewer samples have done?
+"""
+
+
+def _export(robot: NewScene) -> str:
+    return f"""# Plain arrays, ONNX and TorchScript: `cfem export export.yaml`.
+model: ../../models/{robot.name}/spectral
+out: ../../models/{robot.name}/spectral-export
+"""
+
+
+def _control(robot: NewScene) -> str:
+    n = len(robot.cables)
+    return f"""# Goals to follow with the learned model, in the finite-element robot: `cfem control control.yaml`.
+scene: scene.yaml
+mesh: ../../data/{robot.name}/mesh
+models:
+  spectral: ../../models/{robot.name}/spectral-export
+out: ../../data/{robot.name}/control
+trajectories:
+  closed-curve:                # where the tip goes when each cable's share of its reach circles about centre: reachable
+    kind: image
+    centre: [{", ".join(["0.45"] * n)}]
+    radii: [{", ".join(["0.3"] * n)}]
+    goals: 24
+fewer_iterations: [1]          # what a shorter control step costs
+"""
+
+
+def _report(robot: NewScene) -> str:
+    return f"""# One page on all of it: `cfem report report.yaml`.
+scene: scene.yaml
+mesh: ../../data/{robot.name}/mesh
+samples: ../../data/{robot.name}/samples
+models:
+  spectral: ../../models/{robot.name}/spectral
+control: ../../data/{robot.name}/control
+out: ../../data/{robot.name}/report
+"""
+
+
+def _guesses(*answers: Answer) -> str:
+    whys = [answer.guess for answer in answers if answer.guess is not None]
+    return f"guessed: {'; '.join(whys)}" if whys else ""
+
+
+def _note(text: str) -> str:
+    return f"    # {text}" if text else ""

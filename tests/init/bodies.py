@@ -1,0 +1,46 @@
+"""Small bodies, as meshes and as files, without a mesh generator."""
+
+import meshio
+import numpy as np
+from support.blocks import block, hexahedra
+
+from cfem.init.shape import Shape
+from cfem.mechanics.mesh import Mesh, boundary_facets
+
+
+def tapered(length=60.0, wide=12.0, thin=8.0, taper=0.5, bend=5.0, divisions=(4, 3, 12)) -> Shape:
+    """A bar along z whose sides shrink by `taper` towards its end, its middle displaced along x in an arc of `bend`."""
+    mesh = block((wide, thin, length), divisions)
+    X = mesh.X - [wide / 2, thin / 2, 0]
+    share = X[:, 2] / length
+    X[:, :2] *= (1 - taper * share)[:, None]
+    X[:, 0] += bend * 4 * share * (1 - share)
+    return Shape(Mesh(X, mesh.cells, mesh.facets), 4.0)
+
+
+def box_shape(size=(60.0, 10.0, 10.0), divisions=(12, 2, 2), **sets) -> Shape:
+    mesh = block(size, divisions)
+    return Shape(Mesh(mesh.X, mesh.cells, mesh.facets, **sets), 5.0)
+
+
+def tube(length=60.0, side=12.0, wall=3.0) -> Shape:
+    """A square tube along z, open at both ends."""
+    mesh = block((side, side, length), (4, 4, 10))
+    centre = mesh.X[mesh.cells].mean(axis=1)
+    kept = (np.abs(centre[:, :2] - side / 2) > side / 2 - wall).any(axis=1)
+    used, cells = np.unique(mesh.cells[kept], return_inverse=True)
+    cells = cells.reshape(-1, 4)
+    return Shape(Mesh(mesh.X[used], cells, boundary_facets(cells)), 3.0)
+
+
+def write_stl(path, size=(60.0, 10.0, 10.0), facets=slice(None)) -> None:
+    mesh = block(size, (6, 1, 1))
+    meshio.write(path, meshio.Mesh(mesh.X, [("triangle", mesh.facets[facets])]), binary=False)
+
+
+def write_cells(path, element="tet4", size=(60.0, 10.0, 10.0)) -> None:
+    """A mesh file with the node set `wall` at x = 0."""
+    mesh = block(size, (12, 2, 2)) if element == "tet4" else hexahedra(size, (12, 2, 2))
+    flags = {"set:wall": (mesh.X[:, 0] == 0).astype(np.int8)}
+    kind = "tetra" if element == "tet4" else "hexahedron"
+    meshio.write(path, meshio.Mesh(mesh.X, [(kind, mesh.cells)], point_data=flags))

@@ -1,0 +1,198 @@
+"""`cfem init` as a user types it: six files that load, a robot that can be built, guesses said, nothing overwritten."""
+
+import json
+import re
+from importlib import import_module
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from init.bodies import write_cells, write_stl
+from typer.testing import CliRunner
+
+from cfem.cli.app import app
+from cfem.cli.schemas import SPECS, schemas
+from cfem.core.spec import load_spec
+from cfem.core.yaml import read_yaml
+from cfem.robot.build import build_robot
+from cfem.robot.meshing import make_mesh
+from cfem.robot.spec import SceneSpec
+
+STEP = Path(__file__).parents[2] / "docs" / "tutorial" / "s-arm.step"
+
+
+def init(folder, source, *words, typed=None):
+    words = ["init", "own", "--from", str(source), "--folder", str(folder / "pipelines"), *words]
+    return CliRunner().invoke(app, words, input=typed)
+
+
+def specs(folder):
+    """Every file as its stage reads it, and as an editor checks it."""
+    own = folder / "pipelines" / "own"
+    for stage, (module, model) in SPECS.items():
+        jsonschema.Draft7Validator(json.loads(schemas()[f"{stage}.json"])).validate(read_yaml(own / f"{stage}.yaml")[0])
+        yield stage, load_spec(own / f"{stage}.yaml", getattr(import_module(module), model))
+
+
+def built(folder):
+    own = folder / "pipelines" / "own"
+    scene = load_spec(own / "scene.yaml", SceneSpec)
+    return scene, build_robot(scene, make_mesh(scene, own)[0])
+
+
+def test_a_step_file_becomes_a_scene(tmp_path):
+    done = init(tmp_path, STEP)
+    assert done.exit_code == 0, done.stderr
+    own = tmp_path / "pipelines" / "own"
+    assert (own / "own.step").read_bytes() == STEP.read_bytes()
+    found = dict(specs(tmp_path))
+    assert [found["control"].trajectories["closed-curve"].radii, found["train"].model.kind] == [[0.3] * 3, "spectral"]
+    assert {found[stage].scene.name for stage in ("sample", "control", "report")} == {"scene.yaml"}
+    scene, robot = built(tmp_path)
+    assert robot.rows.n_a == 3 and scene.length == 120 and (robot.reach[:, 0] == 0).all()
+    np.testing.assert_array_equal(robot.fixed, np.flatnonzero(robot.body.mesh.X[:, 2] == 0))
+    np.testing.assert_allclose(robot.rest_e, [0, 0, 120], atol=0.5)
+    for flag in ("cells", "fixed", "young", "poisson", "cables", "reach", "effector"):
+        assert f'--{flag} "' in done.stderr, flag
+    text = (own / "scene.yaml").read_text()
+    assert text.count("guessed: ") == 7
+    assert "fixed:    # guessed: the face at one end of the longest axis (thicker)" in text
+    assert "make own" in done.stdout and "guessed" not in done.stdout
+
+
+def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
+    write_stl(tmp_path / "Body.STL", (6.0, 1.0, 1.0))
+    answers = ["--unit", "cm", "--cells", "600", "--fixed", "x >= 58 mm", "--young", "1 MPa", "--poisson", "0.3"]
+    cables = ["--cable", "up: 60, 5, 8; 40, 5, 8; 10, 5, 8", "--cable", "down: 60, 5, 2; 40, 5, 2; 10, 5, 2"]
+    done = init(tmp_path, tmp_path / "Body.STL", *answers, *cables, "--reach", "4 mm", "--effector", "0, 5, 5")
+    assert done.exit_code == 0 and done.stderr == ""
+    scene, robot = built(tmp_path)
+    assert [scene.material.young, scene.material.poisson, scene.mesh.cells] == [1.0, 0.3, 600]
+    np.testing.assert_array_equal(robot.reach, [[0, 4], [0, 4]])
+    assert robot.rows.actuators == ("up", "down") and robot.rest_e.tolist() == [0, 5, 5]
+    text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+    assert "guessed:" not in text and "path: own.stl" in text
+
+
+@pytest.mark.parametrize("element, expected", [("tet4", "tet10p0"), ("hex8", "hex8")])
+def test_a_mesh_file_keeps_its_cells_and_sets(tmp_path, element, expected):
+    write_cells(tmp_path / "own.vtu", element)
+    done = init(tmp_path, tmp_path / "own.vtu", "--fixed", "wall", "--cables", "2", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["cables"] == ["cable-1", "cable-2"]
+    scene, robot = built(tmp_path)
+    assert (scene.mesh.element, scene.mesh.cells) == (expected, None)
+    assert (robot.body.mesh.X[robot.fixed][:, 0] == 0).all() and len(dict(specs(tmp_path))) == len(SPECS)
+
+
+def test_a_scene_that_is_there_stays_unless_forced(tmp_path):
+    write_cells(tmp_path / "own.vtu")
+    assert init(tmp_path, tmp_path / "own.vtu").exit_code == 0
+    own = tmp_path / "pipelines" / "own"
+    (own / "scene.yaml").write_text("mine")
+    (own / "sample-large.yaml").write_text("mine too")
+    again = init(tmp_path, tmp_path / "own.vtu")
+    assert again.exit_code == 6 and "--force" in again.stderr and (own / "scene.yaml").read_text() == "mine"
+    # the shape may lie where its copy would
+    assert init(tmp_path, own / "own.vtu", "--force").exit_code == 0
+    assert (own / "scene.yaml").read_text() != "mine" and (own / "sample-large.yaml").read_text() == "mine too"
+
+
+def test_a_shape_that_waits_in_its_folder_is_no_scene(tmp_path):
+    own = tmp_path / "pipelines" / "own"
+    own.mkdir(parents=True)
+    write_cells(own / "own.vtu")
+    assert init(tmp_path, own / "own.vtu").exit_code == 0
+
+
+@pytest.fixture
+def mesh_file(tmp_path):
+    write_cells(tmp_path / "own.vtu")
+    return tmp_path / "own.vtu"
+
+
+BAD = {
+    "no file": (["--from", "none.step"], 3, "no such file"),
+    "no shape": (["--from", __file__], 3, "no kind of shape"),
+    "wrong unit": (["--young", "3 mm"], 2, "--young: 'mm' is not a unit of stress"),
+    "bare number": (["--reach", "3"], 2, "--reach: expected a length with its unit"),
+    "incompressible": (["--poisson", "0.5"], 2, "--poisson: expected a number from 0 to 0.4999"),
+    "no place": (["--fixed", "x <= 99 mm"], 2, "the body's x goes from 0 to 60 mm"),
+    "cable outside": (["--cable", "a: 0, 5, 5; 20, 5, 5; 40, 5, 50"], 2, "cable 'a' point 2 at (40, 5, 50) mm lies"),
+    "two ways": (["--cable", "a: 0, 5, 5; 20, 5, 5", "--cables", "2"], 2, "exclude each other"),
+    "of no effect": (["--cells", "500"], 2, "--cells: the mesh in the file is taken as it is"),
+    "same name": (["--cable", "a: 0, 5, 5; 20, 5, 5"] * 2, 2, "--cable: names must differ"),
+}
+
+
+@pytest.mark.parametrize("words, code, part", BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path, mesh_file, words, code, part):
+    done = init(tmp_path, mesh_file, "--quiet", *words)
+    assert (done.exit_code, done.stdout) == (code, "")
+    assert len(done.stderr.strip().splitlines()) == 1 and part in done.stderr
+    assert not (tmp_path / "pipelines").exists()
+
+
+def test_a_name_that_cannot_be(tmp_path, mesh_file):
+    done = CliRunner().invoke(app, ["init", "My Robot", "--from", str(mesh_file), "--folder", str(tmp_path)])
+    assert done.exit_code == 2 and "small letters" in done.stderr
+
+
+def test_damaged_files_are_one_sentence(tmp_path, capfd):
+    for suffix in ("step", "stl", "vtu", "vtk", "msh"):
+        path = tmp_path / f"damaged.{suffix}"
+        path.write_bytes(b"\x00\xffnot a shape")
+        done = init(tmp_path, path)
+        assert done.exit_code == 3 and len(done.stderr.strip().splitlines()) == 1 and path.name in done.stderr
+
+
+class TestAtATerminal:
+    @pytest.fixture(autouse=True)
+    def terminal(self, monkeypatch):
+        monkeypatch.setattr("cfem.cli.init.is_terminal", lambda: True)
+
+    def test_questions_show_defaults_take_answers_and_ask_again(self, tmp_path, mesh_file):
+        typed = ["", "here", "right", "2 MPa", "", "2", "-1 mm", "5 mm", ""]
+        done = init(tmp_path, mesh_file, typed="\n".join(typed) + "\n")
+        assert done.exit_code == 0, done.stderr
+        assert "[1 mm: " in done.stderr and "cannot make sense of 'here'" in done.stderr
+        assert "must be above zero, got '-1 mm'" in done.stderr and done.stdout.startswith("made")
+        scene, robot = built(tmp_path)
+        assert (robot.body.mesh.X[robot.fixed][:, 0] == 60).all()
+        assert (scene.material.young, scene.material.poisson) == (2.0, 0.45)
+        np.testing.assert_array_equal(robot.reach, [[0, 5], [0, 5]])
+        np.testing.assert_allclose(robot.rest_e, [0, 5, 5])
+
+    def test_what_an_option_says_is_not_asked(self, tmp_path, mesh_file):
+        words = ["--unit", "mm", "--fixed", "left", "--young", "1 MPa", "--poisson", "0.3", "--cables", "1"]
+        done = init(tmp_path, mesh_file, *words, "--reach", "3 mm", "--effector", "60, 5, 5")
+        assert done.exit_code == 0 and done.stderr == ""
+
+    def test_the_end_of_input_is_an_interruption(self, tmp_path, mesh_file):
+        assert init(tmp_path, mesh_file, typed="\n").exit_code == 130
+        assert not (tmp_path / "pipelines").exists()
+
+
+def test_a_forced_scene_takes_the_new_shape(tmp_path, mesh_file):
+    assert init(tmp_path, mesh_file).exit_code == 0
+    other = tmp_path / "other.vtu"
+    write_cells(other, size=(80.0, 10.0, 10.0))
+    assert init(tmp_path, other, "--force").exit_code == 0
+    assert built(tmp_path)[0].length == 80
+
+
+def test_the_tutorial_shows_what_is_said_and_written(tmp_path):
+    text = (STEP.parents[1] / "tutorial.md").read_text()
+    assert (STEP.parent / "s-arm.py").read_text() in text
+    done = init(tmp_path, STEP)
+    shown = text.split("```\n--")[1].split("```")[0].splitlines()
+    assert [words(line) for line in shown[:-1]] == [words(line) for line in done.stderr.removeprefix("--").splitlines()]
+    written = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text().replace("own.step", "s-arm.step")
+    shown = text.split("```yaml\n")[1].split("```")[0]
+    assert words(shown) in words(written)
+
+
+def words(text):
+    """Without the numbers, which another version of the mesher may change in their last digits."""
+    return re.sub(r"-?\d+(\.\d+)?", "0", text)

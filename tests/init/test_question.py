@@ -1,0 +1,32 @@
+"""Answers are read as a person writes them, and refused in one sentence that names the option."""
+
+import numpy as np
+import pytest
+
+from cfem.core.errors import SpecError
+from cfem.init.question import Question, answer, point, positive, whole
+
+
+@pytest.mark.parametrize("text", ["1, -2, 3e1", "1,-2,30 mm", " 0.1, -0.2, 3 cm ", "1e-3,-2e-3,0.03m"])
+def test_points_in_any_unit(text):
+    np.testing.assert_allclose(point(text), [1, -2, 30], rtol=1e-12)
+
+
+@pytest.mark.parametrize("text", ["", "1, 2", "1, 2, 3, 4", "1, 2, x", "1, 2, nan", "1, 2, 3 kPa"])
+def test_what_is_no_point(text):
+    with pytest.raises(ValueError, match=r"expected three coordinates|not a unit of length"):
+        point(text)
+
+
+@pytest.mark.parametrize("text", ["0", "13", "-1", "2.5", "two", ""])
+def test_what_is_no_count(text):
+    with pytest.raises(ValueError, match="whole number from 1 to 12"):
+        whole(text, 1, 12)
+
+
+def test_a_default_is_a_guess_and_an_answer_is_not():
+    question = Question("young", "Young's modulus?", "500 kPa", "a rubber", lambda text: positive(text, "MPa"))
+    assert (answer(question, None).value, answer(question, None).guess) == (0.5, "a rubber")
+    assert (answer(question, "500 kPa").value, answer(question, "500 kPa").guess) == (0.5, None)
+    with pytest.raises(SpecError, match=r"--young: must be above zero, got '-1 kPa' \(write it as in '500 kPa'\)"):
+        answer(question, "-1 kPa")
