@@ -2,10 +2,10 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
-SCENES := $(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml))
+SCENES := $(filter-out surrogates,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics clean $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -61,6 +61,9 @@ discretisation: .venv/all
 # All that the tables of the mechanics state: tours, orders of convergence, stability.
 mechanics: .venv/dev discretisation
 	$(PYTHON) scripts/figures.py measure discretisation tours convergence stability
+
+# Every kind of model on every robot, and the paper's studies of sampling and of meshes: `make surrogates`.
+include pipelines/surrogates/study.mk
 
 # dev holds all that all holds
 .venv/all: pyproject.toml constraints.txt scripts/setup.sh

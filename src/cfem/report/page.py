@@ -21,7 +21,7 @@ figure { margin: 1rem 0; }
 figure img { display: block; width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
 border-radius: 8px; } .pair { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(19rem,
 1fr)); } figcaption { font-size: .88rem; margin-top: .4rem; }
-.scroll { overflow-x: auto; }
+.scroll { overflow-x: auto; margin: 1rem 0; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; font-size: .84rem;
 background: var(--card); } th, td { padding: .42rem .7rem; border-bottom: 1px solid var(--line); text-align:
 right; white-space: nowrap; } th:first-child, td:first-child { text-align: left; }

@@ -48,11 +48,40 @@ class Published(Spec):
     tracking_percent: PositiveFloat | None = None
 
 
+class SurrogateScene(Spec):
+    """Models of one robot to compare. models: folders of `cfem train` by name; default: the one that users get unless
+    they ask for another; samples: the dataset whose test states judge whether a flagged query deserves its flag;
+    beyond: one whose states out of the actuators' reach serve the same end."""
+
+    models: dict[str, Path] = Field(min_length=1)
+    default: str | None = None
+    samples: Path | None = None
+    beyond: Path | None = None
+    published: Published | None = None
+
+    @model_validator(mode="after")
+    def _default_is_known(self):
+        if self.default is not None and self.default not in self.models:
+            raise ValueError(f"default: '{self.default}' is none of the models {', '.join(self.models)}")
+        return self
+
+
+class SizedMesh(Spec):
+    """One mesh of the same robot: the artefact, a model of its samples, and control of it."""
+
+    mesh: Path
+    model: Path
+    control: Path
+    published: Published | None = None
+
+
 class ReportSpec(Spec):
     """scene: what the page is about; mesh, samples, control: artefacts of the stages; models: folders of `cfem train`
-    by name; discretisation: a study of meshes. A page holds what is given."""
+    by name; discretisation: a study of meshes. surrogates: models of several robots by the robots' names; sampling:
+    folders of `cfem train` by method of sampling and model, to compare methods; meshes: models and control of one robot
+    by mesh. A page holds what is given."""
 
-    scene: Path
+    scene: Path | None = None
     mesh: Path | None = None
     samples: Path | None = None
     models: dict[str, Path] = {}
@@ -60,6 +89,9 @@ class ReportSpec(Spec):
     out: Path
     discretisation: Discretisation | None = None
     published: Published | None = None
+    surrogates: dict[str, SurrogateScene] = {}
+    sampling: dict[str, dict[str, list[Path]]] = {}
+    meshes: dict[str, SizedMesh] = {}
 
     @model_validator(mode="after")
     def _whole(self):
@@ -67,6 +99,8 @@ class ReportSpec(Spec):
         lacking = [name for name, value in artefacts.items() if not value]
         if 0 < len(lacking) < len(artefacts):
             raise ValueError(f"a page on a learned model needs {', '.join(artefacts)}; {', '.join(lacking)} lacks")
-        if lacking and self.discretisation is None:
-            raise ValueError("nothing to report: give artefacts, a discretisation, or both")
+        if self.scene is None and (self.discretisation or not lacking):
+            raise ValueError("missing key 'scene': whose artefacts are these?")
+        if lacking and not (self.discretisation or self.surrogates or self.sampling or self.meshes):
+            raise ValueError("nothing to report: give artefacts, a discretisation, surrogates or a study")
         return self

@@ -1,6 +1,6 @@
 """`cfem report`: reads artefacts, writes report.html with its pictures and results.json."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,63 +10,86 @@ from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_st
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec
 
-VERSION = 2
+VERSION = 3
+PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes")
+FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
+Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The manifest. Results: path of the page, headline figures."""
     spec = load_spec(spec_path, ReportSpec, overrides)
     base = spec_path.parent
-    models = {f"model {name}": base / path for name, path in spec.models.items()}
-    inputs = {}
-    if spec.control:
-        inputs = {"mesh": base / spec.mesh, "samples": base / spec.samples, **models, "control": base / spec.control}
-    scene = load_spec(base / spec.scene, SceneSpec)
+    inputs = artefacts(spec, base)
+    scene_path = base / spec.scene if spec.scene else None
+    scene = load_spec(scene_path, SceneSpec) if scene_path else None
+    extra: dict[str, Any] = {"scene": meaning(scene, {"out"})} if scene else {}
+    for name, folders in FOLDERS.items():
+        if given := getattr(spec, name):
+            extra[name] = {key: meaning(one, folders) for key, one in given.items()}
     stage = Stage(
         name="report",
         version=VERSION,
         spec=spec,
         inputs=inputs,
         out=out or base / spec.out,
-        paths=("scene", "mesh", "samples", "models", "control", "out"),
-        extra={"scene": meaning(scene, {"out"})},
+        paths=PATHS,
+        extra=extra,
     )
-    return run_stage(
-        stage, lambda folder: _work(folder, spec, scene, (base / spec.scene).parent, inputs, options.quiet), options
-    )
+    return run_stage(stage, lambda folder: _work(folder, spec, scene, scene_path, inputs, options.quiet), options)
+
+
+def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
+    """Every folder that the page reads, by its name among the inputs."""
+    found: dict[str, Path | None] = {}
+    if spec.control:
+        found = {"mesh": spec.mesh, "samples": spec.samples}
+        found |= {f"model {name}": path for name, path in spec.models.items()} | {"control": spec.control}
+    for scene, one in spec.surrogates.items():
+        found |= {f"{scene}: model {name}": path for name, path in one.models.items()}
+        found |= {f"{scene}: samples": one.samples, f"{scene}: beyond": one.beyond}
+    for method, models in spec.sampling.items():
+        found |= {f"{method}: {name}, {i + 1}": path for name, paths in models.items() for i, path in enumerate(paths)}
+    for name, one in spec.meshes.items():
+        found |= {f"mesh {name}: {part}": getattr(one, part) for part in FOLDERS["meshes"]}
+    return {name: base / path for name, path in found.items() if path}
 
 
 def _work(
-    folder: Path, spec: ReportSpec, scene: SceneSpec, scene_folder: Path, inputs: dict[str, Path], quiet: bool
+    folder: Path,
+    spec: ReportSpec,
+    scene: SceneSpec | None,
+    scene_path: Path | None,
+    inputs: dict[str, Path],
+    quiet: bool,
 ) -> dict[str, Any]:
     from cfem.core.provenance import versions
     from cfem.report import tables
     from cfem.report.discretisation import headline, study
     from cfem.report.page import Section, page
+    from cfem.report.sections import discretisation_part
 
     manifests = {name: (path, read_manifest(path)) for name, path in inputs.items()}
-    meshes = study(scene, scene_folder, spec.discretisation, quiet) if spec.discretisation else {}
-    sections, pictures, facts = _learned(spec, inputs, manifests) if inputs else ([], {}, {})
-    if meshes:
-        pictures |= _mesh_pictures(meshes)
-        sections.append(_mesh_section(pictures, meshes))
-    provenance = (tables.provenance_table(manifests),) if manifests else ()
-    made_with = next(
-        (manifest["versions"] for name, (_, manifest) in manifests.items() if name == "control"), versions()
+    meshes = study(scene, scene_path.parent, spec.discretisation, quiet) if spec.discretisation else {}
+    parts = [
+        *(_learned(spec, manifests) if spec.control else ()),
+        *([discretisation_part(meshes)] if meshes else ()),
+        *_surrogates(spec, manifests),
+        *_studies(spec, manifests),
+    ]
+    made_with = manifests["control"][1]["versions"] if spec.control else versions()
+    provenance = Section(
+        "Where this comes from",
+        "Every artefact has a manifest with these hashes; a stage whose inputs have not changed does not run.",
+        ((tables.provenance_table(manifests),) if manifests else ()) + (tables.versions_table(made_with),),
     )
-    sections.append(
-        Section(
-            "Where this comes from",
-            "Every artefact has a manifest with these hashes; a stage whose inputs have not changed does not run.",
-            (*provenance, tables.versions_table(made_with)),
-        )
-    )
+    pictures = {name: picture for part in parts for name, picture in part.pictures.items()}
     for name, picture in pictures.items():
         write_whole(folder / f"{name}.png", picture.png)
-    lead = "From finite elements to a learned condensed model, from goals to actuators: what it reaches and costs."
-    if not inputs:
-        lead = "What the discretisation errs, and what it costs."
-    write_whole(folder / "report.html", page(scene.name, lead, sections).encode())
+    title = scene.name if scene else "Learned condensed models"
+    sections = [*(part.section for part in parts), provenance]
+    write_whole(folder / "report.html", page(title, _lead(spec), sections).encode())
+    facts = {key: value for part in parts for key, value in part.facts.items()}
     write_json(folder / "results.json", {**facts, "discretisation": meshes})
     return {
         "headline": headline(meshes.get("meshes", [])),
@@ -76,61 +99,92 @@ def _work(
     }
 
 
-def _learned(spec: ReportSpec, inputs: dict[str, Path], manifests: dict) -> tuple[list, dict, dict]:
-    """Sections, pictures and facts about samples, models and tracking."""
-    from cfem.report import tables
-    from cfem.report.page import Section
-
-    results = {name: manifest["results"] for name, (_, manifest) in manifests.items()}
-    models = {name: results[f"model {name}"] for name in spec.models}
-    tracking = results["control"]["trajectories"]
-    pictures = _pictures(spec, inputs, models, tracking)
-    sections = [
-        *_tracking_sections(pictures, tracking, results["control"]),
-        Section(
-            "The learned model",
-            "Loss: mean squared error of the entries of W and delta_free, standardised by the test set; errors at the "
-            "test states, which no training has seen.",
-            (
-                tables.model_table(models, spec.published),
-                pictures["training"],
-                pictures["learning"],
-                pictures["inference"],
-            ),
-        ),
-        Section("The samples", _samples_text(results["samples"]), (pictures["coverage"],)),
-    ]
-    facts = {"models": models, "tracking": tracking, "mesh": results["mesh"], "samples": results["samples"]}
-    return sections, pictures, facts
+def _lead(spec: ReportSpec) -> str:
+    if spec.control:
+        return "From finite elements to a learned condensed model, from goals to actuators: what it reaches and costs."
+    if spec.discretisation:
+        return "What the discretisation errs, and what it costs."
+    robots = f" of {', '.join(spec.surrogates)}" if spec.surrogates else ""
+    return f"Learned models{robots}: what each errs, what it costs, and what it knows of itself."
 
 
-def _pictures(spec: ReportSpec, inputs: dict[str, Path], models: dict, tracking: dict) -> dict:
+def _learned(spec: ReportSpec, manifests: Manifests) -> list:
+    """Tracking, models and samples of the page's scene."""
     from cfem.dataset.reader import read_dataset
     from cfem.report.dataset_figure import coverage_figure
     from cfem.report.page import Picture
+    from cfem.report.sections import models_part, samples_part, tracking_parts
     from cfem.report.tracking_figure import effort_figure
-    from cfem.report.training_figure import inference_figure, learning_figure, training_figure
 
-    splits = [name for name in read_manifest(inputs["samples"])["files"] if name.endswith(".parquet")]
-    datasets = {
-        Path(name).stem: read_dataset(artefact_file(inputs["samples"], name)) for name in sorted(splits, reverse=True)
-    }
-    return {
-        **_tracked(inputs["control"], tracking),
-        "effort": Picture(
-            effort_figure(tracking), "What accuracy costs: distance against the time that control takes for a goal."
-        ),
-        "coverage": Picture(
-            coverage_figure(datasets), "States solved by finite elements, with actuators that pull and never push."
-        ),
-        "training": Picture(training_figure(models), "Held-out error while the models learn."),
-        "learning": Picture(
-            learning_figure(models, spec.published), "Error on the test set against the number of FE samples."
-        ),
-        "inference": Picture(
-            inference_figure(models, spec.published), "Error on the test set against the time of one query."
-        ),
-    }
+    (samples, sampled), (control, controlled) = manifests["samples"], manifests["control"]
+    splits = sorted((name for name in sampled["files"] if name.endswith(".parquet")), reverse=True)
+    datasets = {Path(name).stem: read_dataset(artefact_file(samples, name)) for name in splits}
+    tracking = controlled["results"]["trajectories"]
+    effort = "What accuracy costs: distance against the time that control takes for a goal."
+    covered = "States solved by finite elements, with actuators that pull and never push."
+    models = {name: manifests[f"model {name}"] for name in spec.models}
+    trusts = _trusts(models, samples, None)
+    return [
+        *tracking_parts(_tracked(control, tracking), Picture(effort_figure(tracking), effort), controlled["results"]),
+        models_part("The learned model", _results(models), trusts, spec.published),
+        samples_part(Picture(coverage_figure(datasets), covered), sampled["results"]),
+    ]
+
+
+def _surrogates(spec: ReportSpec, manifests: Manifests) -> list:
+    """One section a robot, its models side by side."""
+    from cfem.report.sections import Part, models_part
+
+    found = []
+    for scene, one in spec.surrogates.items():
+        models = {name: manifests[f"{scene}: model {name}"] for name in one.models}
+        samples, beyond = (manifests.get(f"{scene}: {name}", (None,))[0] for name in ("samples", "beyond"))
+        trusts = _trusts(models, samples, beyond)
+        part = models_part(f"Models of {scene}", _results(models), trusts, one.published, one.default, f"{scene}-")
+        found.append(Part(part.section, part.pictures, {scene: part.facts}))
+    return found
+
+
+def _studies(spec: ReportSpec, manifests: Manifests) -> list:
+    """Methods of sampling, and meshes."""
+    from cfem.report.sections import sampling_part, sizes_part
+    from cfem.report.studies import mesh_row, sampling_rows
+
+    found = []
+    if spec.sampling:
+        rows = []
+        for method, models in spec.sampling.items():
+            for name, paths in models.items():
+                folders = {i: manifests[f"{method}: {name}, {i + 1}"] for i in range(len(paths))}
+                rows += sampling_rows(method, name, _results(folders).values())
+        found.append(sampling_part(rows))
+    if spec.meshes:
+        rows = []
+        for name, one in spec.meshes.items():
+            mesh, control = (manifests[f"mesh {name}: {part}"][1]["results"] for part in ("mesh", "control"))
+            model = _results({name: manifests[f"mesh {name}: model"]})[name]
+            rows.append(mesh_row(name, mesh, model, control, one.published))
+        found.append(sizes_part(rows))
+    return found
+
+
+def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
+    """Results of `cfem train` by the keys of `models`."""
+    from cfem.report.surrogates import trained
+
+    return {name: trained(manifest["results"], path) for name, (path, manifest) in models.items()}
+
+
+def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dict:
+    """What the flags of each model are worth, by FE states of these datasets."""
+    from cfem.dataset.reader import read_dataset
+    from cfem.predict.load import load_model
+    from cfem.report.surrogates import trust
+
+    if samples is None:
+        return {}
+    states, outside = (path and read_dataset(artefact_file(path, "test.parquet")) for path in (samples, beyond))
+    return {name: trust(load_model(path), states, outside) for name, (path, _) in models.items()}
 
 
 def _tracked(control: Path, tracking: dict) -> dict:
@@ -169,58 +223,3 @@ def _tracked(control: Path, tracking: dict) -> dict:
         found[f"tracking-{name}"] = Picture(tracking_figure(rows, name.replace("-", " ")), caption)
     first = next((picture for key, picture in found.items() if key.startswith("robot-")), None)
     return {**found, "tracked": first} if first else found
-
-
-def _tracking_sections(pictures: dict, tracking: dict, control: dict) -> list:
-    from cfem.report.page import Section
-    from cfem.report.tables import tracking_table
-
-    robots = tuple(picture for key, picture in pictures.items() if key.startswith("robot-"))
-    curves = tuple(picture for key, picture in pictures.items() if key.startswith("tracking-"))
-    text = (
-        "Each controller turns a goal into actuator displacements with its own model, and the FE robot "
-        f"({control['nodes']} nodes) carries them out, open loop. FE-based control is that algorithm on FE matrices. "
-        "Goals out of reach end at the nearest point that the robot can reach."
-    )
-    if control["plant"] == "model":
-        text = "Each controller turns a goal into actuator displacements; the first model, no FE robot, obeys them."
-    return [
-        Section("Tracking", text, ((robots,) if robots else ()) + (tracking_table(tracking), *curves)),
-        Section("Time against accuracy", "", (pictures["effort"],)),
-    ]
-
-
-def _mesh_pictures(meshes: dict) -> dict:
-    from cfem.report.discretisation_figure import front_figure, poisson_figure
-    from cfem.report.page import Picture
-
-    rows = meshes["meshes"]
-    ratios = sorted({row["poisson"] for row in rows})
-    nominal = ratios[len(ratios) // 2]
-    caption = "Error against run time of meshes, judged by the finest; a sample is a solve from a near state and its W."
-    found = {"discretisation": Picture(front_figure(rows, nominal), caption)}
-    if len(ratios) > 1:
-        found["poisson"] = Picture(poisson_figure(rows), "What near incompressibility does to each mesh.")
-    return found
-
-
-def _mesh_section(pictures: dict, meshes: dict):
-    from cfem.report import tables
-    from cfem.report.page import Section
-
-    text = (
-        "The same states on several meshes. W converges later than the tip, which prescribed displacements hide. "
-        "Graded meshes are finest where W needs it."
-    )
-    parts = [pictures[name] for name in ("discretisation", "poisson") if name in pictures]
-    parts.append(tables.discretisation_table(meshes["meshes"]))
-    if meshes["orders"]:
-        parts.append(tables.orders_table(meshes["orders"]))
-    if meshes["tolerances"]:
-        parts.append(tables.tolerance_table(meshes["tolerances"]))
-    return Section("The mesh", text, tuple(parts))
-
-
-def _samples_text(results: dict) -> str:
-    rows = ", ".join(f"{count} {split}" for split, count in results["rows"].items())
-    return f"{rows}; {results['failed']} failed."

@@ -1,12 +1,14 @@
 """One look for all figures, and the way from a matplotlib figure to bytes."""
 
 import io
+from collections.abc import Sequence
 
 import matplotlib
 
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.figure import Figure
 
 INK, FAINT = "#22303c", "#9aa5b1"
@@ -46,6 +48,19 @@ def panels(columns: int, width: float = 9.0, height: float = 3.4) -> tuple[Figur
     return figure, list(axes[0])
 
 
+def grid(count: int, columns: int = 3, width: float = 10.5, height: float = 3.1, **shared: bool) -> tuple[Figure, list]:
+    """`count` axes in rows of at most `columns`, four of them in a square; shared: sharex, sharey."""
+    columns = 2 if count == 4 else min(count, columns)
+    rows = -(-count // columns)
+    width = width if columns > 1 else 0.62 * width
+    figure, axes = plt.subplots(rows, columns, figsize=(width, height * rows), squeeze=False, **shared)
+    for axis in axes.flat[count:]:
+        axis.remove()
+    for axis in axes.flat[count - columns : count]:  # the lowest of each column
+        axis.tick_params(labelbottom=True)
+    return figure, list(axes.flat[:count])
+
+
 def png(figure: Figure, dpi: int = 160) -> bytes:
     """The same figure, the same bytes: no date inside."""
     buffer = io.BytesIO()
@@ -60,13 +75,25 @@ def outside_legend(axis, columns: int = 4) -> None:
     axis.legend(ncols=columns, handlelength=1.4, columnspacing=1.1, **place)
 
 
-def plain_ticks(axis) -> None:
-    """Numbers such as 20, 50, 100 along a short logarithmic x axis, not powers of ten."""
-    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+def log_ticks(axis) -> None:
+    """Numbers such as 20, 50, 100 along a logarithmic x axis that is short, few powers of ten along a long one."""
+    from matplotlib.ticker import LogFormatterMathtext, LogLocator, MaxNLocator, NullFormatter
 
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(ScalarFormatter())
+    low, high = axis.get_view_interval()
+    decades = np.log10(max(high, 1e-300) / max(low, 1e-300))
+    if decades < 1:
+        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.2 else (1.0,), numticks=8))
+    plain = decades < 2.2 or (decades < 4 and low >= 1e-3)
+    axis.set_major_formatter("{x:g}" if plain else LogFormatterMathtext())
     axis.set_minor_formatter(NullFormatter())
+
+
+def ticks_at(axis, values: Sequence[float]) -> None:
+    """Ticks along a logarithmic x axis at these values alone."""
+    axis.set_xticks(values, [f"{value:g}" for value in values])
+    axis.set_xticks([], minor=True)
 
 
 def colour_of(controller: str, names: list[str]) -> str:

@@ -1,11 +1,18 @@
 """Numbers of the manifests as tables that a person reads."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from cfem.report.discretisation import label
 from cfem.report.page import Table
 from cfem.report.spec import Published
+
+# Of a result of `cfem train`, all but these is what the kind of model chose for itself.
+COMMON = {
+    "kind", "form", "samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors", "history",
+    "positive_definite", "learning_curve", "headline",
+}  # fmt: skip
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -53,15 +60,18 @@ def tracking_table(summaries: Mapping[str, Mapping[str, dict]]) -> Table:
     )
 
 
-def model_table(models: Mapping[str, dict], published: Published | None) -> Table:
+def model_table(
+    models: Mapping[str, Mapping[str, Any]], published: Published | None = None, default: str | None = None
+) -> Table:
     """One row a model, the published one last."""
     rows = [
         (
-            name,
+            f"{name} (default)" if name == default else name,
             str(results["samples"]),
             number(results["errors"]["loss"]),
             _pair(results["errors"]["tip_mm"]),
             _pair(results["errors"]["force_N"]),
+            number(results["seconds_sampling"]),
             number(results["seconds_fit"]),
             number(results["microseconds_query"]),
         )
@@ -69,7 +79,8 @@ def model_table(models: Mapping[str, dict], published: Published | None) -> Tabl
     ]
     if published:
         samples = str(published.samples) if published.samples else "–"
-        rows.append((published.source, samples, number(published.loss), "–", "–", "–", number(published.query_us)))
+        empty = ("–",) * 4
+        rows.append((published.source, samples, number(published.loss), *empty, number(published.query_us)))
     return Table(
         (
             "model",
@@ -77,10 +88,159 @@ def model_table(models: Mapping[str, dict], published: Published | None) -> Tabl
             "loss",
             "tip error, mean / max (mm)",
             "force error, mean / max (N)",
-            "fit (s)",
+            "sampling (s of a core)",
+            "training (s)",
             "query (µs)",
         ),
         rows,
+    )
+
+
+def definite_table(models: Mapping[str, Mapping[str, Any]]) -> Table:
+    """One row a model: at how many random states between the samples its W is not positive definite."""
+    rows = []
+    for name, results in models.items():
+        found = results["positive_definite"]
+        s, p = found["where"]["s"], found["where"]["p"]
+        unit = "N" if results.get("form") == "force" else "mm"
+        where = f"({', '.join(number(value) for value in s)}) {unit}"
+        where += f", p = ({', '.join(number(value) for value in p)})" if p else ""
+        lacking = round(found["queries"] * (1 - found["share"]))
+        smallest = number(found["smallest_eigenvalue"])
+        rows.append((name, f"{lacking} of {found['queries']}", smallest, "" if found["share"] == 1 else where))
+    head = (
+        "model",
+        "W not positive definite at",
+        "smallest eigenvalue, W scaled to unit diagonal",
+        "worst, at",
+    )
+    return Table(head, rows)
+
+
+def choice_table(models: Mapping[str, Mapping[str, Any]]) -> Table:
+    """What each model chose for itself: terms and weights of series, best epochs of networks."""
+    rows = [(name, what, value) for name, results in models.items() for what, value in chosen(results)]
+    return Table(("model", "chosen", "value"), rows)
+
+
+def chosen(results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What a model chose for itself and its value, for a reader: what it says of each of its quantities by itself, the
+    rest in one."""
+
+    def text(value: Any) -> str:
+        if isinstance(value, list | tuple):
+            return " ".join(text(one) for one in value)
+        return number(value, 2) if isinstance(value, float) else str(value)
+
+    def joined(facts: Mapping[str, Any]) -> str:
+        return ", ".join(f"{name} {text(one)}".replace("_", " ") for name, one in facts.items())
+
+    own = {name: value for name, value in results.items() if name not in COMMON}
+    plain = {name: value for name, value in own.items() if not isinstance(value, dict)}
+    for name, value in own.items():
+        if parts := isinstance(value, dict) and {k: one for k, one in value.items() if not isinstance(one, dict)}:
+            yield name, joined(parts)
+    if plain:
+        yield "", joined(plain)
+
+
+def trust_table(found: Mapping[str, Mapping[str, Any]]) -> Table:
+    """One row a model, of `cfem.report.surrogates.trust_summary`."""
+    rows = [
+        (
+            name,
+            f"{one['flagged']} of {one['states']}",
+            f"{one['beyond_flagged']} of {one['beyond']}" if one["beyond"] else "–",
+            _median(one["unflagged_mm"]),
+            _median(one["flagged_mm"]),
+            number(one["rank_correlation"], 2),
+        )
+        for name, one in found.items()
+    ]
+    return Table(
+        (
+            "model",
+            "test states flagged",
+            "states out of reach flagged",
+            "tip error where not flagged, median / max (mm)",
+            "where flagged, median / max (mm)",
+            "rank correlation of error and distance",
+        ),
+        rows,
+    )
+
+
+def _median(spread: Mapping[str, float] | None) -> str:
+    return "–" if spread is None else f"{number(spread['median'])} / {number(spread['max'])}"
+
+
+def sampling_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """One row a model, method and number of training rows."""
+    cells = [
+        (
+            f"{row['model']}, {row['method']}",
+            str(row["samples"]),
+            number(row["errors"]["loss"]),
+            _pair(row["errors"]["tip_mm"]),
+            _pair(row["errors"]["force_N"]),
+            number(row["seconds_fit"]),
+        )
+        for row in rows
+    ]
+    head = (
+        "model, method",
+        "rows",
+        "loss",
+        "tip error, mean / max (mm)",
+        "force error, mean / max (N)",
+        "training (s)",
+    )
+    return Table(head, cells)
+
+
+def sizes_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """One row a mesh and number of samples, of `cfem.report.studies.mesh_row`; control stands beside the last."""
+    cells = []
+    for row in rows:
+        for point in row["curve"]:
+            last = point is row["curve"][-1]
+            control = (
+                number(row["steps_learned"]),
+                number(row["steps_fe"], 2),
+                f"{number(row['missed_learned_mm'], 2)} / {number(row['missed_fe_mm'], 2)}",
+            )
+            cells.append(
+                (
+                    f"{row['name']}, {row['cells']} cells, {row['nodes']} nodes",
+                    str(point["samples"]),
+                    number(point["errors"]["loss"]),
+                    _pair(point["errors"]["tip_mm"]),
+                    number(point["samples"] / point["seconds_sampling"]),
+                    *(control if last else ("", "", "")),
+                )
+            )
+        published = row["published"]
+        if published:
+            cells.append(
+                (
+                    f"{row['name']}, {published['source']}",
+                    str(published["samples"] or "–"),
+                    number(published["loss"]),
+                    *("",) * 5,
+                )
+            )
+    return Table(
+        (
+            "mesh",
+            "samples",
+            "loss",
+            "tip error, mean / max (mm)",
+            "samples a second, one core",
+            "steps a second, learned",
+            "FE-based",
+            "goals missed by, mean, learned / FE-based (mm)",
+        ),
+        cells,
     )
 
 

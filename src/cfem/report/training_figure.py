@@ -1,79 +1,54 @@
-"""How models learned: held-out error against degree or epoch, test error against samples and against time of a
-query."""
+"""How models learned: held-out error against terms or epochs."""
 
-from cfem.report.spec import Published
-from cfem.report.style import FAINT, LEARNED, outside_legend, panels, plain_ticks, png
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.lines import Line2D
+
+from cfem.report.style import INK, LEARNED, grid, log_ticks, png
+
+CURVES = ("training", "validation")
 
 
-def training_figure(models: dict[str, dict]) -> bytes:
+def training_figure(models: Mapping[str, Mapping[str, Any]]) -> bytes:
     """models: name -> results of `cfem train`. One panel a model."""
-    figure, axes = panels(len(models), height=3.4)
-    for (name, results), axis in zip(models.items(), axes, strict=True):
+    figure, axes = grid(len(models))
+    for (name, results), axis in zip(models.items(), axes, strict=False):
         history = results["history"]
-        if results["kind"] == "spectral":
-            for colour, quantity in zip(LEARNED, dict.fromkeys(row["quantity"] for row in history), strict=False):
-                rows = [row for row in history if row["quantity"] == quantity]
-                axis.semilogy(
-                    [r["degree"] for r in rows],
-                    [r["error"] for r in rows],
-                    "o-",
-                    ms=3,
-                    color=colour,
-                    label=quantity.replace("_", " "),
-                )
-            axis.set(xlabel="polynomial degree", ylabel="held-out error, relative")
+        if history and "terms" in history[0]:
+            _terms(axis, results)
         else:
-            for colour, curve in zip(LEARNED, ("training", "validation"), strict=False):
-                axis.semilogy([r["epoch"] for r in history], [r[curve] for r in history], color=colour, label=curve)
-            axis.set(xlabel="epoch", ylabel="loss, standardised")
-        outside_legend(axis)
-        axis.set_title(f"{name}, {results['samples']} samples", pad=22)
+            _epochs(axis, history)
+        axis.set_title(f"{name}, {results['samples']} samples")
+        axis.legend(loc="best", fontsize=8)
     return png(figure)
 
 
-def learning_figure(models: dict[str, dict], published: Published | None) -> bytes:
-    """Loss and largest tip error on the test set, against training samples."""
-    figure, axes = panels(2, height=3.6)
-    for colour, (name, results) in zip(LEARNED, models.items(), strict=False):
-        curve = sorted(results["learning_curve"], key=lambda point: point["samples"])
-        samples = [point["samples"] for point in curve]
-        axes[0].loglog(samples, [p["errors"]["loss"] for p in curve], "o-", ms=4, color=colour, label=name)
-        axes[1].loglog(samples, [p["errors"]["tip_mm"]["max"] for p in curve], "o-", ms=4, color=colour, label=name)
-    if published and published.loss:
-        axes[0].axhline(published.loss, color=FAINT, ls="--", lw=1.2)
-        many = f", {published.samples} samples" if published.samples else ""
-        axes[0].annotate(
-            published.source + many,
-            (0.98, published.loss),
-            xycoords=("axes fraction", "data"),
-            ha="right",
-            va="bottom",
-            fontsize=9,
-        )
-    axes[0].set(xlabel="training samples", ylabel="loss on the test set", title="the paper's loss")
-    axes[1].set(xlabel="training samples", ylabel="mm", title="largest tip error on the test set")
-    axes[1].legend()
-    for axis in axes:
-        plain_ticks(axis.xaxis)
-    return png(figure)
+def _terms(axis, results: Mapping[str, Any]) -> None:
+    """A colour a quantity; solid where all coordinates count alike, dashed where they are weighted; a ring marks what
+    was chosen."""
+    for colour, quantity in zip(LEARNED, dict.fromkeys(row["quantity"] for row in results["history"]), strict=False):
+        for weights, style in (("equal", "o-"), ("decay", "s--")):
+            rows = [row for row in results["history"] if (row["quantity"], row["weights"]) == (quantity, weights)]
+            terms, errors = [row["terms"] for row in rows], [row["error"] for row in rows]
+            axis.loglog(terms, errors, style, ms=2.5, lw=1.1, color=colour)
+        found = [row for row in results["history"] if row["quantity"] == quantity]
+        best = min(found, key=lambda row: row["error"])
+        axis.loglog(best["terms"], best["error"], "o", ms=9, mfc="none", color=colour)
+        axis.plot([], [], color=colour, label=quantity.replace("_", " "))
+    if any(row["weights"] == "decay" for row in results["history"]):
+        axis.add_line(Line2D([], [], ls="--", color=INK, label="coordinates weighted"))
+    axis.set(xlabel="terms", ylabel="held-out error, relative")
+    log_ticks(axis.xaxis)
 
 
-def inference_figure(models: dict[str, dict], published: Published | None) -> bytes:
-    """Loss and largest tip error against the time of one query."""
-    figure, axes = panels(2, height=3.4)
-    for colour, (name, results) in zip(LEARNED, models.items(), strict=False):
-        place = results["microseconds_query"]
-        for axis, value in zip(axes, (results["errors"]["loss"], results["errors"]["tip_mm"]["max"]), strict=True):
-            axis.loglog(place, value, "o", ms=9, color=colour)
-            axis.annotate(
-                f"{name}, {results['samples']} samples", (place, value), xytext=(9, 6), textcoords="offset points"
-            )
-            axis.margins(0.45)
-    if published and published.loss:
-        axes[0].axhline(published.loss, color=FAINT, ls="--", lw=1.2, label=published.source)
-        axes[0].legend(loc="upper left")
-    axes[0].set(xlabel="one query (µs)", ylabel="loss on the test set", title="loss against run time")
-    axes[1].set(xlabel="one query (µs)", ylabel="mm", title="largest tip error against run time")
-    for axis in axes:
-        plain_ticks(axis.xaxis)
-    return png(figure)
+def _epochs(axis, history: list[dict[str, float]]) -> None:
+    """A line a quantity and curve: kinds that learn quantities one by one say which a record is of."""
+    quantities = dict.fromkeys(row.get("quantity", "") for row in history)
+    for colour, quantity in zip(LEARNED, quantities, strict=False):
+        rows = [row for row in history if row.get("quantity", "") == quantity]
+        for curve, style, pale in zip(CURVES, ("-", "--"), (0.55, 1.0), strict=True):
+            label = f"{quantity} {curve}".strip().replace("_", " ")
+            epochs = [row["epoch"] for row in rows]
+            axis.semilogy(epochs, [row[curve] for row in rows], style, lw=1.3, color=colour, alpha=pale, label=label)
+    axis.set(xlabel="epoch", ylabel="loss, standardised")
