@@ -1,7 +1,7 @@
-"""Gathers the figures of README.md and docs/mechanics.md from artefacts and benchmarks, or writes them there.
+"""Gathers the figures of README.md and of docs/*.md from artefacts and benchmarks, or writes them there.
 
-figures.py measure PART ...   finger, tours, stability, convergence, discretisation: into docs/figures.json, and, once
-                              all are there, the tables between the marks of both files
+figures.py measure PART ...   finger, surrogates, tours, stability, convergence, discretisation: into docs/figures.json,
+                              and, once all are there, the tables between the marks of the files
 figures.py write              the tables alone"""
 
 import json
@@ -40,6 +40,42 @@ def measure_finger() -> dict:
     }
 
 
+def measure_surrogates() -> dict:
+    """What `make surrogates` trained: a record a robot, model and number of samples."""
+    found = {}
+    for robot in sorted(path.name for path in (ROOT / "models" / "surrogates").iterdir()):
+        if robot in ("sampling", "meshes"):
+            continue
+        for model in sorted((ROOT / "models" / "surrogates" / robot).iterdir()):
+            trained = results(f"models/surrogates/{robot}/{model.name}")
+            found.setdefault(robot, {})[model.name] = {
+                "definite": trained["positive_definite"]["share"],
+                "curve": [surrogate_point(point) for point in trained["learning_curve"]],
+            }
+    meshes = {
+        folder.name: {
+            "cells": results(f"data/surrogates/meshes/{folder.name}/mesh")["cells"],
+            "curve": [surrogate_point(point) for point in results(str(folder.relative_to(ROOT)))["learning_curve"]],
+        }
+        for folder in sorted((ROOT / "models" / "surrogates" / "meshes").iterdir())
+    }
+    return {"robots": found, "meshes": meshes}
+
+
+def surrogate_point(point: dict) -> dict:
+    errors = point["errors"]
+    return {
+        "samples": point["samples"],
+        "loss": errors["loss"],
+        "tip_mm": errors["tip_mm"]["max"],
+        "tip_percent": errors["tip_percent_of_length"]["max"],
+        "force_N": errors["force_N"]["max"],
+        "fit_seconds": point["seconds_fit"],
+        "sampling_seconds": point["seconds_sampling"],
+        "query_us": point["microseconds_query"],
+    }
+
+
 def measure_tours() -> dict:
     """Of the paper's meshes and of the scene's own, by both solvers; some fifteen minutes of one core."""
     finger, tet4 = (f"pipelines/{name}/scene.yaml" for name in ("soft-finger", "soft-finger-tet4"))
@@ -61,6 +97,7 @@ def measure_stability() -> dict:
 
 PARTS = {
     "finger": measure_finger,
+    "surrogates": measure_surrogates,
     "tours": measure_tours,
     "stability": measure_stability,
     "convergence": lambda: run("benchmarks/convergence.py"),
@@ -164,6 +201,50 @@ def finger_table(f: dict) -> str:
         ("`cfem --help`", "0.5 s", f"{f['help_seconds']:.2f} s", ""),
     ]
     return markdown(("figure", "target", "measured", "command"), rows)
+
+
+def surrogates_table(f: dict) -> str:
+    """Error against samples and costs, a row a robot, model and number of samples."""
+    rows = [
+        (
+            robot,
+            model.replace("-", " ", 1) if model.endswith("force") else model,
+            str(point["samples"]),
+            f"{point['loss']:.1e}",
+            f"{point['tip_mm']:.2g} ({point['tip_percent']:.1g} %)",
+            f"{point['force_N']:.1g}",
+            f"{point['sampling_seconds']:.0f}",
+            f"{point['fit_seconds']:.2g}",
+            f"{point['query_us']:.0f}",
+            f"{100 * found['definite']:.5g} %" if point is found["curve"][-1] else "",
+        )
+        for robot, models in f["surrogates"]["robots"].items()
+        for model, found in models.items()
+        for point in found["curve"]
+    ]
+    head = (
+        "robot",
+        "model",
+        "samples",
+        "loss",
+        "tip error, max (mm)",
+        "force error, max (N)",
+        "sampling (s, one core)",
+        "fit (s)",
+        "query (us)",
+        "W definite",
+    )
+    return markdown(head, rows)
+
+
+def paper_meshes_table(f: dict) -> str:
+    """The paper's three meshes: loss of the spectral model from 30 and 100 samples."""
+    found = sorted(f["surrogates"]["meshes"].values(), key=lambda one: one["cells"])
+    rows = [
+        (str(one["cells"]), *(f"{point['samples']}: {point['loss']:.1e}" for point in one["curve"])) for one in found
+    ]
+    columns = max(len(row) for row in rows) - 1
+    return markdown(("linear tetrahedra", *["samples: loss"] * columns), rows)
 
 
 def mechanics_table(f: dict) -> str:
@@ -310,12 +391,14 @@ def markdown(head: tuple, rows: list[tuple]) -> str:
 
 TABLES = {
     "finger": lambda f: finger_table(f["finger"]),
+    "surrogates": surrogates_table,
+    "paper-meshes": paper_meshes_table,
     "mechanics": mechanics_table,
     "profile": profile_table,
     "convergence": convergence_table,
     "meshes": meshes_table,
 }
-FILES = ("README.md", "docs/mechanics.md")
+FILES = ("README.md", "docs/mechanics.md", "docs/surrogates.md")
 
 
 def with_tables(text: str, figures: dict) -> str:

@@ -9,9 +9,9 @@ STATES-soft-finger := soft-finger/samples-large
 STATES-diamond := diamond/samples
 STATES-trunk := trunk/samples
 # Training rows at which every kind is judged, besides all of them.
-CURVE-soft-finger := [10,30,100,400]
-CURVE-diamond := [30,60]
-CURVE-trunk := [100,400]
+CURVE-soft-finger := [10,30,50,100]
+CURVE-diamond := [30,60,131]
+CURVE-trunk := [50,100]
 # End of the cables' reach, and a farther one: what lies between is beyond the models' domain.
 REACH-soft-finger := 20 26
 REACH-diamond := 30 38
