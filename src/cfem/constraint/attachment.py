@@ -112,8 +112,9 @@ def _coordinates(mesh: Mesh, cells: np.ndarray, points: np.ndarray) -> tuple[np.
         xi, found = _inverse_trilinear(mesh.X[mesh.cells[cells]], points)
         depth = (1 - np.abs(xi).max(axis=1)) / 2
         return xi, np.where(found, depth, np.minimum(depth, -1.0))
-    offset = points - mesh.X[_corners(mesh, cells)].mean(axis=1)
-    barycentric = 0.25 + np.einsum("kd,kad->ka", offset, barycentric_gradients(mesh.X, mesh.cells[cells]))
+    unique, place = np.unique(cells, return_inverse=True)
+    offset = points - mesh.X[_corners(mesh, unique)].mean(axis=1)[place]
+    barycentric = 0.25 + np.einsum("kd,kad->ka", offset, barycentric_gradients(mesh.X, mesh.cells[unique])[place])
     return barycentric, barycentric.min(axis=1)
 
 

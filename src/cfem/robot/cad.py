@@ -34,6 +34,15 @@ class Frustum:
 
 
 @dataclass(frozen=True)
+class Loft:
+    """Straight from one polygon in space to another of as many corners, each edge parallel to its fellow: all sides are
+    flat, so straight-edged cells fill it exactly."""
+
+    first: tuple[Point, ...]
+    second: tuple[Point, ...]
+
+
+@dataclass(frozen=True)
 class Union:
     parts: tuple["Solid", ...]
 
@@ -64,7 +73,7 @@ class Placed:
     translate: Point
 
 
-Solid = Box | Prism | Frustum | Union | Difference | File | Placed
+Solid = Box | Prism | Frustum | Loft | Union | Difference | File | Placed
 
 
 def as_data(solid: Solid) -> dict[str, Any]:

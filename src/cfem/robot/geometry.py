@@ -4,7 +4,7 @@ from math import pi
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, PositiveInt, field_validator, model_validator
 
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Length, Point, Points
@@ -31,6 +31,45 @@ class Bar(Spec):
     height: Length = Field(default=10.0, gt=0)
 
 
+class Diamond(Spec):
+    """Four legs with knees, from a base up to a platform (after Menager et al. 2023). width: of base, legs and
+    platform; hinge_thickness: of a leg at its root; knee_distance: of the knees' outer sides from the z axis;
+    height: of all, from z = -37 mm up."""
+
+    kind: Literal["diamond"]
+    width: Length = Field(default=30.0, gt=0)
+    leg_thickness: Length = Field(default=13.5, gt=0)
+    hinge_thickness: Length = Field(default=9.0, gt=0)
+    knee_distance: Length = Field(default=97.0, gt=0)
+    height: Length = Field(default=163.0, gt=0)
+
+    @model_validator(mode="after")
+    def _possible(self):
+        if self.hinge_thickness >= self.leg_thickness:
+            raise ValueError("hinge_thickness must be smaller than leg_thickness")
+        return self
+
+
+class Trunk(Spec):
+    """A tapered trunk from z = 0 up, its disks joined by necks (after Menager et al. 2023). widths: across flats;
+    neck: width of a neck relative to that of a disk there; pitch: from disk to disk."""
+
+    kind: Literal["trunk"]
+    length: Length = Field(default=195.0, gt=0)
+    base_width: Length = Field(default=26.0, gt=0)
+    tip_width: Length = Field(default=12.0, gt=0)
+    neck: float = Field(default=0.63, gt=0, le=1)
+    disks: PositiveInt = 10
+    pitch: Length = Field(default=17.5, gt=0)
+    disk_thickness: Length = Field(default=6.0, gt=0)
+
+    @model_validator(mode="after")
+    def _possible(self):
+        if self.disk_thickness >= self.pitch or self.disks * self.pitch >= self.length:
+            raise ValueError("disk_thickness must be smaller than pitch, and disks times pitch smaller than length")
+        return self
+
+
 class MeshFile(Spec):
     """A mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh) or closed surface (.stl) of the user's own, its numbers in
     `unit`."""
@@ -47,7 +86,7 @@ class StepFile(Spec):
     path: Path
 
 
-Single = SoftFinger | Bar | MeshFile | StepFile
+Single = SoftFinger | Bar | Diamond | Trunk | MeshFile | StepFile
 
 
 class Refinement(Spec):

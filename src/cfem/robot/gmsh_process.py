@@ -2,9 +2,10 @@
 
 A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
 'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
-corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and
-the CAD volume mm^3. One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be
-loaded; 11: the geometry cannot be built or meshed; cause on stderr."""
+corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null,
+nothing is meshed, and the answer is the body's volume mm^3 and the area mm^2 of its surface. One thread and fixed
+algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry cannot be built or
+meshed; cause on stderr."""
 
 import json
 import math
@@ -27,6 +28,8 @@ def build(occ, node: dict) -> list[tuple[int, int]]:
         return [entity for entity in swept if entity[0] == 3]
     if kind == "Frustum":
         return [(3, occ.addCone(*node["base"], *node["axis"], node["r0"], node["r1"]))]
+    if kind == "Loft":
+        return [(3, loft(occ, node["first"], node["second"]))]
     if kind == "Union":
         first, *others = [build(occ, part) for part in node["parts"]]
         rest = [entity for part in others for entity in part]
@@ -42,6 +45,18 @@ def build(occ, node: dict) -> list[tuple[int, int]]:
     return [entity for entity in occ.importShapes(node["path"]) if entity[0] == 3]
 
 
+def loft(occ, first: list, second: list) -> int:
+    """The volume between two polygons."""
+    rings = [[occ.addPoint(*corner) for corner in ring] for ring in (first, second)]
+    around = [[occ.addLine(a, b) for a, b in zip(ring, ring[1:] + ring[:1], strict=True)] for ring in rings]
+    along = [occ.addLine(a, b) for a, b in zip(*rings, strict=True)]
+    sides = [
+        [low, end, -high, -start] for low, high, start, end in zip(*around, along, along[1:] + along[:1], strict=True)
+    ]
+    faces = [occ.addPlaneSurface([occ.addCurveLoop(loop)]) for loop in (*around, *sides)]
+    return occ.addVolume([occ.addSurfaceLoop(faces)])
+
+
 def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
     """Cuts the body along the surfaces of the regions into pieces that share their faces, hence their nodes."""
     tools = [entity for region in regions for entity in build(occ, region)]
@@ -50,41 +65,72 @@ def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
     occ.synchronize()
 
 
-def surface_volume(gmsh, path: str, unit: float) -> float:
-    """Makes the volume that a closed STL surface bounds; its own volume by the divergence theorem."""
+def surface(gmsh, path: str, unit: float) -> np.ndarray:
+    """(k, 3, 3) mm: corners of the triangles of a closed STL surface, which is read into gmsh."""
     gmsh.merge(path)
     gmsh.model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
     gmsh.model.mesh.removeDuplicateNodes()
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    X = np.zeros((int(tags.max()) + 1, 3))
+    X = np.zeros((int(tags.max(initial=0)) + 1, 3))
     X[tags.astype(int)] = coordinates.reshape(-1, 3)
     triangles = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3).astype(int)
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     if len(triangles) == 0 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
         raise ValueError("the surface is not closed: every edge must belong to two triangles")
-    a, b, c = (X[triangles[:, corner]] for corner in range(3))
+    return X[triangles]
+
+
+def enclosed_volume(corners: np.ndarray) -> float:
+    """mm^3 within a closed surface of triangles (k, 3, 3), by the divergence theorem."""
+    a, b, c = corners.swapaxes(0, 1)
+    return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
+
+
+def fill(gmsh) -> None:
+    """Makes the volume that the surface read last bounds."""
     gmsh.model.mesh.classifySurfaces(math.radians(40), True, True, math.pi)
     gmsh.model.mesh.createGeometry()
     loop = gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])
     gmsh.model.geo.addVolume([loop])
     gmsh.model.geo.synchronize()
-    return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
 
 
-def mesh(gmsh, job: dict) -> tuple[np.ndarray, np.ndarray, float]:
+def is_surface(solid: dict) -> bool:
+    return solid["kind"] == "File" and solid["path"].lower().endswith(".stl")
+
+
+def one_body(gmsh, solid: dict) -> tuple[int, int]:
+    """The OpenCASCADE entity (3, tag) of a tree of solids."""
+    bodies = build(gmsh.model.occ, solid)
+    gmsh.model.occ.synchronize()
+    if len(bodies) != 1:
+        raise ValueError(f"the geometry is {len(bodies)} separate bodies, not one")
+    return bodies[0]
+
+
+def measure(gmsh, solid: dict) -> dict[str, np.ndarray]:
+    """Volume and area, without a mesh."""
+    if is_surface(solid):
+        corners = surface(gmsh, solid["path"], solid["unit"])
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return {"volume": np.array(enclosed_volume(corners)), "area": np.linalg.norm(normals, axis=1).sum() / 2}
+    body = one_body(gmsh, solid)
+    faces = gmsh.model.getBoundary([body], oriented=False)
+    area = sum(gmsh.model.occ.getMass(*face) for face in faces)
+    return {"volume": np.array(gmsh.model.occ.getMass(*body)), "area": np.array(area)}
+
+
+def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     """X (n, 3), cells (m, 4), CAD volume."""
     solid = job["solid"]
-    if solid["kind"] == "File" and solid["path"].lower().endswith(".stl"):
-        volume = surface_volume(gmsh, solid["path"], solid["unit"])
+    if is_surface(solid):
+        volume = enclosed_volume(surface(gmsh, solid["path"], solid["unit"]))
+        fill(gmsh)
     else:
-        occ = gmsh.model.occ
-        bodies = build(occ, solid)
-        occ.synchronize()
-        if len(bodies) != 1:
-            raise ValueError(f"the geometry is {len(bodies)} separate bodies, not one")
-        volume = occ.getMass(*bodies[0])
+        body = one_body(gmsh, solid)
+        volume = gmsh.model.occ.getMass(*body)
         if job["regions"]:
-            split(occ, bodies[0], job["regions"])
+            split(gmsh.model.occ, body, job["regions"])
     _sizes(gmsh, job)
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")
@@ -95,7 +141,7 @@ def mesh(gmsh, job: dict) -> tuple[np.ndarray, np.ndarray, float]:
     used, cells = np.unique(cells, return_inverse=True)
     order = np.argsort(tags)
     X = coordinates.reshape(-1, 3)[order][np.searchsorted(tags[order], used)]
-    return X, cells.reshape(-1, 4), volume
+    return {"X": X, "cells": cells.reshape(-1, 4), "volume": np.array(volume)}
 
 
 def _sizes(gmsh, job: dict) -> None:
@@ -131,13 +177,14 @@ def main() -> int:
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        X, cells, volume = mesh(gmsh, json.load(sys.stdin))
+        job = json.load(sys.stdin)
+        answer = measure(gmsh, job["solid"]) if job["size"] is None else mesh(gmsh, job)
     except Exception as error:  # gmsh raises bare Exception
         print(error, file=sys.stderr)
         return 11
     finally:
         gmsh.finalize()
-    np.savez(sys.argv[1], X=X, cells=cells, volume=volume)
+    np.savez(sys.argv[1], **answer)
     return 0
 
 

@@ -16,16 +16,19 @@ from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet
 from cfem.robot import hexahedra, selection
 from cfem.robot.bar import bar
 from cfem.robot.cad import Box, File, Placed, Solid, as_data
-from cfem.robot.geometry import Assembly, Bar, MeshFile, Part, Single, SoftFinger
+from cfem.robot.diamond import diamond
+from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, Trunk
 from cfem.robot.mesh_file import read_own
 from cfem.robot.placement import join, place, place_back, seen_from
 from cfem.robot.soft_finger import soft_finger
 from cfem.robot.spec import Meshing, SceneSpec
+from cfem.robot.trunk import trunk
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
 Region = Box | Placed
+CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Trunk: trunk}
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         volumes = [volume for _, volume in made.values()]
         volume = None if None in volumes else sum(volumes)
     else:
-        mesh, volume = _corners(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
+        mesh, volume = corner_mesh(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
     return _with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
 
 
@@ -66,11 +69,11 @@ def _part(
     if grading is not None:
         mine = replace(grading.mesh, cells=grading.mesh.cells[grading.mesh.cell_sets[part.name]])
         grading = Grading(place_back(mine, part), grading.sizes)
-    mesh, volume = _corners(part.geometry, own, seen, folder, f"part '{part.name}'", grading)
+    mesh, volume = corner_mesh(part.geometry, own, seen, folder, f"part '{part.name}'", grading)
     return place(mesh, part), volume
 
 
-def _corners(
+def corner_mesh(
     geometry: Single,
     meshing: Meshing,
     regions: Sequence[Region],
@@ -140,10 +143,8 @@ def _with_middles(mesh: Mesh) -> Mesh:
 
 def solid_of(geometry: Single, folder: Path) -> Solid:
     """A geometry as a tree of solids."""
-    if isinstance(geometry, SoftFinger):
-        return soft_finger(geometry)
-    if isinstance(geometry, Bar):
-        return bar(geometry)
+    if type(geometry) in CATALOGUE:
+        return CATALOGUE[type(geometry)](geometry)
     path = folder / geometry.path
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check geometry.path")
@@ -171,6 +172,18 @@ def run_gmsh(
         "regions": [as_data(region) for region in regions],
         "grading": None if grading is None else _corner_sizes(grading),
     }
+    answer = _gmsh(job, solid)
+    return answer["X"], answer["cells"], float(answer["volume"])
+
+
+def measure(solid: Solid) -> tuple[float, float]:
+    """Volume mm^3 and area mm^2 of the surface of a body, without a mesh. InputError where a file holds no one body."""
+    answer = _gmsh({"solid": as_data(solid), "size": None}, solid)
+    return float(answer["volume"]), float(answer["area"])
+
+
+def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
+    """What gmsh's process answers."""
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "mesh.npz"
         command = [sys.executable, "-m", "cfem.robot.gmsh_process", str(out)]
@@ -183,4 +196,4 @@ def run_gmsh(
             kind = InputError if isinstance(solid, File) else NumericalError
             raise kind(f"cannot be meshed: {cause}", where=where, do="mend the geometry or change mesh.size")
         with np.load(out) as answer:
-            return answer["X"], answer["cells"], float(answer["volume"])
+            return dict(answer)
