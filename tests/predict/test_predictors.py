@@ -78,7 +78,7 @@ def test_at_force_inverts_the_energy(exports):
 
 
 def test_at_force_says_where_it_fails(exports):
-    with pytest.raises(NumericalError, match="N.*are left"):
+    with pytest.raises(NumericalError, match=r"N.*are left"):
         load_model(exports["spectral"]).at_force(np.array([-1e9, 1e9]))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from cfem.predict.chebyshev import basis, polynomials
+from cfem.predict.chebyshev import polynomials
 from cfem.surrogate.chebyshev import derivative_matrices, index_set
 from cfem.surrogate.spectral import design_rows
 

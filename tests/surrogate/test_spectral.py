@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from surrogate.synthetic import dataset
 
-from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.predict.spectral import SpectralPredictor
+from cfem.surrogate.chebyshev import index_set
 from cfem.surrogate.error_measures import measure
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.chebyshev import index_set
 from cfem.surrogate.observations import Observations
 from cfem.surrogate.spectral import Series, fit, fit_quantity
 from cfem.surrogate.stage import predictions

@@ -55,7 +55,7 @@ def onnx_bytes(model: nn.Module, meta: dict[str, Any]) -> bytes:
 
 
 def example(meta: dict[str, Any]) -> tuple[torch.Tensor, ...]:
-    """Inputs inside the domain, a batch of two, for tracing: s (2, n_a) and, where the model has parameters, p (2, n_p)."""
+    """Inputs inside the domain, a batch of two, for tracing: s (2, n_a), and p (2, n_p) where the model has any."""
     s = torch.tensor(meta["domain"]["delta_a" if meta["form"] == "displacement" else "lambda_a"], dtype=torch.float64)
     p = torch.tensor([[one["low"], one["high"]] for one in meta["parameters"]], dtype=torch.float64)
     return (s, p.T.contiguous()) if meta["parameters"] else (s,)

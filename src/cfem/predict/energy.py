@@ -1,8 +1,8 @@
 """From one scalar energy to (W, delta_free), whatever represents it.
 
-Form 'displacement': the condensed energy Psi(delta_a), with grad Psi = lambda_a and hess Psi = W_aa^-1. Form 'force': its
-dual Psi*(lambda_a) = lambda_a . delta_a - Psi (Legendre), with grad Psi* = delta_a and hess Psi* = W_aa. Beside it the
-effectors' displacements e and a compliance C of theirs:
+Form 'displacement': the condensed energy Psi(delta_a), with grad Psi = lambda_a and hess Psi = W_aa^-1. Form 'force':
+its dual Psi*(lambda_a) = lambda_a . delta_a - Psi (Legendre), with grad Psi* = delta_a and hess Psi* = W_aa. Beside it
+the effectors' displacements e and a compliance C of theirs:
 
     form          W_aa           W_ea             W_ee
     displacement  (hess Psi)^-1  (grad e) W_aa    C + (grad e) W_aa (grad e)^T     C: the actuators locked

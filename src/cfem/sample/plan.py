@@ -43,9 +43,9 @@ def actuation(space: str, u: np.ndarray, reach: np.ndarray, compliance: np.ndarr
 
 
 def within_reach(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> float:
-    """The amount of a pull (`cfem.equilibrium.actuation.pull`) at which the cable that comes nearest to its reach has gone
-    the largest share of it, were the robot as compliant as at rest. Cables on opposite sides pay out what others take
-    in, so that their mean says little about any."""
+    """The amount of a pull (`cfem.equilibrium.actuation.pull`) at which the cable that comes nearest to its reach has
+    gone the largest share of it, were the robot as compliant as at rest. Cables on opposite sides pay out what others
+    take in, so that their mean says little about any."""
     C = share / (share.sum() * reach)
     moved = compliance @ C
     return float(share.max() * (C @ moved) / (moved / reach).max())

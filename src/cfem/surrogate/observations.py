@@ -118,8 +118,8 @@ def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
 def _by_displacement(
     dW: np.ndarray, e: slice, a: slice, K: np.ndarray, G: np.ndarray, W_ea: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(m, k, ...) derivatives by delta_k of K = W_aa^-1, G = W_ea K and C = W_ee - G W_ae, from those of W by lambda:
-    dK = -K dW_aa K, dG = (dW_ea - G dW_aa) K, dC = dW_ee - dG W_ae - G dW_ae, and d/ddelta_l = sum_k K_kl d/dlambda_k."""
+    """(m, k, ...) derivatives by delta_k of K = W_aa^-1, G = W_ea K, C = W_ee - G W_ae, from those of W by lambda:
+    dK = -K dW_aa K, dG = (dW_ea - G dW_aa) K, dC = dW_ee - dG W_ae - G dW_ae; d/ddelta_l = sum_k K_kl d/dlambda_k."""
     K_, G_ = K[:, None], G[:, None]
     d_K = -K_ @ dW[:, :, a, a] @ K_
     d_G = (dW[:, :, e, a] - G_ @ dW[:, :, a, a]) @ K_

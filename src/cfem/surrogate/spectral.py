@@ -1,8 +1,8 @@
 """The energy model as Chebyshev series, fitted by linear least squares to all that the samples know.
 
 The potential, e and C each have their own index set, of anisotropic total degree, chosen by the error of states left
-out: among weights of the coordinates that are all 1, weights by how fast the coefficients fall along each, and weights by
-how much the effectors' map bends along each, and among degrees."""
+out: among weights of the coordinates that are all 1, weights by how fast the coefficients fall along each, and weights
+by how much the effectors' map bends along each, and among degrees."""
 
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, pairwise

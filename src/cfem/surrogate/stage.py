@@ -1,13 +1,14 @@
 """`cfem train`: a dataset to a model folder. Test rows judge, and do nothing else.
 
-weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs s (and p) with the W
-and delta_free that the model gives there, so that every other form of it can be compared."""
+weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs s (and p) with the
+W and delta_free that the model gives there, so that every other form of it can be compared."""
 
 import io
 import shutil
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +77,8 @@ def headline(results: dict[str, Any]) -> list[str]:
     ]
     if definite["share"] < 1:
         lines.append(
-            f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random states "
-            "between the samples: more samples, or fewer degrees, may mend it"
+            f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random "
+            "states between the samples: more samples, or fewer degrees, may mend it"
         )
     return lines
 
@@ -89,6 +90,7 @@ def train_and_judge(
     from cfem.surrogate.error_measures import measure
     from cfem.surrogate.model_card import model_card
 
+    import_module(f"cfem.surrogate.{spec.kind}")  # PyTorch takes seconds to load, none of which is the fit's
     begin = time.perf_counter()
     arrays, facts, history = FITS[type(spec)](training, spec, folder)
     seconds = time.perf_counter() - begin
