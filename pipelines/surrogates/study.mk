@@ -39,13 +39,14 @@ $(ROBOTS:%=data/surrogates/beyond/%): data/surrogates/beyond/%:
 	sed 's/reach: {mm: \[0, $(word 1,$(REACH-$*))\]}/reach: {mm: [0, $(word 2,$(REACH-$*))]}/' \
 	  pipelines/$*/scene.yaml > $@/scene.yaml
 	$(CFEM) simulate-sample $(S)/sample.yaml --set scene=../../$@/scene.yaml --set mesh=../../data/$*/mesh \
-	  --set 'splits={test: {rows: 100, method: random, seed: 7}}' --out $@/samples
+	  --set 'splits={test: {rows: 40, method: random, seed: 7}}' --out $@/samples
 
 $(MODELS): models/surrogates/%:
 	$(CFEM) train $(S)/train-$(patsubst %-force,%,$(*F)).yaml --set dataset=../../data/$(STATES-$(*D)) \
 	  --set model.form=$(if $(filter %-force,$(*F)),force,displacement) --set learning_curve=$(CURVE-$(*D)) --out $@
 
 $(SAMPLING:%=data/surrogates/sampling/%): data/surrogates/sampling/%:
+	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
 	$(CFEM) simulate-sample $(S)/sample.yaml --set splits.train.method=$(*D) --set splits.train.rows=$(*F) --out $@
 
 $(SAMPLED): models/surrogates/sampling/%:

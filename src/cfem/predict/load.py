@@ -9,11 +9,12 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.core.files import read_json
 from cfem.core.stage import artefact_file
+from cfem.predict.energy_net import EnergyNetPredictor
 from cfem.predict.mlp import MlpPredictor
 from cfem.predict.protocol import Predictor
 from cfem.predict.spectral import SpectralPredictor
 
-KINDS = {"spectral": SpectralPredictor, "mlp": MlpPredictor}
+KINDS = {"spectral": SpectralPredictor, "energy_net": EnergyNetPredictor, "mlp": MlpPredictor}
 FORMAT = 2
 Runtime = Literal["arrays", "onnx"]
 

@@ -21,17 +21,18 @@ class SpectralSpec(Spec):
 
 Activation = Literal["relu", "tanh", "silu"]
 Share = Annotated[float, Field(ge=0, lt=1)]
+PAIR = Field(min_length=2, max_length=2)
 
 
 class MlpRanges(Spec):
     """What a search varies: least and greatest, or the choices; what is not named keeps the model's value."""
 
-    depth: tuple[PositiveInt, PositiveInt] | None = None
-    width: tuple[PositiveInt, PositiveInt] | None = None
+    depth: Annotated[list[PositiveInt], PAIR] | None = None
+    width: Annotated[list[PositiveInt], PAIR] | None = None
     activation: Annotated[tuple[Activation, ...], Field(min_length=1)] | None = None
-    dropout: tuple[Share, Share] | None = None
-    learning_rate: tuple[PositiveFloat, PositiveFloat] | None = None
-    batch_size: tuple[PositiveInt, PositiveInt] | None = None
+    dropout: Annotated[list[Share], PAIR] | None = None
+    learning_rate: Annotated[list[PositiveFloat], PAIR] | None = None
+    batch_size: Annotated[list[PositiveInt], PAIR] | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> "MlpRanges":
@@ -77,7 +78,21 @@ class MlpSpec(Spec):
     search: MlpSearch | None = None
 
 
-ModelSpec = Annotated[SpectralSpec | MlpSpec, Field(discriminator="kind")]
+class EnergyNetSpec(Spec):
+    """The energy model in networks of sines. form: what it is a function of, displacements or forces of the actuators;
+    depth, width: of the hidden layers of each quantity's network; patience: Gauss-Newton iterations without a better
+    one on validation rows after which training ends."""
+
+    kind: Literal["energy_net"]
+    form: Literal["displacement", "force"] = "displacement"
+    depth: PositiveInt = 2
+    width: PositiveInt = 24
+    iterations: PositiveInt = 300
+    patience: PositiveInt = 40
+    seed: NonNegativeInt = 0
+
+
+ModelSpec = Annotated[SpectralSpec | EnergyNetSpec | MlpSpec, Field(discriminator="kind")]
 
 
 class TrainSpec(Spec):

@@ -20,7 +20,7 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
-from cfem.surrogate.spec import MlpSpec, ModelSpec, SpectralSpec, TrainSpec
+from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SpectralSpec, TrainSpec
 
 QUERIES = 100_000  # at which W has to be positive definite
 
@@ -120,13 +120,23 @@ def fit_spectral(training: Any, spec: SpectralSpec, folder: Path | None) -> Fitt
     return found.arrays, {"form": spec.form, "terms": found.terms, "weights": found.weights}, found.held_out
 
 
+def fit_energy_net(training: Any, spec: EnergyNetSpec, folder: Path | None) -> Fitted:
+    from cfem.surrogate.energy_net import fit
+
+    return fit(training, spec, folder)
+
+
 def fit_mlp(training: Any, spec: MlpSpec, folder: Path | None) -> Fitted:
     from cfem.surrogate.mlp import fit
 
     return fit(training, spec, folder)
 
 
-FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {SpectralSpec: fit_spectral, MlpSpec: fit_mlp}
+FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {
+    SpectralSpec: fit_spectral,
+    EnergyNetSpec: fit_energy_net,
+    MlpSpec: fit_mlp,
+}
 
 
 def point(results: dict[str, Any]) -> dict[str, Any]:

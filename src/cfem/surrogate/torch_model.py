@@ -159,6 +159,10 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
     parameters = from_json(meta["parameters"])
     if meta["kind"] == "spectral":
         model = Spectral(meta["form"], rows, arrays)
+    elif meta["kind"] == "energy_net":
+        from cfem.surrogate.energy_net_module import EnergyNet  # which builds on this module
+
+        model = EnergyNet(meta["form"], rows, arrays)
     else:
         model = mlp_from_arrays(rows, arrays, meta["activation"])
     return (Parametric(model, meta["form"], parameters) if parameters else model).eval()
