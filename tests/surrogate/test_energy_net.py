@@ -141,7 +141,9 @@ def test_derivatives_of_a_quadratic(order):
         gradient = np.stack([(value(s + one) - value(s - one)) / (2 * h) for one in steps], axis=-1)
         assert np.allclose((terms(s) @ parts)[q : 3 * q], gradient.ravel(), atol=1e-7)
     if order == 2:
-        second = [value(s + a + b) - value(s + a - b) - value(s - a + b) + value(s - a - b) for a in steps for b in steps]
+        second = [
+            value(s + a + b) - value(s + a - b) - value(s - a + b) + value(s - a - b) for a in steps for b in steps
+        ]
         hessian = np.ravel(second)[[0, 1, 3]] / (4 * h**2)
         assert np.allclose((terms(s) @ parts)[3:], hessian, atol=1e-5)
         assert parts.shape[1] == layout(2, 0)["hessian"].stop

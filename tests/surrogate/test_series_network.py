@@ -79,4 +79,6 @@ def test_weights_are_those_of_their_layers():
     network = Network(2, 3, 2, 1)
     theta = np.arange(float(network.size))
     assert [matrix.shape for matrix, _ in network.layers(theta)] == [(3, 2), (3, 3), (1, 3 + 2 + 3)]
-    assert np.concatenate([part.ravel() for layer in network.layers(theta) for part in layer]).tolist() == theta.tolist()
+    assert (
+        np.concatenate([part.ravel() for layer in network.layers(theta) for part in layer]).tolist() == theta.tolist()
+    )

@@ -1,4 +1,4 @@
-"""The energy model in networks of sines as a differentiable torch module, of arithmetic that every export format has."""
+"""The energy model in networks of sines as a differentiable torch module, of arithmetic that every format has."""
 
 import numpy as np
 import torch

@@ -1,9 +1,9 @@
-"""Functions near a point as truncated Taylor series: their sums, products and sines carry every derivative that is asked
-for, exactly.
+"""Functions near a point as truncated Taylor series: their sums, products and sines carry every derivative that is
+asked for, exactly.
 
-A series has along its first axis one coefficient a derivative i, f_i = (derivative i of f) / factorials[i]. Products are
-then convolutions: (f g)_i is the sum of f_j g_k over all j, k whose axes together are those of i (Griewank and Walther,
-Evaluating Derivatives, 2008, chapter 13)."""
+A series has along its first axis one coefficient a derivative i, f_i = (derivative i of f) / factorials[i]. Products
+are then convolutions: (f g)_i is the sum of f_j g_k over all j, k whose axes together are those of i (Griewank and
+Walther, Evaluating Derivatives, 2008, chapter 13)."""
 
 from itertools import product
 from math import factorial, prod
