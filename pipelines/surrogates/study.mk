@@ -13,6 +13,10 @@ STATES-trunk := trunk/samples
 CURVE-soft-finger := [10,30,50,100]
 CURVE-diamond := [30,60,131]
 CURVE-trunk := [50,100]
+# Rows that the energy network takes: its fit costs more with each.
+FEW-soft-finger := 130
+FEW-diamond := 131
+FEW-trunk := 100
 # End of the cables' reach, and a farther one: what lies between is beyond the models' domain.
 REACH-soft-finger := 20 26
 REACH-diamond := 30 38
@@ -43,7 +47,8 @@ $(BEYOND:%=data/surrogates/beyond/%): data/surrogates/beyond/%:
 
 $(MODELS): models/surrogates/%:
 	$(CFEM) train $(S)/train-$(patsubst %-force,%,$(*F)).yaml --set dataset=../../data/$(STATES-$(*D)) \
-	  --set model.form=$(if $(filter %-force,$(*F)),force,displacement) --set learning_curve=$(CURVE-$(*D)) --out $@
+	  --set model.form=$(if $(filter %-force,$(*F)),force,displacement) \
+	  $(if $(filter energy-net%,$(*F)),--set samples=$(FEW-$(*D)),--set learning_curve=$(CURVE-$(*D))) --out $@
 
 $(SAMPLING:%=data/surrogates/sampling/%): data/surrogates/sampling/%:
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
