@@ -6,14 +6,14 @@ derivatives are polynomials as well: one product with `polynomial` gives those o
 
 import numpy as np
 
-from cfem.predict.energy import Parts, Splitter, condense
-from cfem.predict.protocol import ArrayPredictor
+from cfem.predict.energy import Parts, Splitter
+from cfem.predict.potential import PotentialPredictor
 
 # quantity: highest order of its derivatives by s in `cfem.predict.energy.layout`
 ORDERS = {"potential": 2, "effector": 1, "effector_compliance": 0}
 
 
-class EnergyNetPredictor(ArrayPredictor):
+class EnergyNetPredictor(PotentialPredictor):
     """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
     the form and the coordinates of the learned parameters; polynomial (1 + n + n (n + 1) / 2, n_out): coefficients of
     1, z_i and z_i z_j, i <= j, in the order of `layout`; for every quantity, and hidden layer i, quantity_weight_i
@@ -36,9 +36,6 @@ class EnergyNetPredictor(ArrayPredictor):
         terms = np.concatenate([np.ones_like(z[..., :1]), z, z[..., first] * z[..., second]], axis=-1)
         sines = np.concatenate([network(z) for network in self._networks], axis=-1)
         return self._split(terms @ self._polynomial + sines)
-
-    def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return condense(self.form, self.rows, s, self.parts(s, q))
 
 
 class SineNetwork:

@@ -7,11 +7,11 @@ in one pass."""
 import numpy as np
 
 from cfem.predict.chebyshev import basis
-from cfem.predict.energy import Parts, Splitter, condense
-from cfem.predict.protocol import ArrayPredictor
+from cfem.predict.energy import Parts, Splitter
+from cfem.predict.potential import PotentialPredictor
 
 
-class SpectralPredictor(ArrayPredictor):
+class SpectralPredictor(PotentialPredictor):
     """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
     the form and the coordinates of the learned parameters; indices (M, n) degrees of the basis functions; series
     (n_out, M) as `cfem.predict.energy.layout`."""
@@ -26,6 +26,3 @@ class SpectralPredictor(ArrayPredictor):
         """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
         return self._split(basis(t @ self._to_box_T + self._offset, self._indices) @ self._series_T)
-
-    def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return condense(self.form, self.rows, s, self.parts(s, q))
