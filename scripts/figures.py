@@ -43,21 +43,20 @@ def measure_finger() -> dict:
 def measure_surrogates() -> dict:
     """What `make surrogates` trained: a record a robot, model and number of samples."""
     found = {}
-    for robot in sorted(path.name for path in (ROOT / "models" / "surrogates").iterdir()):
-        if robot in ("sampling", "meshes"):
-            continue
-        for model in sorted((ROOT / "models" / "surrogates" / robot).iterdir()):
-            trained = results(f"models/surrogates/{robot}/{model.name}")
-            found.setdefault(robot, {})[model.name] = {
-                "definite": trained["positive_definite"]["share"],
-                "curve": [surrogate_point(point) for point in trained["learning_curve"]],
-            }
+    for manifest in sorted((ROOT / "models" / "surrogates").glob("[a-z]*/[a-z]*/manifest.json")):
+        robot, model = manifest.parts[-3:-1]
+        trained = results(f"models/surrogates/{robot}/{model}")
+        found.setdefault(robot, {})[model] = {
+            "definite": trained["positive_definite"]["share"],
+            "curve": [surrogate_point(point) for point in trained["learning_curve"]],
+        }
+    found.pop("meshes", None)
     meshes = {
         folder.name: {
             "cells": results(f"data/surrogates/meshes/{folder.name}/mesh")["cells"],
             "curve": [surrogate_point(point) for point in results(str(folder.relative_to(ROOT)))["learning_curve"]],
         }
-        for folder in sorted((ROOT / "models" / "surrogates" / "meshes").iterdir())
+        for folder in sorted((ROOT / "models" / "surrogates" / "meshes").glob("[0-9]*"))
     }
     return {"robots": found, "meshes": meshes}
 

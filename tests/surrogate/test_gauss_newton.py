@@ -10,13 +10,13 @@ from cfem.surrogate.series_network import Network, Residuals
 DERIVATIVES = ((), (0,), (1,))
 
 
-def residuals(m: int, seed: int, noise: float = 0.0, width: int = 8) -> Residuals:
+def residuals(m: int, seed: int, noise: float = 0.0, width: int = 12) -> Residuals:
     """Of u = exp(x) cos(2 y), values and gradients."""
     rng = np.random.default_rng(seed)
     x, y = z = rng.uniform(-1, 1, (2, m))
     columns = [np.exp(x) * np.cos(2 * y), np.exp(x) * np.cos(2 * y), -2 * np.exp(x) * np.sin(2 * y)]
     targets = np.stack(columns, axis=1)[..., None] + noise * rng.standard_normal((m, 3, 1))
-    return Residuals(Network(2, width, 1, 1), z.T, DERIVATIVES, targets, np.ones((3, 1)))
+    return Residuals(Network(2, width, 2, 1), z.T, DERIVATIVES, targets, np.ones((3, 1)))
 
 
 def test_it_fits_a_smooth_function_to_many_digits():
