@@ -45,12 +45,15 @@ def test_derivatives_by_inputs_equal_nested_autograd(depth):
         gradient = torch.autograd.grad(value, x, create_graph=True)[0]
         hessian = [torch.autograd.grad(one, x, create_graph=True)[0] for one in gradient]
         for row, one in enumerate(DERIVATIVES):
-            expected = {0: lambda: value, 1: lambda: gradient[one[0]], 2: lambda: hessian[one[0]][one[1]]}
-            if len(one) < 3:
-                assert np.isclose(found[row, state], expected[len(one)]().item(), rtol=1e-11, atol=1e-12)
+            if len(one) == 0:
+                expected = value
+            elif len(one) == 1:
+                expected = gradient[one[0]]
+            elif len(one) == 2:
+                expected = hessian[one[0]][one[1]]
             else:
-                third = torch.autograd.grad(hessian[one[0]][one[1]], x, retain_graph=True)[0][one[2]]
-                assert np.isclose(found[row, state], third.item(), rtol=1e-10, atol=1e-11)
+                expected = torch.autograd.grad(hessian[one[0]][one[1]], x, retain_graph=True)[0][one[2]]
+            assert np.isclose(found[row, state], expected.item(), rtol=1e-10, atol=1e-11)
 
 
 @pytest.mark.parametrize("derivatives", [((),), DERIVATIVES])
