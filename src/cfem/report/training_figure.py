@@ -49,6 +49,6 @@ def _epochs(axis, history: list[dict[str, float]]) -> None:
         rows = [row for row in history if row.get("quantity", "") == quantity]
         for curve, style, pale in zip(CURVES, ("-", "--"), (0.55, 1.0), strict=True):
             label = f"{quantity} {curve}".strip().replace("_", " ")
-            epochs = [row["epoch"] for row in rows]
+            epochs = [row.get("epoch", row.get("iteration")) for row in rows]
             axis.semilogy(epochs, [row[curve] for row in rows], style, lw=1.3, color=colour, alpha=pale, label=label)
-    axis.set(xlabel="epoch", ylabel="loss, standardised")
+    axis.set(xlabel="epoch" if "epoch" in history[0] else "iteration", ylabel="loss, standardised")
