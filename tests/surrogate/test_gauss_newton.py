@@ -20,7 +20,7 @@ def residuals(m: int, seed: int, noise: float = 0.0, width: int = 12) -> Residua
 
 
 def test_it_fits_a_smooth_function_to_many_digits():
-    fitted, held_out = residuals(30, 0), residuals(10, 1)
+    fitted, held_out = residuals(100, 0), residuals(10, 1)
     found = minimise(fitted, held_out, fitted.network.start(0), 200, 50)
     assert np.sqrt(found.best) < 1e-5
     assert np.isclose(held_out.square(found.best_theta) / held_out.count, found.best)
