@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
 
 from cfem.control.qp import QpStatus, solve_qp
 
@@ -110,3 +111,42 @@ def test_nan_is_named_not_solved():
 def test_backends_write_nothing_to_stdout(capfd):
     solve_qp(np.eye(1), np.zeros(1), np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.array([[-1.0, 1.0]]), "osqp")
     assert capfd.readouterr().out == ""
+
+
+def nearly_flat(seed: int, curvature: float, m: int):
+    """Eight actuators, three effector rows, a ridge of relative curvature `curvature`, m course rows."""
+    rng = np.random.default_rng(seed)
+    n = 8
+    pull = rng.normal(size=(3, n))
+    ridge = np.sqrt(curvature) * np.linalg.norm(pull, 2)
+    goal = rng.normal(size=3) * rng.choice([0.3, 3.0, 30.0])
+    root = rng.normal(size=(n, n))
+    A = (root @ root.T + 0.1 * np.eye(n))[:m]
+    middle = A @ rng.uniform(0, 1, n)
+    lower, upper = middle - rng.uniform(0.1, 2, m), middle + rng.uniform(0.1, 2, m)
+    box = np.column_stack([np.zeros(n), np.full(n, rng.choice([1.0, 3.0, np.inf]))])
+    return pull, ridge, goal, (pull.T @ pull + ridge**2 * np.eye(n), -pull.T @ goal, A, lower, upper, box)
+
+
+CURVATURES = [1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13]
+
+
+@pytest.mark.parametrize("m", [0, 8])
+@pytest.mark.parametrize("curvature", CURVATURES)
+def test_nearly_flat_programs_are_solved(curvature, m):
+    for seed in range(50):
+        pull, ridge, goal, data = nearly_flat(seed, curvature, m)
+        solution = solve_qp(*data)
+        assert solution.status is QpStatus.OPTIMAL, (seed, solution.kkt)
+        if m == 0:
+            rows, target = np.vstack([pull, ridge * np.eye(8)]), np.concatenate([goal, np.zeros(8)])
+            best = lsq_linear(rows, target, tuple(data[-1].T), method="bvls", tol=1e-15)
+            cost = 0.5 * ((rows @ solution.x - target) ** 2).sum()
+            assert cost <= best.cost * (1 + 1e-5) + 1e-10 * goal @ goal
+
+
+@pytest.mark.parametrize("curvature", CURVATURES)
+def test_nearly_flat_programs_without_an_answer_are_infeasible(curvature):
+    H, f, A, lower, upper, box = nearly_flat(1, curvature, 8)[-1]
+    apart = np.vstack([A, A[:1]]), np.append(lower, upper[0] + 1.0), np.append(upper, upper[0] + 2.0)
+    assert solve_qp(H, f, *apart, box).status is QpStatus.INFEASIBLE

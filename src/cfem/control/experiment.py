@@ -25,7 +25,8 @@ class Controller:
 @dataclass(frozen=True)
 class Tracked:
     """One goal, absolute (n_e,) mm, by one controller: what it planned, what the plant did, whether the plan
-    stayed inside the model's domain and how far from the training states it is (NaN where nothing was learned)."""
+    stayed inside the model's domain and how far from the training states it is (NaN where nothing was learned); which
+    rows (n_e,) matter."""
 
     controller: str
     index: int
@@ -34,11 +35,13 @@ class Tracked:
     measured: Measurement
     inside: bool
     distance: float
+    matters: np.ndarray
 
     @property
     def error(self) -> float:
-        """mm between the effectors that the plant reached and the goal; NaN where the plant failed."""
-        return float(np.linalg.norm(self.measured.x_e - self.goal))
+        """mm between the effectors that the plant reached and the goal, over the rows that matter; NaN where the plant
+        failed."""
+        return float(np.linalg.norm((self.measured.x_e - self.goal)[self.matters]))
 
 
 class Tracker:
@@ -47,13 +50,14 @@ class Tracker:
     def __init__(
         self, controller: Controller, limits: Limits, weights: np.ndarray, ridge: np.ndarray, rest_e: np.ndarray
     ):
-        self._controller, self._limits, self._weights, self._ridge = controller, limits, weights, ridge
+        self._controller, self._limits, self.weights, self._ridge = controller, limits, weights, ridge
         self._rest_e, self._settings = rest_e, controller.approach
-        self._at = Iterate.at(controller.model.at_displacement(np.zeros(len(ridge))))
+        home = getattr(controller.model, "home", np.zeros(len(ridge)))
+        self._at = Iterate.at(controller.model.at_displacement(home))
 
     def towards(self, goal: np.ndarray) -> Reach:
         """goal: (n_e,) mm, absolute."""
-        aim = Aim(goal - self._rest_e, self._weights, self._ridge)
+        aim = Aim(goal - self._rest_e, self.weights, self._ridge)
         found = reach(self._controller.model, aim, self._limits, self._at, self._settings)
         self._at, self._settings = found.iterate, self._controller.settings
         return found
@@ -73,11 +77,12 @@ def follow(
     that the plant stands near where the learned controllers send it. Learned controllers plan all goals
     beforehand, undisturbed, as their step is timed. after(index): called when the plant has carried out the
     first controller's command for that goal."""
-    plans = {}
+    plans, tracker_of = {}, {}
     for controller in learned:
-        way = tracker(controller)
+        way = tracker_of[controller.name] = tracker(controller)
         plans[controller.name] = [way.towards(goal) for goal in goals]
-    way = tracker(reference) if reference else None
+    if reference:
+        way = tracker_of[reference.name] = tracker(reference)
     tracked = []
     for index, goal in enumerate(goals):
         turn = [(reference, way.towards(goal))] if reference else []
@@ -88,7 +93,8 @@ def follow(
             if hasattr(controller.model, "inside"):
                 found = plan.iterate.condensed
                 inside, distance = controller.model.inside(found), controller.model.distance(found)
-            tracked.append(Tracked(controller.name, index, goal, plan, measured, inside, distance))
+            matters = tracker_of[controller.name].weights > 0
+            tracked.append(Tracked(controller.name, index, goal, plan, measured, inside, distance, matters))
             if place == 0:
                 after(index)
     return tracked

@@ -14,6 +14,7 @@ import numpy as np
 
 Backend = Literal["daqp", "osqp"]
 TOLERANCE = 1e-7  # largest KKT residual of the normalised problem that counts as solved
+NEARLY_FLAT = 1e-7  # smallest curvature, relative to the largest, below which an exact answer is doubted
 
 
 class QpStatus(Enum):
@@ -150,10 +151,28 @@ def _no_answer(m: int, n: int, status: QpStatus, iterations: int) -> QpSolution:
 
 
 def _daqp(problem: _Problem) -> tuple[np.ndarray, np.ndarray, bool, int]:
+    """Exact where the smallest curvature allows it. Below about 1e-8 of the largest, the dual problem is too
+    ill-conditioned for that (false "infeasible" too): proximal steps of growing weight then find an answer that
+    is as good, and operator splitting is the last resort."""
+    smallest = float(np.linalg.eigvalsh(problem.H)[0])
+    exact = [0.0] if smallest >= 1e-12 else []
+    total = 0
+    for weight in exact + ([1e-4, 1e-5, 1e-6, 1e-3] if smallest < NEARLY_FLAT else []):
+        x, multipliers, infeasible, iterations = _daqp_once(problem, weight)
+        total += iterations
+        if smallest >= NEARLY_FLAT or (not infeasible and _kkt(problem, x, multipliers).largest <= TOLERANCE):
+            return x, multipliers, infeasible, total
+    if infeasible:
+        return x, multipliers, infeasible, total
+    x, multipliers, infeasible, iterations = _osqp(problem)
+    return x, multipliers, infeasible, total + iterations
+
+
+def _daqp_once(problem: _Problem, weight: float) -> tuple[np.ndarray, np.ndarray, bool, int]:
+    """weight: of the proximal term, relative to the largest curvature; 0 solves directly."""
     import daqp
 
     sense = np.zeros(len(problem.lower), dtype=np.int32)
-    flat = float(np.linalg.eigvalsh(problem.H)[0]) < 1e-12  # proximal steps then find one of the many answers
     x, _, flag, info = daqp.solve(
         problem.H,
         problem.f,
@@ -162,7 +181,7 @@ def _daqp(problem: _Problem) -> tuple[np.ndarray, np.ndarray, bool, int]:
         problem.lower,
         sense,
         primal_tol=1e-10,
-        eps_prox=1e-4 if flat else 0.0,
+        eps_prox=weight,
     )
     # After a failure the multipliers are memory that nobody wrote.
     return x, info["lam"] if flag > 0 else np.full(len(sense), np.nan), flag == -1, info["iterations"]

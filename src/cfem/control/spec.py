@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveInt, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Force, Length, LengthMatrix, LengthVector
+from cfem.core.units import Angle, Force, ForceVector, Length, LengthMatrix, LengthVector, Point
+from cfem.robot.geometry import Turn
 
 
 class ArcSpec(Spec):
@@ -74,12 +75,33 @@ class SearchSpec(Spec):
     qp: Literal["daqp", "osqp"] = "daqp"
 
 
+class ObjectSpec(Spec):
+    """A rigid box that robots hold by their contact points. half_size: for pictures; turns: whether it can turn, else
+    it is guided; force: constant, its weight for one."""
+
+    centre: Point
+    half_size: Point
+    turns: bool = True
+    force: ForceVector | None = None
+
+
+class RobotSpec(Spec):
+    """One of several equal robots: the scene's, turned by `rotate` about the origin and then moved by `translate`."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    rotate: Turn | None = None
+    translate: Point | None = None
+
+
 class ControlSpec(Spec):
     """scene, mesh: the robot; models: export folders by name; out: artefact to make; plant: what the commands
     act on, `fem` or `model` (the first model grades itself: for trying out); runtime: of the models; fe_based:
     whether the same control also runs on FE matrices, to fe_tolerance; fewer_iterations: also follow with the
     first model and so few inverse steps a goal, to see what a shorter step costs; pictures: deformed shapes
-    kept of each trajectory; reached: a goal counts as reachable where the search ends nearer than this."""
+    kept of each trajectory; reached: a goal counts as reachable where the search ends nearer than this. object: what
+    the scene's contact points hold, whose centre then is what follows the goals; robots: that hold it, one where the
+    scene stands unless given; updates: of the object's pose at each query of a learned model, as many as it takes to
+    balance it unless given."""
 
     scene: Path
     mesh: Path
@@ -94,6 +116,18 @@ class ControlSpec(Spec):
     reached: Length = 0.1
     fewer_iterations: list[PositiveInt] = Field(default=[])
     pictures: PositiveInt = 5
+    object: ObjectSpec | None = None
+    robots: list[RobotSpec] = Field(default=[RobotSpec(name="robot")], min_length=1)
+    updates: PositiveInt | None = None
+
+    @model_validator(mode="after")
+    def _object_and_fe(self):
+        if self.object and (self.plant == "model" or any(t.kind == "image" for t in self.trajectories.values())):
+            raise ValueError("an object needs plant: fem and trajectories other than images")
+        names = [one.name for one in self.robots]
+        if len(set(names)) < len(names):
+            raise ValueError(f"names of robots must differ, got {names}")
+        return self
 
     @model_validator(mode="after")
     def _fe_needs_fe(self):

@@ -14,7 +14,7 @@ from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import SceneSpec
 
-VERSION = 1
+VERSION = 2
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
@@ -49,12 +49,18 @@ def _work(
 
     robot = build_robot(*load_scene_and_mesh(scene, mesh))
     predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
-    _demand_same_rows(robot, predictors, models)
-    fem = FemPlant(robot) if spec.plant == "fem" else None
-    plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
+    if spec.object:
+        from cfem.control.assembled import assembled
+
+        robot, predictors, fem = assembled(spec, robot, predictors, models)
+        plant = fem
+    else:
+        _demand_same_rows(robot, predictors, models)
+        fem = FemPlant(robot) if spec.plant == "fem" else None
+        plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
     goals = {name: _goals(name, trajectory, robot, fem) for name, trajectory in spec.trajectories.items()}
 
-    records, states, results = [], {"X": robot.body.mesh.X, "facets": robot.body.mesh.facets}, {}
+    records, states, results = [], {"X": robot.X, "facets": robot.facets}, {}
     with progress("control", sum(map(len, goals.values())), quiet=options.quiet) as advance:
         for name, points in goals.items():
             rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, advance)
@@ -64,13 +70,21 @@ def _work(
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, robot)
     cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
+    lines, held = headline(results), None
+    if spec.object:
+        held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
+        lines.append(
+            f"object: forces and moments balance to {held['imbalance']:.1e} in every state of the plant; "
+            f"the softest direction in which it is held has {held['softest']:.1e} of the stiffest's stiffness"
+        )
     return {
-        "headline": headline(results),
+        "headline": lines,
+        "object": held,
         "plant": spec.plant,
         "trajectories": results,
         "length": robot.length,
         "fe_cost": cost,
-        "nodes": len(robot.body.mesh.X),
+        "nodes": len(robot.X),
     }
 
 
@@ -131,7 +145,8 @@ def _follow(
     learned = [Controller(model, predictor, settings, settings) for model, predictor in predictors.items()]
     first, predictor = next(iter(predictors.items()))
     learned += [
-        Controller(f"{first}@{n}", predictor, replace(settings, iterations=n), settings) for n in spec.fewer_iterations
+        Controller(f"{first}@{n}", _updated_once(predictor), replace(settings, iterations=n), settings)
+        for n in spec.fewer_iterations
     ]
     exact = replace(settings, tolerance=spec.fe_tolerance)
     reference = Controller(FE_BASED, fem, exact, exact) if spec.fe_based else None
@@ -151,6 +166,13 @@ def _follow(
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]
     pictures = {f"{name}/index": np.array(sorted(shapes)), f"{name}/x": np.array([shapes[i] for i in sorted(shapes)])}
     return rows, pictures if shapes else {}
+
+
+def _updated_once(model):
+    """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
+    from cfem.control.coupling import Coupled
+
+    return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
 
 
 def _limits(spec: ControlSpec, robot):

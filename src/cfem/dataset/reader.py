@@ -29,6 +29,10 @@ class Dataset:
     cost: iterations, factorizations, steps, residual and seconds by name, (m,) each; failed: the rows that did not
     converge, as stored; meta: rest_e, reach, length, ...
 
+    Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
+    both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that
+    holds it, N and N mm) and n_a include them.
+
     Every field that is an array has one entry a row along its first axis."""
 
     rows: Rows
@@ -47,6 +51,7 @@ class Dataset:
     cost: dict[str, np.ndarray]
     failed: pa.Table
     meta: dict[str, Any]
+    n_c: int = 0
 
     def __len__(self) -> int:
         return len(self.id)
@@ -72,18 +77,28 @@ def as_dataset(table: pa.Table) -> Dataset:
     """The converged rows of a table with the columns and metadata of a dataset."""
     meta = metadata(table)
     solved = pc.equal(table["status"], CONVERGED)
-    good, rows = table.filter(solved), rows_of(meta)
+    good, stored = table.filter(solved), rows_of(meta)
+    rows = Rows(stored.effectors, stored.actuators + stored.contacts)
     has = set(table.column_names)
+
+    def active(name: str) -> np.ndarray:
+        parts = [column_array(good, f"{name}_{block}") for block in ("a", "c") if f"{name}_{block}" in has]
+        return np.hstack(parts)
+
+    slack = column_array(good, "slack")
     triangles = (len(good), rows.n_a, rows.n * (rows.n + 1) // 2)
     return Dataset(
         rows=rows,
-        **{name: column_array(good, name) for name in ("id", "u", "delta_a", "delta_e", "lambda_a", "delta_free")},
+        **{name: column_array(good, name) for name in ("id", "u", "delta_e", "delta_free")},
+        delta_a=active("delta"),
+        lambda_a=active("lambda"),
         p=column_array(good, "p") if "p" in has else np.zeros((len(good), 0)),
         W=unpack_upper(column_array(good, "W")),
         dW=unpack_upper(column_array(good, "dW").reshape(triangles)) if "dW" in has else None,
         dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
         energy=column_array(good, "energy"),
-        slack=column_array(good, "slack"),
+        slack=np.hstack([slack, np.zeros((len(good), stored.n_c), dtype=bool)]),
+        n_c=stored.n_c,
         cost={
             name: column_array(good, name) for name in ("iterations", "factorizations", "steps", "residual", "seconds")
         },

@@ -42,10 +42,12 @@ COLUMNS = (
     Column("delta_a", _F, "mm", "actuators", state=True),
     Column("delta_e", _F, "mm", "effectors", state=True),
     Column("lambda_a", _F, "N", "actuators", state=True),
+    Column("delta_c", _F, "mm", "contacts", state=True, optional=True),
+    Column("lambda_c", _F, "N", "contacts", state=True, optional=True),
     Column("W", _F, "mm/N", "upper triangle", state=True),
     Column("delta_free", _F, "mm", "rows", state=True),
     Column("energy", _F, "N mm", state=True),
-    Column("dW", _F, "mm/N^2", "actuators x upper triangle", state=True, optional=True),
+    Column("dW", _F, "mm/N^2", "active x upper triangle", state=True, optional=True),
     Column("dpsi_dp", _F, "N mm", "parameters", state=True, optional=True),
     Column("slack", pa.bool_(), "", "actuators", state=True),
     Column("iterations", _N),
@@ -71,15 +73,17 @@ def schema(
     varied = sampled(parameters)
     triangle = rows.n * (rows.n + 1) // 2
     sizes = {
-        "plan": rows.n_a + len(varied),
+        "plan": rows.n_a + rows.n_c + len(varied),
         "parameters": len(varied),
         "actuators": rows.n_a,
         "effectors": rows.n_e,
+        "contacts": rows.n_c,
         "rows": rows.n,
         "upper triangle": triangle,
-        "actuators x upper triangle": rows.n_a * triangle,
+        "active x upper triangle": (rows.n_a + rows.n_c) * triangle,
     }
     there = {"p": bool(varied), "dpsi_dp": bool(varied), "dW": third_order}
+    there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
     fields = [
         pa.field(
@@ -115,11 +119,13 @@ def _units(
         units["delta_a"] = common(displacement[rows.a])
         units["delta_e"] = common(displacement[rows.e])
         units["lambda_a"] = common(multiplier[rows.a])
+        if rows.n_c:
+            units["delta_c"], units["lambda_c"] = common(displacement[rows.c]), common(multiplier[rows.c])
         units["delta_free"] = common(displacement)
         units["W"] = common([f"{displacement[i]}/{_factor(multiplier[j])}" for i, j in upper])
         if "dW" in units:
             dW = [
-                f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}" for k in multiplier[rows.a] for i, j in upper
+                f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}" for k in multiplier[rows.active] for i, j in upper
             ]
             units["dW"] = common(dW)
     if parameters:

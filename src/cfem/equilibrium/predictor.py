@@ -122,7 +122,7 @@ def _fit(knots: Sequence[Knot]) -> _Local:
     knot; near knots weigh more."""
     n_a, n = len(knots[0].delta), len(knots[0].inputs)
     offsets = np.array([known.inputs - knots[0].inputs for known in knots])
-    root = np.linalg.cholesky(knots[0].stiffness[:, :n_a]).T
+    root = _root(knots[0].stiffness[:, :n_a])
     size = np.sqrt(((offsets[:, :n_a] @ root.T) ** 2).sum(axis=1).max()) or 1.0
     reach = np.abs(offsets[:, n_a:]).max(axis=0)
     to_xi = block_diag(root / size, np.diag(1 / np.where(reach > 0, reach, 1.0)))
@@ -135,6 +135,16 @@ def _fit(knots: Sequence[Knot]) -> _Local:
     weighted = (weight[:, None, None] * system).reshape(-1, len(exponents))
     solution = np.linalg.pinv(weighted, rcond=1e-10) * np.repeat(weight, 1 + n)
     return _Local(knots, knots[0].inputs, to_xi, from_xi, exponents, solution)
+
+
+def _root(stiffness: np.ndarray) -> np.ndarray:
+    """(n_a, n_a) R with R^T R = stiffness. Where contacts hold a robot that would buckle without them, the stiffness has
+    negative eigenvalues, which count by their size: distances need no sign."""
+    try:
+        return np.linalg.cholesky(stiffness).T
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        return np.sqrt(np.maximum(np.abs(values), 1e-12 * np.abs(values).max()))[:, None] * vectors.T
 
 
 def _match(local: _Local, actuation: Actuation, q: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

@@ -37,6 +37,16 @@ class Robot:
     loads: np.ndarray | None = None
 
     @property
+    def X(self) -> np.ndarray:
+        """(n, 3) mm nodes at rest."""
+        return self.body.mesh.X
+
+    @property
+    def facets(self) -> np.ndarray:
+        """Of the surface, as the mesh has them."""
+        return self.body.mesh.facets
+
+    @property
     def active(self) -> tuple[Constraint, ...]:
         """What carries multipliers: actuators, then contacts."""
         return self.actuators + self.contacts

@@ -15,12 +15,14 @@ import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
 from cfem.core.errors import CfemError
+from cfem.core.files import plain
 from cfem.core.progress import progress
 from cfem.core.provenance import versions
 from cfem.core.spec import meaning
 from cfem.dataset.reader import column_array, read_table
 from cfem.dataset.schema import schema
 from cfem.sample import shard, tour
+from cfem.sample.contact import ContactPlan
 from cfem.sample.plan import unit_rows
 from cfem.sample.shard import Job
 from cfem.sample.solver import Facts, SolverFactory
@@ -51,7 +53,7 @@ def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: E
     """The rows of all splits, to be solved into `folder`."""
     with _live_workers():
         facts: Facts = executor.submit(shard.facts, factory).result()
-    columns = facts.rows.n_a + len(sampled(facts.parameters))
+    columns = facts.rows.n_a + facts.rows.n_c + len(sampled(facts.parameters))
     plans = {name: unit_rows(split, columns) for name, split in spec.splits.items()}
     meta = {
         "scene": facts.scene,
@@ -59,10 +61,12 @@ def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: E
         "reach": facts.reach.tolist(),
         "length": facts.length,
         "compliance": facts.compliance.tolist(),
-        "plan": meaning(spec, {"scene", "mesh", "out", "parameters"}),
+        "plan": plain(meaning(spec, {"scene", "mesh", "out", "parameters"})),
         "made_from": made_from,
         "versions": versions(),
     }
+    if facts.patch:
+        meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
     return Job(
         factory=factory,
         space=spec.space,
@@ -72,7 +76,18 @@ def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: E
         schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units),
         skeleton=folder,
         folder=folder,
+        contact=contact_plan(spec, facts.rows.n_a),
     )
+
+
+def contact_plan(spec: SampleSpec, n_a: int) -> ContactPlan | None:
+    """What the spec's `contact` draws."""
+    if spec.contact is None:
+        return None
+    turns = spec.contact.rotation is not None
+    poses = [spec.contact.translation] + ([spec.contact.rotation] if turns else [])
+    low, high = np.concatenate([np.tile([0.0, spec.contact.force], (n_a, 1)), *poses]).T.tolist()
+    return ContactPlan(tuple(low), tuple(high), turns)
 
 
 def solve_skeleton(job: Job, rows: np.ndarray, executor: Executor, advance: Advance = _unseen) -> Path:

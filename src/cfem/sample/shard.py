@@ -3,7 +3,7 @@
 import io
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cfem.condensed import pack_upper
+from cfem.condensed import Condensed, pack_upper
 from cfem.condensed.parameters import sampled, slopes
+from cfem.condensed.pose import Patch
+from cfem.condensed.restrict import onto_patch, slopes_onto_patch
 from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
 from cfem.equilibrium.predictor import Knot, knot, predict
 from cfem.equilibrium.solution import Equilibrium
+from cfem.sample.contact import ContactPlan
 from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
 from cfem.sample.solver import Facts, Solver, SolverFactory
@@ -28,7 +31,7 @@ class Job:
     """All that a worker needs, picklable.
 
     u: (m, n_a + n_p) rows; split, id: (m,) where each belongs; schema: of the files; skeleton: folder of the states
-    that all rows start from; folder: of the rows"""
+    that all rows start from; folder: of the rows; contact: what is drawn instead of a space, None without contact"""
 
     factory: SolverFactory
     space: str
@@ -38,6 +41,7 @@ class Job:
     schema: pa.Schema
     skeleton: Path
     folder: Path
+    contact: ContactPlan | None = None
 
     @property
     def skeleton_states(self) -> Path:
@@ -82,23 +86,26 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
     for index in indices:
         begin = time.perf_counter()
         u = job.u[index]
-        asked = actuation(job.space, u[:n_a], solver.facts.reach, solver.facts.compliance)
-        p = drawn(parameters, u[n_a:])
+        if job.contact:
+            (asked, X), p = job.contact.actuation(u, solver.facts.patch), np.zeros(0)
+        else:
+            asked, X = actuation(job.space, u[:n_a], solver.facts.reach, solver.facts.compliance), None
+            p = drawn(parameters, u[n_a:])
         q = place(parameters, p)
         solved = solver.solve(asked, predict(knots, u, asked, q), p)
-        record = _record(job, index, solved)
+        record = _record(job, index, solved, None if X is None else (solver.facts.patch, X))
         if parameters:
             record["p"] = p
         if parameters and solved.converged:
             record["dpsi_dp"] = solved.slopes.psi * slopes(parameters, p)
         if solved.converged:
-            knots.append(knot(u, solved, q=q))
+            knots.append(knot(u, solved, contacts=job.contact is not None, q=q))
         records.append(record | {"seconds": time.perf_counter() - begin})
     return records, knots
 
 
-def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
-    """One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
+def _record(job: Job, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> dict[str, Any]:
+    """held: the patch and its pose, where one holds the contact points. One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
     row: dict[str, Any] = {
         "id": job.id[index],
         "split": job.split[index],
@@ -111,18 +118,30 @@ def _record(job: Job, index: int, solved: Equilibrium) -> dict[str, Any]:
         "residual": solved.residual,
     }
     if solved.converged:
+        condensed = _without_contacts(solved.condensed) if held is None else onto_patch(solved.condensed, *held)
         row |= {
             "delta_a": solved.delta_a,
             "delta_e": solved.delta_e,
             "lambda_a": solved.lambda_a,
-            "W": pack_upper(solved.condensed.W),
-            "delta_free": solved.condensed.delta_free,
+            "W": pack_upper(condensed.W),
+            "delta_free": condensed.delta_free,
             "energy": solved.energy,
             "slack": solved.slack,
         }
+    if solved.converged and held:
+        row |= {"delta_c": held[1], "lambda_c": condensed.lam[solved.n_a :]}
     if solved.converged and solved.dW is not None:
-        row["dW"] = pack_upper(solved.dW[: solved.n_a]).ravel()
+        n = solved.condensed.rows.n_e + solved.n_a
+        dW = solved.dW[: solved.n_a, :n, :n] if held is None else slopes_onto_patch(solved.condensed, solved.dW, *held)
+        row["dW"] = pack_upper(dW).ravel()
     return row
+
+
+def _without_contacts(condensed: Condensed) -> Condensed:
+    """Where nothing holds the contact points."""
+    n = condensed.rows.n_e + condensed.rows.n_a
+    rows, n_a = replace(condensed.rows, contacts=()), condensed.rows.n_a
+    return Condensed(rows, condensed.W[:n, :n], condensed.delta_free[:n], condensed.lam[:n_a])
 
 
 def write_knots(path: Path, knots: Sequence[Knot]) -> None:

@@ -1,7 +1,7 @@
 """What sampling asks of a robot: its facts and its equilibria. The finite-element robot is one; tests have another."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter
-from cfem.core.errors import NumericalError
+from cfem.condensed.pose import Patch
+from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 
@@ -20,7 +21,8 @@ _STEP = 1e-4
 @dataclass(frozen=True)
 class Facts:
     """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
-    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest."""
+    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest; patch: that
+    holds the contact points, None where they are free. rows: with the coordinates of its pose as contacts, or none."""
 
     scene: str
     rows: Rows
@@ -30,6 +32,7 @@ class Facts:
     compliance: np.ndarray
     parameters: tuple[Parameter, ...] = ()
     row_units: tuple[tuple[str, str], ...] = ()
+    patch: Patch | None = None
 
 
 class Solver(Protocol):
@@ -46,16 +49,19 @@ SolverFactory = Callable[[], Solver]
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """Factory of the finite-element solver of a scene on a mesh artefact, to a relative residual `tolerance`."""
+    """Factory of the finite-element solver of a scene on a mesh artefact, to a relative residual `tolerance`. turns:
+    whether the patch of its contact points can turn, None where nothing holds them."""
 
     scene: Path
     mesh: Path
     tolerance: float
     parameters: tuple[Parameter, ...] = ()
     third_order: bool = False
+    turns: bool | None = None
 
     def __call__(self) -> Solver:
         from cfem.equilibrium.actuation import force
+        from cfem.equilibrium.held_patch import contact_points, patch_of
         from cfem.equilibrium.newton import Settings
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
@@ -64,13 +70,26 @@ class FiniteElements:
 
         family = RobotFamily(*load_scene_and_mesh(self.scene, self.mesh), self.parameters)
         robot = family.robot
-        units = row_units(robot)
+        units = row_units(robot, self.turns)
         problem, settings = Problem(robot), Settings(tolerance=self.tolerance)
         rest = solve(problem, force(np.zeros(robot.rows.n_a)), settings=settings)
         if not rest.converged:
             raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="simulate-sample")
+        patch = None
+        if self.turns is not None:
+            if not robot.contacts:
+                raise SpecError(f"scene '{robot.name}' has no contacts, of which the sample spec makes a patch")
+            patch = patch_of(contact_points(problem), self.turns)
         facts = Facts(
-            robot.name, robot.rows, robot.reach, robot.rest_e, robot.length, rest.condensed.W_aa, self.parameters, units
+            robot.name,
+            replace(robot.rows, contacts=patch.names if patch else ()),
+            robot.reach,
+            robot.rest_e,
+            robot.length,
+            rest.condensed.W_aa,
+            self.parameters,
+            units,
+            patch,
         )
         return _FiniteElementSolver(facts, family, problem, settings, self.third_order)
 
@@ -101,12 +120,14 @@ class _FiniteElementSolver:
         return solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
 
 
-def row_units(robot: Any) -> tuple[tuple[str, str], ...]:
-    """Units of the displacement and of the multiplier of each row."""
+def row_units(robot: Any, turns: bool | None = None) -> tuple[tuple[str, str], ...]:
+    """Units of the displacement and of the multiplier of each row; turns: whether the patch of the contact points can
+    turn, None where nothing holds them, and they are no rows."""
     from cfem.constraint.cavity import Cavity
 
     effectors = [
         ("rad", "N mm") if name.split(".")[-1].startswith("r") else ("mm", "N") for name in robot.rows.effectors
     ]
     actuators = [("mm^3", "MPa") if isinstance(row, Cavity) else ("mm", "N") for row in robot.actuators]
-    return (*effectors, *actuators, *[("mm", "N")] * robot.rows.n_c)
+    pose = [] if turns is None else [("mm", "N")] * 3 + [("rad", "N mm")] * (3 * turns)
+    return (*effectors, *actuators, *pose)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import Length
+from cfem.core.units import AngleRanges, Force, Length, LengthRanges
 
 
 class SplitSpec(Spec):
@@ -61,6 +61,23 @@ class Until(Spec):
     max_terms: int = Field(1000, ge=1, le=10_000)
 
 
+class ContactSpec(Spec):
+    """All contact points of the scene as one rigid patch, about their mean, whose pose is drawn with the actuators'
+    forces. translation: smallest and largest of x, y, z; rotation: of its rotation vector, left out where the patch
+    cannot turn; force: largest of every actuator, from none on."""
+
+    translation: LengthRanges
+    rotation: AngleRanges | None = None
+    force: Force = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _three_axes(self) -> "ContactSpec":
+        for name, ranges in (("translation", self.translation), ("rotation", self.rotation)):
+            if ranges is not None and (len(ranges) != 3 or not (ranges[:, 0] < ranges[:, 1]).all()):
+                raise ValueError(f"{name}: expected three ranges, of x, y and z, the smaller number first")
+        return self
+
+
 class SampleSpec(Spec):
     """space: 'pulling' draws shares of a pull on all actuators (no actuator ever pushes); 'displacement' draws from the
     box of actuator displacements.
@@ -68,6 +85,8 @@ class SampleSpec(Spec):
     parameters: numbers of the scene, each by a name, that are drawn with the actuation. Young's modulus of a robot of
     one material without loads is not: W ~ 1/E and lambda ~ E are exact. third_order: also record dW/dlambda, which
     energy models learn from; it costs no factorisation.
+
+    contact: instead of a space, draws the actuators' forces and the pose of the patch that holds the contact points.
 
     skeleton, shard: number of states solved first, from which all others start, and largest number of states in one
     unit of work. The dataset depends on both to rounding, and on the number of workers not at all."""
@@ -82,6 +101,7 @@ class SampleSpec(Spec):
     parameters: dict[Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")], ParameterSpec] = {}
     third_order: bool = False
     until: Until | None = None
+    contact: ContactSpec | None = None
     tolerance: float = Field(1e-10, gt=0, le=1e-6, description="largest relative residual of a converged state")
 
     @model_validator(mode="after")
@@ -89,6 +109,12 @@ class SampleSpec(Spec):
         keys = [one.key for one in self.parameters.values()]
         if len(set(keys)) < len(keys):
             raise ValueError(f"two parameters have the same key, of {keys}")
+        return self
+
+    @model_validator(mode="after")
+    def _contact_alone(self) -> "SampleSpec":
+        if self.contact and (self.parameters or self.until):
+            raise ValueError("contact does not go with parameters or until yet")
         return self
 
     @model_validator(mode="after")

@@ -11,7 +11,7 @@ from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import scene_parameters
 from cfem.sample.spec import SampleSpec
 
-VERSION = 3
+VERSION = 4
 
 
 def run(
@@ -46,7 +46,8 @@ def run(
         from cfem.sample import artefact
         from cfem.sample.solver import FiniteElements
 
-        factory = FiniteElements(scene.resolve(), mesh.resolve(), spec.tolerance, parameters, spec.third_order)
+        turns = None if spec.contact is None else spec.contact.rotation is not None
+        factory = FiniteElements(scene.resolve(), mesh.resolve(), spec.tolerance, parameters, spec.third_order, turns)
         return (fill or artefact.fill)(folder, spec, factory, stage.made_from(), options.quiet, workers)
 
     return run_stage(stage, work, options)

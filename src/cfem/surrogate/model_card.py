@@ -23,6 +23,8 @@ def model_card(kind: str, dataset: Any, form: Form = "displacement", **more: Any
             "form": form,
             "scene": meta["scene"],
             "rows": {"effectors": dataset.rows.effectors, "actuators": dataset.rows.actuators},
+            "n_c": dataset.n_c,
+            "patch": meta.get("patch"),
             "units": UNITS,
             "rest_e": meta["rest_e"],
             "reach": meta["reach"],

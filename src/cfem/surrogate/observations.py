@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import pack_upper
+from cfem.condensed.energy_slopes import by_displacement
 from cfem.condensed.parameters import coordinates, from_json, sampled, slopes
 from cfem.predict.energy import Form
 
@@ -69,7 +70,7 @@ def observations(dataset: Any, form: Form) -> dict[str, Observations]:
         gradient_e = W_ea @ hessian
         compliance = W_ee - gradient_e @ W_ea.swapaxes(1, 2)
         value, gradient = dataset.energy, dataset.lambda_a
-        third = None if dW is None else _by_displacement(dW, e, a, hessian, gradient_e, W_ea)
+        third = None if dW is None else by_displacement(dW, e, a, hessian, gradient_e, W_ea)
     n = gradient.shape[1]
     first, second, triple = (tuple(combinations_with_replacement(range(n), order)) for order in (1, 2, 3))
     upper = pack_upper(compliance)
@@ -113,18 +114,6 @@ def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
             if len(one) == order:
                 values[:, i] = full[(slice(None), *one)]
     return replace(observed, values=values)
-
-
-def _by_displacement(
-    dW: np.ndarray, e: slice, a: slice, K: np.ndarray, G: np.ndarray, W_ea: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(m, k, ...) derivatives by delta_k of K = W_aa^-1, G = W_ea K, C = W_ee - G W_ae, from those of W by lambda:
-    dK = -K dW_aa K, dG = (dW_ea - G dW_aa) K, dC = dW_ee - dG W_ae - G dW_ae; d/ddelta_l = sum_k K_kl d/dlambda_k."""
-    K_, G_ = K[:, None], G[:, None]
-    d_K = -K_ @ dW[:, :, a, a] @ K_
-    d_G = (dW[:, :, e, a] - G_ @ dW[:, :, a, a]) @ K_
-    d_C = dW[:, :, e, e] - d_G @ W_ea[:, None].swapaxes(2, 3) - G_ @ dW[:, :, a, e]
-    return tuple(np.einsum("mkl,mkij->mlij", K, one) for one in (d_K, d_G, d_C))
 
 
 def _symmetric(third: np.ndarray, one: Derivative) -> np.ndarray:

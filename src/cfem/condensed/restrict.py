@@ -1,0 +1,96 @@
+"""From contact points to the pose of the rigid patch that holds them.
+
+With delta_c = g(X) the energy of the actuators and the pose is Psi(delta_a, g(X)); by the chain rule, T = diag(1, g'):
+
+    wrench = g'^T lambda_c        hess = T^T W_act^-1 T + lambda_c . g''        grad e = W_e,act W_act^-1 T
+
+and C_ee = W_ee - W_e,act W_act^-1 W_act,e stays. W of the rows e, a, pose follows as W of any energy does."""
+
+import numpy as np
+
+from cfem.condensed.condensed import Condensed
+from cfem.condensed.energy_slopes import by_displacement
+from cfem.condensed.pose import Patch
+from cfem.condensed.rows import Rows
+
+
+def onto_patch(condensed: Condensed, patch: Patch, X: np.ndarray) -> Condensed:
+    """The condensed robot whose contact rows are the coordinates of the pose X, at a state whose contact points stand
+    there; its multipliers by them are the wrench that holds the patch (N, N mm)."""
+    rows, n_a = condensed.rows, condensed.rows.n_a
+    act, e = rows.active, rows.e
+    T = np.zeros((n_a + rows.n_c, n_a + patch.n))
+    T[:n_a, :n_a] = np.eye(n_a)
+    T[n_a:, n_a:] = patch.jacobian(X)
+    K = np.linalg.inv(condensed.W[act, act])
+    hessian = T.T @ ((K + K.T) / 2) @ T
+    hessian[n_a:, n_a:] += patch.curvature(X, condensed.lam[n_a:])
+    gradient_e = condensed.W[e, act] @ K
+    locked = condensed.W[e, e] - gradient_e @ condensed.W[act, e]
+    delta = np.concatenate([condensed.delta[e], condensed.delta[rows.a], X])
+    return from_energy(
+        Rows(rows.effectors, rows.actuators, patch.names),
+        delta,
+        T.T @ condensed.lam,
+        hessian,
+        gradient_e @ T,
+        locked,
+    )
+
+
+def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.ndarray) -> np.ndarray:
+    """(n_a + n, rows, rows) dW/dlambda of the rows of `onto_patch`, from dW (n_a + n_c, rows, rows) of all rows of
+    `condensed`: the chain rule once more, with the third derivative of g by central differences of the second."""
+    rows, n_a = condensed.rows, condensed.rows.n_a
+    act, e, n = rows.active, rows.e, n_a + patch.n
+    T = np.zeros((n_a + rows.n_c, n))
+    T[:n_a, :n_a] = np.eye(n_a)
+    T[n_a:, n_a:] = patch.jacobian(X)
+    units = np.eye(rows.n_c)
+    second = np.zeros((n_a + rows.n_c, n, n))
+    second[n_a:, n_a:, n_a:] = [patch.curvature(X, unit) for unit in units]
+    lam = condensed.lam
+    third = np.zeros((n, n, n))
+    third[n_a:, n_a:, n_a:] = _slope(lambda at: patch.curvature(at, lam[n_a:]), X)
+    K = np.linalg.inv(condensed.W[act, act])
+    W_ea = condensed.W[e, act]
+    G = W_ea @ K
+    d_K, d_G, d_C = (one[0] for one in by_displacement(dW[None], e, act, K[None], G[None], W_ea[None]))
+    KT = K @ T
+    bent = np.einsum("iuw,iv->wuv", second, KT)
+    by_hessian = np.einsum("lij,lw,iu,jv->wuv", d_K, T, T, T, optimize=True)
+    by_hessian += bent + bent.swapaxes(1, 2) + np.einsum("iw,iuv->wuv", KT, second) + third
+    by_gradient = np.einsum("lei,lw,iu->weu", d_G, T, T, optimize=True) + np.einsum("ei,iuw->weu", G, second)
+    by_locked = np.einsum("lef,lw->wef", d_C, T)
+    onto = onto_patch(condensed, patch, X)
+    W_act, W_ea = onto.W[act.start :, act.start :], onto.W[e, act.start :]
+    gradient = G @ T
+    d_W = np.empty((n, onto.rows.n, onto.rows.n))
+    d_act = -W_act @ by_hessian @ W_act
+    d_ea = by_gradient @ W_act + gradient @ d_act
+    active = onto.rows.active
+    d_W[:, active, active], d_W[:, e, active] = d_act, d_ea
+    d_W[:, active, e] = d_ea.swapaxes(1, 2)
+    d_W[:, e, e] = by_locked + d_ea @ gradient.T + W_ea @ by_gradient.swapaxes(1, 2)
+    return np.einsum("wk,wij->kij", W_act, d_W)
+
+
+def _slope(of, X: np.ndarray, h: float = 1e-4) -> np.ndarray:
+    """(n, ...) central differences of `of` by X (n,)."""
+    return np.stack([(of(X + step) - of(X - step)) / (2 * h) for step in h * np.eye(len(X))])
+
+
+def from_energy(
+    rows: Rows, delta: np.ndarray, lam: np.ndarray, hessian: np.ndarray, gradient_e: np.ndarray, locked: np.ndarray
+) -> Condensed:
+    """The condensed model of one state of an energy Psi of the active displacements: delta (n,), lam = grad Psi, its
+    Hessian, grad e (n_e, n_act) and C_ee = locked."""
+    act, e = rows.active, rows.e
+    W = np.empty((rows.n, rows.n))
+    W_act = np.linalg.inv(hessian)
+    W[act, act] = (W_act + W_act.T) / 2
+    W[e, act] = gradient_e @ W[act, act]
+    W[act, e] = W[e, act].T
+    W_ee = locked + W[e, act] @ gradient_e.T
+    W[e, e] = (W_ee + W_ee.T) / 2
+    return Condensed(rows, W, delta - W[:, act] @ lam, lam)

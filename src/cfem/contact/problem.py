@@ -1,0 +1,119 @@
+"""The contact problem of one linearisation: m points, three rows each (normal n, tangents t1, t2).
+
+    gap = W lambda + free - G xi        G^T lambda = wrench
+
+Signs: gap_n >= 0 is open; lambda_n >= 0 presses the two sides apart. The deformable side gives way by W lambda;
+a rigid object, where there is one, moves by xi, its rows by G xi, and carries the load `wrench`: the contact
+forces on it, -lambda, balance the external ones.
+
+The laws: Signorini, *Sopra alcune questioni di elastostatica* (1933); Coulomb friction as in Acary and
+Brogliato, *Numerical Methods for Nonsmooth Dynamical Systems* (2008), chapter 3."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from cfem.core.errors import SpecError
+
+Law = Literal["bilateral", "signorini", "coulomb"]
+"""bilateral: every gap and slip is 0, any force. signorini: gap_n >= 0, lambda_n >= 0, one of them 0, no tangential
+force. coulomb: signorini along n, and |lambda_t| <= mu lambda_n; where the slip is not 0 it is opposed by the
+largest friction: lambda_t = -mu lambda_n slip / |slip|."""
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """W (3m, 3m) mm/N, symmetric, positive semidefinite; free (3m,) mm: normal gaps and, counted from where each
+    point last stuck, tangential slips at zero contact force; mu: friction coefficient; cone: `exact` circle, or
+    `pyramid`, the regular polygon with `sides` corners inscribed in it, the first along t1 (friction then does
+    the most work that the polygon allows). G (3m, k) and wrench (k,) N or N mm of an object with coordinates xi
+    (k,) mm or rad; None without object."""
+
+    W: np.ndarray
+    free: np.ndarray
+    G: np.ndarray | None = None
+    wrench: np.ndarray | None = None
+    mu: float = 0.0
+    cone: Literal["exact", "pyramid"] = "exact"
+    sides: int = 8
+
+    def __post_init__(self) -> None:
+        n = len(self.free)
+        if n == 0 or n % 3 or self.W.shape != (n, n):
+            raise SpecError(f"contact: W is {self.W.shape} and free ({n},)", do="give three rows for every point")
+        if (self.G is None) != (self.wrench is None):
+            raise SpecError("contact: of an object both G and wrench are needed")
+        if self.G is not None and (len(self.G) != n or self.G.shape[1:] != self.wrench.shape):
+            raise SpecError(f"contact: G is {self.G.shape}, {n} rows and wrench {self.wrench.shape} are there")
+        if not all(np.isfinite(each).all() for each in (self.W, self.free, self.motion, self.load)):
+            raise SpecError("contact: the problem holds numbers that are not finite")
+        if not 0 <= self.mu < np.inf or self.sides < 4 or self.sides % 2:
+            raise SpecError(
+                f"contact: mu {self.mu} with {self.sides} sides", do="mu >= 0 and an even number of sides, 4 or more"
+            )
+
+    @property
+    def m(self) -> int:
+        return len(self.free) // 3
+
+    @property
+    def k(self) -> int:
+        return self.motion.shape[1]
+
+    @cached_property
+    def motion(self) -> np.ndarray:
+        """G, (3m, 0) without object."""
+        return np.zeros((len(self.free), 0)) if self.G is None else self.G
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        return np.zeros(0) if self.wrench is None else self.wrench
+
+    def gap(self, lam: np.ndarray, xi: np.ndarray) -> np.ndarray:
+        """(..., 3m) mm, of lam (..., 3m) N and xi (..., k)."""
+        return lam @ self.W.T + self.free - xi @ self.motion.T
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """(sides, 2) directions of the pyramid's corners."""
+        angle = 2 * np.pi * np.arange(self.sides) / self.sides
+        return np.column_stack([np.cos(angle), np.sin(angle)])
+
+    @cached_property
+    def units(self) -> "Units":
+        return Units.of(self)
+
+    @cached_property
+    def normalised(self) -> "ContactProblem":
+        """The same problem in its own units."""
+        u = self.units
+        if self.G is None:
+            return replace(self, W=self.W * (u.force / u.length), free=self.free / u.length)
+        G = self.G * (u.motion / u.length)
+        wrench = self.wrench * (u.motion / u.length / u.force)
+        return replace(self, W=self.W * (u.force / u.length), free=self.free / u.length, G=G, wrench=wrench)
+
+
+@dataclass(frozen=True)
+class Units:
+    """What makes a problem dimensionless: length mm, force N, motion (k,) mm or rad. length is the largest of
+    |free| and of what the load alone does to the compliance; force is length over the largest compliance; unit
+    motions shift the rows by one length."""
+
+    length: float
+    force: float
+    motion: np.ndarray
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> "Units":
+        compliance = float(np.diag(problem.W).max())
+        column = np.sqrt((problem.motion**2).sum(axis=0))
+        column[column == 0.0] = 1.0
+        load = float(np.abs(problem.load / column).max(initial=0.0))
+        if not compliance > 0:
+            length = float(np.abs(problem.free).max()) or 1.0
+            return cls(length, load or 1.0, length / column)
+        length = max(float(np.abs(problem.free).max()), compliance * load) or 1.0
+        return cls(length, length / compliance, length / column)

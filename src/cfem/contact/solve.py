@@ -1,0 +1,144 @@
+"""One valid state of the contacts: pivoting from a guess, then search.
+
+Pivoting changes the mode of every violated point, or, where that leads back, of the worst alone; this nearly
+always ends within a few systems, though nothing promises it (friction makes the problem neither symmetric nor
+monotone). Then best first search over the modes, every choice for few points and up to a budget for more."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from heapq import heappop, heappush
+
+import numpy as np
+
+from cfem.contact.check import Check, check
+from cfem.contact.enumerate import MOST, ContactState, all_modes
+from cfem.contact.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
+from cfem.contact.problem import ContactProblem, Law
+
+BUDGET = 400  # choices of modes that a search over more than four points tries
+_PIVOTS = 12
+
+
+class ContactStatus(Enum):
+    """How a solve ended; the value is the sentence that the user reads."""
+
+    SOLVED = "solved"
+    SEVERAL = "several states of the contacts satisfy the law; the first is given"
+    NONE = "no choice of open, sticking and slipping contacts satisfies the law"
+    BUDGET = "no state that satisfies the law was found among the choices tried"
+
+
+@dataclass(frozen=True)
+class ContactSolution:
+    """lam (3m,) N, xi (k,) mm or rad, NaN where there is no answer, then without modes too; tried: choices of
+    modes that were solved; solutions: every valid state where they were counted, else the one found."""
+
+    lam: np.ndarray
+    xi: np.ndarray
+    modes: tuple[Mode, ...]
+    check: Check
+    status: ContactStatus
+    solutions: tuple[ContactState, ...]
+    tried: int
+
+
+def solve_contact(
+    problem: ContactProblem,
+    law: Law,
+    start_modes: Sequence[Mode] | None = None,
+    count: bool = False,
+    budget: int = BUDGET,
+) -> ContactSolution:
+    """start_modes: a guess, one a point; by default points within a gap are open and the others stick. count: find
+    every state (at most four points). budget: of the search over more than four points."""
+    if count:
+        states = all_modes(problem, law)
+        tried = len(modes_of(problem, law)) ** problem.m
+        status = ContactStatus.SEVERAL if len(states) > 1 else ContactStatus.SOLVED
+        return _answer(problem, states, status if states else ContactStatus.NONE, tried)
+    guess = start_modes or [Mode.OPEN if gap > 0 else Mode.STICK for gap in problem.free[::3]]
+    state, tried = _pivot(problem, law, understood(problem, law, guess))
+    if state is not None:
+        return _answer(problem, [state], ContactStatus.SOLVED, tried)
+    total = len(modes_of(problem, law)) ** problem.m
+    limit = total if problem.m <= MOST else min(budget, total)
+    state, searched = _search(problem, law, understood(problem, law, guess), limit)
+    if state is not None:
+        return _answer(problem, [state], ContactStatus.SOLVED, tried + searched)
+    return _answer(problem, [], ContactStatus.NONE if searched == total else ContactStatus.BUDGET, tried + searched)
+
+
+def _answer(
+    problem: ContactProblem, states: Sequence[ContactState], status: ContactStatus, tried: int
+) -> ContactSolution:
+    if not states:
+        nothing = Check(*[float("nan")] * 6)
+        return ContactSolution(
+            np.full(len(problem.free), np.nan), np.full(problem.k, np.nan), (), nothing, status, (), tried
+        )
+    first = states[0]
+    return ContactSolution(first.lam, first.xi, first.modes, first.check, status, tuple(states), tried)
+
+
+def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: ModeSolution) -> ContactState:
+    lam, xi = found.lam[0], found.xi[0]
+    return ContactState(lam, xi, modes, check(problem, law, lam, xi))
+
+
+def _pivot(problem: ContactProblem, law: Law, modes: tuple[Mode, ...]) -> tuple[ContactState | None, int]:
+    seen: set[tuple[Mode, ...]] = set()
+    for tried in range(1, _PIVOTS + 1):
+        seen.add(modes)
+        found = solve_mode(problem, law, modes, quick=True)
+        if found.valid:
+            return _state(problem, law, modes, found), tried
+        other = _others(problem, law, modes, found)
+        worst = np.argsort(-found.violation[0]) if len(found.violation) else np.arange(problem.m)
+        proposals = [other] + [(*modes[:i], other[i], *modes[i + 1 :]) for i in worst]
+        fresh = [each for each in proposals if each not in seen]
+        if not fresh:
+            return None, tried
+        modes = fresh[0]
+    return None, _PIVOTS
+
+
+def _others(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: ModeSolution) -> tuple[Mode, ...]:
+    """The modes with every violated point's changed, to what its violation suggests."""
+    if not len(found.lam):  # undetermined or contradictory: let the object be held
+        return understood(problem, law, [Mode.STICK] * problem.m)
+    normal = found.lam[0][::3]
+    changed = list(modes)
+    for i, mode in enumerate(modes):
+        if found.violation[0, i] <= VALID:
+            continue
+        if mode is Mode.OPEN:
+            changed[i] = Mode.STICK
+        elif normal[i] < 0:
+            changed[i] = Mode.OPEN
+        else:
+            changed[i] = Mode.SLIP if mode is Mode.STICK else Mode.STICK
+    return understood(problem, law, changed)
+
+
+def _search(problem: ContactProblem, law: Law, start: tuple[Mode, ...], limit: int) -> tuple[ContactState | None, int]:
+    """Best first: the neighbours of the least violated choice, its violated points' before the others'."""
+    known = modes_of(problem, law)
+    queue: list[tuple[float, int, tuple[Mode, ...]]] = [(0.0, 0, start)]
+    queued, order, tried = {start}, 0, 0
+    while queue and tried < limit:
+        _, _, modes = heappop(queue)
+        found = solve_mode(problem, law, modes)
+        tried += 1
+        if found.valid:
+            return _state(problem, law, modes, found), tried
+        residual = float(found.residual[0]) if len(found.residual) else 1e3
+        for i, mode in enumerate(modes):
+            violated = not len(found.violation) or found.violation[0, i] > VALID
+            for other in known:
+                neighbour = (*modes[:i], other, *modes[i + 1 :])
+                if other is not mode and neighbour not in queued:
+                    queued.add(neighbour)
+                    order += 1
+                    heappush(queue, (residual if violated else 1e6 + residual, order, neighbour))
+    return None, tried

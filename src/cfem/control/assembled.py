@@ -1,0 +1,116 @@
+"""From what `control.yaml` says of an object and the robots that hold it to models and a plant."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cfem.condensed import Rows
+from cfem.control.coupled_plant import CoupledPlant
+from cfem.control.coupling import Coupled, Hold, RigidObject
+from cfem.control.fem_patch import FemPatch
+from cfem.control.loop import Model
+from cfem.control.spec import ControlSpec, RobotSpec
+from cfem.core.errors import InputError
+from cfem.equilibrium.robot import Robot
+from cfem.predict.protocol import Predictor
+
+
+@dataclass(frozen=True)
+class RobotsAndObject:
+    """What control asks of a robot, for several and what they hold: see `cfem.equilibrium.robot.Robot`. X (n, 3) and
+    facets are of all robots, one after the other, at rest, and of the object."""
+
+    rows: Rows
+    rest_e: np.ndarray
+    reach: np.ndarray
+    unilateral: np.ndarray
+    length: float
+    X: np.ndarray
+    facets: np.ndarray
+
+
+def assembled(
+    spec: ControlSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
+) -> tuple[RobotsAndObject, dict[str, Model], CoupledPlant]:
+    """InputError where a model is not of the scene's robot with its contact points held."""
+    n_pose = {name: _pose_rows(predictor, robot, models[name]) for name, predictor in predictors.items()}
+    turns = spec.object.turns
+    if turns and min(n_pose.values()) < 6:
+        raise InputError("was sampled with a patch that cannot turn, the object can", do="set object.turns: false")
+    n = 6 if turns else 3
+    force = np.zeros(3) if spec.object.force is None else spec.object.force
+    held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]))
+    places = [_place(one) for one in spec.robots]
+    n_a, count = robot.rows.n_a, len(places)
+
+    def holds(models_of: list[Model], n_of: int, origin: np.ndarray) -> list[Hold]:
+        return [
+            Hold(one.name, model, n_a, n_of, turn, shift, origin)
+            for one, model, (turn, shift) in zip(spec.robots, models_of, places, strict=True)
+        ]
+
+    home, coupled = None, {}
+    fem = [FemPatch(robot, turns=max(n_pose.values()) == 6) for _ in places]
+    origin = fem[0].patch.origin
+    for name, predictor in predictors.items():
+        mine = np.tile(_taut_state(predictor, n_pose[name]), count)
+        home = mine if home is None else home
+        coupled[name] = Coupled(holds([predictor] * count, n_pose[name], origin), held, mine, spec.updates)
+    mesh = robot.body.mesh
+    points, surface = box_surface(spec.object.centre, spec.object.half_size, mesh.facets.shape[1])
+    plant = CoupledPlant(holds(fem, fem[0].patch.n, origin), held, np.tile(robot.unilateral, count), home, points)
+    facts = RobotsAndObject(
+        plant.coupled.rows,
+        spec.object.centre,
+        np.tile(robot.reach, (count, 1)),
+        np.tile(robot.unilateral, count),
+        robot.length,
+        np.concatenate([*(mesh.X @ turn.T + shift for turn, shift in places), points]),
+        np.concatenate([*(mesh.facets + i * len(mesh.X) for i in range(count)), surface + count * len(mesh.X)]),
+    )
+    return facts, coupled, plant
+
+
+def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (k, 3) mm and facets of a box: quadrilaterals (width 4), or triangles of 3 or 6 nodes, as the mesh has."""
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    corners = np.asarray(centre) + signs * half_size
+    if width == 4:
+        return corners, quads
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    if width == 3:
+        return corners, triangles
+    ends = corners[triangles]  # (12, 3, 3)
+    both = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)
+    return both.reshape(-1, 3), np.arange(72).reshape(12, 6)
+
+
+def _place(one: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
+    turn, shift = np.eye(3), np.zeros(3)
+    if one.rotate is not None:
+        axis = np.asarray(one.rotate.axis, float)
+        turn = Rotation.from_rotvec(one.rotate.angle * axis / np.linalg.norm(axis)).as_matrix()
+    if one.translate is not None:
+        shift = np.asarray(one.translate, float)
+    return turn, shift
+
+
+def _pose_rows(predictor: Predictor, robot: Robot, where: Path) -> int:
+    n_pose = int(predictor.meta.get("n_c", 0))
+    if not n_pose or predictor.rows.actuators[: robot.rows.n_a] != robot.rows.actuators:
+        what = f"has rows {predictor.rows.actuators}, the scene actuators {robot.rows.actuators} and a held patch"
+        raise InputError(what, where=str(where), do="train it on samples with `contact`")
+    return n_pose
+
+
+def _taut_state(predictor: Predictor, n_pose: int) -> np.ndarray:
+    """(n_a,) actuators of the training state that is most in the middle: control starts among the data."""
+    known = predictor.domain.states
+    n = known.shape[1] // 2
+    low, high = known.min(axis=0), known.max(axis=0)
+    apart = (((known - (low + high) / 2) / np.where(high > low, high - low, 1.0)) ** 2).sum(axis=1)
+    return known[int(np.argmin(apart)), : n - n_pose]

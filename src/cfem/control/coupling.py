@@ -1,0 +1,211 @@
+"""Several robots that hold one rigid object: the energies of the robots and the object's own, as one condensed model.
+
+Robot f sees the object's pose X = (x, theta) as a pose Y_f(X) of its own contact patch. The object rests where
+
+    Pi(delta_a, X) = sum_f Psi_f(delta_f, Y_f(X)) - w . X
+
+is stationary in X, w being the weight or another constant wrench on it. Seen from outside, what is left is a condensed
+model of all actuators whose effector is the object: with K = hess Pi,
+
+    lambda_a = grad_a Pi    K_aa - K_aX K_XX^-1 K_Xa = W_aa^-1    de/ddelta_a = -K_XX^-1 K_Xa    C_ee = K_XX^-1
+
+The paper (Navez, Menager et al. 2025, the gripper) takes one step towards that X at every control step, from the forces
+of the actuators: X = S J^T W_cc^-1 (W_ca lambda_a + delta_c_free - delta_c + J X_before) + S w, S = (J^T W_cc^-1 J)^-1.
+`updates: 1` is that step at given displacements; without a limit, Newton's method ends it. Where K_XX is not positive
+definite the robots buckle under what they hold: that is an error, not an answer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.condensed import Condensed, Rows
+from cfem.condensed.pose import rotated, rotated_curvature, rotated_jacobian
+from cfem.condensed.restrict import from_energy
+from cfem.control.loop import Model
+from cfem.core.errors import NumericalError
+
+TOLERANCE = 1e-10  # of the object's balance, relative to the largest wrench on it
+ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class RigidObject:
+    """centre (3,) mm at rest; turns: whether it can turn, else it is guided; wrench: (3,) N constant force on it, or
+    (6,) with the moment by theta (N mm)."""
+
+    centre: np.ndarray
+    turns: bool
+    wrench: np.ndarray
+
+    @property
+    def n(self) -> int:
+        return 6 if self.turns else 3
+
+
+@dataclass(frozen=True)
+class Hold:
+    """One robot that holds the object: its model, of (its actuators, the pose of its patch); n_a of its actuators;
+    turn (3, 3) and shift (3,) mm from its frame to that of the object; origin (3,) mm of its patch, in its frame."""
+
+    name: str
+    model: Model
+    n_a: int
+    n_pose: int
+    turn: np.ndarray
+    shift: np.ndarray
+    origin: np.ndarray
+
+    def lever(self, centre: np.ndarray) -> np.ndarray:
+        """(3,) mm from the object's centre to the patch, at rest."""
+        return self.turn @ self.origin + self.shift - centre
+
+    def pose(self, X: np.ndarray, lever: np.ndarray) -> np.ndarray:
+        """(n_pose,) of the patch, in the robot's frame."""
+        if len(X) == 3:
+            return np.concatenate([self.turn.T @ X, np.zeros(self.n_pose - 3)])
+        moved = X[:3] + rotated(X[3:], lever[None])[0] - lever
+        return np.concatenate([self.turn.T @ moved, self.turn.T @ X[3:]])
+
+    def jacobian(self, X: np.ndarray, lever: np.ndarray) -> np.ndarray:
+        """(n_pose, n) of `pose`."""
+        out = np.zeros((self.n_pose, len(X)))
+        out[:3, :3] = self.turn.T
+        if len(X) == 6:
+            out[:3, 3:] = self.turn.T @ rotated_jacobian(X[3:], lever[None])[0]
+            out[3:, 3:] = self.turn.T
+        return out
+
+
+@dataclass(frozen=True)
+class Held(Condensed):
+    """The condensed model of all actuators, with the object as effector, where it rests.
+
+    X: (n,) its pose; parts: the robots' own condensed models; balance: (2,) sum of the forces and of the moments on the
+    object, relative to the largest of either; stiffness: (n, n) K_XX; softest: its smallest eigenvalue over the
+    largest, lengths scaled by that of the levers; updates: Newton steps that it took."""
+
+    X: np.ndarray
+    parts: tuple[Condensed, ...]
+    balance: tuple[float, float]
+    stiffness: np.ndarray
+    softest: float
+    updates: int
+
+
+class Coupled:
+    """`Model` of several robots that hold an object. home: (n_a,) mm actuators where control starts from."""
+
+    def __init__(
+        self, holds: Sequence[Hold], held: RigidObject, home: np.ndarray | None = None, updates: int | None = None
+    ):
+        self.holds, self.object = tuple(holds), held
+        self._levers = [hold.lever(held.centre) for hold in holds]
+        self._ends = np.cumsum([0, *(hold.n_a for hold in holds)])
+        n_a = int(self._ends[-1])
+        self.home = np.zeros(n_a) if home is None else home
+        self._updates = updates
+        actuators = tuple(
+            f"{hold.name}.{name}" if len(holds) > 1 else name
+            for hold in holds
+            for name in hold.model.rows.actuators[: hold.n_a]
+        )
+        self.rows = Rows(tuple(f"object.{axis}" for axis in "xyz"), actuators)
+        self._length = max([1.0, *(float(np.linalg.norm(lever)) for lever in self._levers)])
+        self._last: Held | None = None
+
+    def at_displacement(self, delta_a: np.ndarray) -> Held:
+        """NumericalError where the object finds no stable rest, or a robot no state."""
+        delta_a = np.asarray(delta_a, float)
+        X = np.zeros(self.object.n) if self._last is None else self._predict(delta_a)
+        limit = self._updates or ITERATIONS
+        for update in range(limit + 1):
+            parts, g, K, scale = self._sum(delta_a, X)
+            n_a = len(delta_a)
+            K_XX = K[n_a:, n_a:]
+            softest = self._softest(K_XX)
+            if not softest > 0:
+                raise NumericalError(
+                    "the object is held in no stable way: a robot that holds it buckles",
+                    do="pull less, or keep it nearer to where the robots rest",
+                )
+            step = -np.linalg.solve(K_XX, g[n_a:])
+            balance = tuple(
+                float(np.linalg.norm(part)) / size if size else 0.0
+                for part, size in zip((g[n_a : n_a + 3], g[n_a + 3 :]), scale, strict=True)
+            )
+            if self._updates is None and max(balance) <= TOLERANCE:
+                return self._condense(delta_a, X, parts, g, K, balance, softest, update)
+            if self._updates is not None and update == self._updates - 1:
+                moved = g[:n_a] + K[:n_a, n_a:] @ step
+                g = np.concatenate([moved, g[n_a:] + K_XX @ step])
+                return self._condense(delta_a, X + step, parts, g, K, balance, softest, update + 1)
+            X = X + step
+        raise NumericalError(f"the object does not come to rest: its balance is off by {max(balance):.1e}")
+
+    def inside(self, held: Held) -> bool:
+        """Whether every robot's state is like those that its model was trained on."""
+        return all(
+            not hasattr(hold.model, "inside") or hold.model.inside(part)
+            for hold, part in zip(self.holds, held.parts, strict=True)
+        )
+
+    def distance(self, held: Held) -> float:
+        """The largest of the robots' distances from their training states; NaN where nothing was learned."""
+        return max(
+            (
+                hold.model.distance(part)
+                for hold, part in zip(self.holds, held.parts, strict=True)
+                if hasattr(hold.model, "distance")
+            ),
+            default=float("nan"),
+        )
+
+    def _predict(self, delta_a: np.ndarray) -> np.ndarray:
+        """(n,) the pose that the last state's linearisation expects."""
+        last = self._last
+        return last.X + self._slope @ (delta_a - last.delta_a)
+
+    def _sum(
+        self, delta_a: np.ndarray, X: np.ndarray
+    ) -> tuple[tuple[Condensed, ...], np.ndarray, np.ndarray, tuple[float, float]]:
+        """The robots' states; gradient (n_a + n,) and Hessian of Pi; the largest force and moment on the object."""
+        n_a, n = len(delta_a), len(X)
+        g, K = np.zeros(n_a + n), np.zeros((n_a + n, n_a + n))
+        g[n_a:] = -self.object.wrench
+        force, moment = float(np.linalg.norm(self.object.wrench[:3])), float(np.linalg.norm(self.object.wrench[3:]))
+        parts = []
+        for hold, lever, first, end in zip(self.holds, self._levers, self._ends[:-1], self._ends[1:], strict=True):
+            part = hold.model.at_displacement(np.concatenate([delta_a[first:end], hold.pose(X, lever)]))
+            act = part.rows.active
+            hessian = np.linalg.inv(part.W[act, act])
+            T = np.zeros((hold.n_a + hold.n_pose, n_a + n))
+            T[: hold.n_a, first:end] = np.eye(hold.n_a)
+            T[hold.n_a :, n_a:] = hold.jacobian(X, lever)
+            push = T[hold.n_a :, n_a:].T @ part.lam[hold.n_a :]
+            g += T.T @ part.lam
+            K += T.T @ hessian @ T
+            if n == 6:
+                pushed = hold.turn @ part.lam[hold.n_a : hold.n_a + 3]
+                K[n_a + 3 :, n_a + 3 :] += rotated_curvature(X[3:], lever[None], pushed[None])
+            force, moment = max(force, float(np.linalg.norm(push[:3]))), max(moment, float(np.linalg.norm(push[3:])))
+            parts.append(part)
+        return tuple(parts), g, (K + K.T) / 2, (force, moment)
+
+    def _softest(self, K_XX: np.ndarray) -> float:
+        size = np.array([1.0] * 3 + [self._length] * (len(K_XX) - 3))
+        values = np.linalg.eigvalsh(K_XX / np.outer(size, size))
+        return float(values[0] / np.abs(values).max())
+
+    def _condense(self, delta_a, X, parts, g, K, balance, softest, updates) -> Held:
+        n_a = len(delta_a)
+        flexible = np.linalg.inv(K[n_a:, n_a:])
+        slope = -flexible @ K[n_a:, :n_a]
+        hessian = K[:n_a, :n_a] + K[:n_a, n_a:] @ slope
+        delta = np.concatenate([X[:3], delta_a])
+        plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:3], flexible[:3, :3])
+        held = Held(
+            plain.rows, plain.W, plain.delta_free, plain.lam, X, parts, balance, K[n_a:, n_a:], softest, updates
+        )
+        self._last, self._slope = held, slope
+        return held

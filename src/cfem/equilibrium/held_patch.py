@@ -1,0 +1,26 @@
+"""The actuation that holds the contact points of a robot in a rigid patch, at a pose."""
+
+import numpy as np
+
+from cfem.condensed.pose import Patch
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.problem import Problem
+
+
+def patch_of(points: np.ndarray, turns: bool) -> Patch:
+    """All contact points (k, 3) mm as one rigid patch about their mean."""
+    return Patch(points, points.mean(axis=0), turns)
+
+
+def contact_points(problem: Problem) -> np.ndarray:
+    """(k, 3) mm at rest."""
+    return np.array([point.rest for point in problem.robot.contacts])
+
+
+def held(actuators: Actuation, patch: Patch, X: np.ndarray) -> Actuation:
+    """`actuators` (n_a) and the patch at pose X."""
+    m, n_a, n_c = len(actuators.C), actuators.n, 3 * len(patch.points)
+    C = np.zeros((m + n_c, n_a + n_c))
+    C[:m, :n_a], C[m:, n_a:] = actuators.C, np.eye(n_c)
+    target = np.concatenate([actuators.target, patch.displacement(X)])
+    return Actuation(C, target, np.concatenate([actuators.offset, np.zeros(n_c)]), actuators.load)

@@ -1,0 +1,28 @@
+"""Plans of a robot whose contact points are held in a rigid patch: cable forces and poses, drawn together.
+
+Forces, not displacements: what a cable's displacement may be depends on where the patch is held, and a patch held near
+rest while its cables are shortened far buckles the robot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.condensed.pose import Patch
+from cfem.equilibrium.actuation import Actuation, force
+from cfem.equilibrium.held_patch import held
+
+
+@dataclass(frozen=True)
+class ContactPlan:
+    """Picklable. low, high: (n_a + n,) smallest and largest force of each actuator (N), then the coordinates of the
+    patch's pose (mm, rad); turns: whether the patch can turn, n = 6 then, else 3."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    turns: bool
+
+    def actuation(self, u: np.ndarray, patch: Patch) -> tuple[Actuation, np.ndarray]:
+        """What row u in [0, 1] prescribes, and its pose."""
+        values = np.array(self.low) + u * (np.array(self.high) - np.array(self.low))
+        n_a = len(u) - patch.n
+        return held(force(values[:n_a]), patch, values[n_a:]), values[n_a:]

@@ -1,0 +1,87 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from cfem.contact.obstacle import Box, Capsule, Plane, Sphere, tangents
+from cfem.core.errors import SpecError
+
+SHAPES = [Plane(), Sphere(2.0), Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5)]
+
+
+def posed(shape, seed: int):
+    rng = np.random.default_rng(seed)
+    return replace(shape, R=Rotation.random(rng=rng).as_matrix(), t=3 * rng.normal(size=3)), rng
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.sampled_from(SHAPES), st.integers(0, 10**6))
+def test_normals_are_the_gradient_of_the_distance(shape, seed):
+    obstacle, rng = posed(shape, seed)
+    points = obstacle.t + 4 * rng.normal(size=(20, 3))
+    h = 1e-5
+    steps = h * np.eye(3)
+    sides = [[obstacle.distance(points + sign * step) for step in steps] for sign in (1, -1)]
+    gradient = (np.subtract(*sides) / (2 * h)).T
+    second = np.abs(np.sum(sides, axis=0) - 2 * obstacle.distance(points)).max(axis=0) / h**2
+    smooth = second < 1e2  # a kink between the samples shows as a curvature of 1 / h
+    assert smooth.sum() >= 15
+    np.testing.assert_allclose(obstacle.normals(points)[smooth], gradient[smooth], atol=1e-7)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.sampled_from(SHAPES), st.integers(0, 10**6))
+def test_the_distance_is_the_way_to_the_surface(shape, seed):
+    obstacle, rng = posed(shape, seed)
+    points = obstacle.t + 4 * rng.normal(size=(20, 3))
+    distance = obstacle.distance(points)
+    foot = points - distance[:, None] * obstacle.normals(points)
+    np.testing.assert_allclose(obstacle.distance(foot), 0.0, atol=1e-12)
+    # Nothing nearer: the distance is 1-Lipschitz.
+    others = points + rng.normal(size=points.shape)
+    assert (np.abs(obstacle.distance(others) - distance) <= np.linalg.norm(others - points, axis=1) + 1e-12).all()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.sampled_from(SHAPES), st.integers(0, 10**6))
+def test_frames_are_right_handed_and_start_with_the_normal(shape, seed):
+    obstacle, rng = posed(shape, seed)
+    points = obstacle.t + 4 * rng.normal(size=(20, 3))
+    frames = obstacle.frames(points)
+    np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(frames), 1.0)
+    np.testing.assert_allclose(frames[:, 0], obstacle.normals(points), atol=1e-12)
+
+
+def test_frames_change_little_over_a_small_turn_of_the_normal():
+    polar, around = np.meshgrid(np.linspace(0, 2.9, 100), np.linspace(0, 2 * np.pi, 100), indexing="ij")
+    normals = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    frames = tangents(normals.reshape(-1, 3)).reshape(100, 100, 3, 3)
+    assert np.abs(np.diff(frames, axis=0)).max() < 0.05
+    assert np.abs(np.diff(frames, axis=1)).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("shape", "point", "distance"),
+    [
+        (Plane(), [5.0, 1.0, -2.0], -2.0),
+        (Sphere(2.0), [0.0, 0.0, 0.0], -2.0),
+        (Sphere(2.0), [0.0, 3.0, 4.0], 3.0),
+        (Box(np.array([1.0, 2.0, 3.0])), [4.0, 6.0, 3.0], 5.0),
+        (Box(np.array([1.0, 2.0, 3.0])), [0.5, 0.0, 0.0], -0.5),
+        (Box(np.array([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0], 0.0),
+        (Capsule(1.0, 2.5), [0.0, 0.0, 2.0], -1.0),
+        (Capsule(1.0, 2.5), [3.0, 0.0, 6.5], 4.0),
+    ],
+)
+def test_known_distances(shape, point, distance):
+    assert shape.distance(np.array([point])) == pytest.approx(distance)
+    assert np.linalg.norm(shape.normals(np.array([point]))) == pytest.approx(1.0)
+
+
+def test_a_pose_that_mirrors_is_refused():
+    with pytest.raises(SpecError, match="not a rotation"):
+        Sphere(1.0, R=-np.eye(3))

@@ -1,0 +1,190 @@
+"""Robots that hold an object, against finite differences, the paper's formula, and one FE system of all."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from support.blocks import hexahedra
+
+from cfem.condensed import Rows
+from cfem.condensed.pose import Patch
+from cfem.condensed.restrict import from_energy, onto_patch
+from cfem.constraint.attachment import attach
+from cfem.constraint.cable import make_cable
+from cfem.constraint.contact import make_contact
+from cfem.constraint.effector import make_effector
+from cfem.control.coupled_plant import CoupledPlant
+from cfem.control.coupling import Coupled, Hold, RigidObject
+from cfem.control.fem_patch import FemPatch
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.body import make_body
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.material.law import Material
+
+POINTS = np.array([[0.0, 2, 1], [1.7, 2, -1], [-1.7, 2, -1]])
+HALF_TURN = np.diag([-1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Energy:
+    """A robot of two actuators and three contact points: a quadratic, and cubic ridges of size `cubic`."""
+
+    seed: int = 0
+    cubic: float = 0.02
+    stiff: float = 1.0
+    rows = Rows(("x",), ("a", "b"))
+
+    def at_displacement(self, t):
+        patch = Patch(POINTS, POINTS.mean(axis=0), len(t) == 8)
+        d = np.concatenate([t[:2], patch.displacement(t[2:])])
+        rng = np.random.default_rng(self.seed)
+        root, ridges = rng.standard_normal((11, 11)), self.cubic * rng.standard_normal((3, 11))
+        A = root @ root.T / 11 + self.stiff * np.eye(11)
+        ridge = ridges @ d
+        lam = A @ d + 3 * ridges.T @ ridge**2
+        hessian = A + 6 * np.einsum("r,ri,rj->ij", ridge, ridges, ridges)
+        rows = Rows(("x",), ("a", "b"), tuple(f"c{i}" for i in range(9)))
+        points = from_energy(rows, np.concatenate([[0.0], d]), lam, hessian, np.zeros((1, 11)), np.eye(1))
+        return onto_patch(points, patch, t[2:])
+
+
+def two_robots(turns=True, cubic=0.02, stiff=1.0, wrench=(0.1, -0.2, 0.05), updates=None, places=None):
+    n = 6 if turns else 3
+    places = places or [(np.eye(3), np.zeros(3)), (HALF_TURN, np.array([1.0, 9.0, 0.5]))]
+    centre = places[0][0] @ np.array([0.2, 4.0, 0.1]) + places[0][1]
+    held = RigidObject(centre, turns, np.concatenate([places[0][0] @ np.array(wrench), np.zeros(n - 3)]))
+    origin = POINTS.mean(axis=0)
+    holds = [
+        Hold(f"r{i}", Energy(i, cubic, stiff), 2, n, turn, shift, origin) for i, (turn, shift) in enumerate(places)
+    ]
+    return Coupled(holds, held, updates=updates)
+
+
+DELTA = np.array([0.3, -0.2, 0.4, 0.1])
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_the_whole_is_a_condensed_energy(turns):
+    coupled, h = two_robots(turns), 1e-5
+    at = coupled.at_displacement(DELTA)
+    assert max(at.balance) <= 1e-10 and at.softest > 0
+    steps = [[coupled.at_displacement(DELTA + s * step) for s in (1, -1)] for step in h * np.eye(4)]
+    hessian = np.stack([(p.lambda_a - m.lambda_a) / (2 * h) for p, m in steps], axis=1)
+    np.testing.assert_allclose(np.linalg.inv(at.W_aa), hessian, atol=1e-7)
+    gradient = np.stack([(p.delta_e - m.delta_e) / (2 * h) for p, m in steps], axis=1)
+    np.testing.assert_allclose(at.effector_jacobian, gradient, atol=1e-7)
+
+
+def test_a_force_on_the_object_moves_it_by_the_compliance_of_the_whole():
+    h, rows = 1e-5, []
+    for axis in np.eye(3):
+        p, m = (two_robots(wrench=np.array([0.1, -0.2, 0.05]) + s * h * axis).at_displacement(DELTA) for s in (1, -1))
+        rows.append((p.delta_e - m.delta_e) / (2 * h))
+    at = two_robots().at_displacement(DELTA)
+    locked = at.W[:3, :3] - at.W_ea @ np.linalg.solve(at.W_aa, at.W_ea.T)
+    np.testing.assert_allclose(locked, rows, atol=1e-7)
+
+
+def test_turning_and_moving_the_scene_turns_and_moves_the_answer():
+    turn, shift = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([3.0, -7, 2])
+    places = [(np.eye(3), np.zeros(3)), (HALF_TURN, np.array([1.0, 9.0, 0.5]))]
+    moved = [(turn @ one, turn @ other + shift) for one, other in places]
+    here, there = two_robots().at_displacement(DELTA), two_robots(places=moved).at_displacement(DELTA)
+    np.testing.assert_allclose(there.delta_e, turn @ here.delta_e, atol=1e-11)
+    np.testing.assert_allclose(there.lambda_a, here.lambda_a, atol=1e-11)
+
+
+def test_one_update_of_linear_robots_is_the_papers_formula():
+    """X = S J^T W_cc^-1 (W_ca lambda_a + delta_c_free - delta_c_before + J X_before) + S w of a guided object."""
+    coupled = two_robots(turns=False, cubic=0.0, updates=1)
+    before = coupled.at_displacement(np.zeros(4))
+    at = coupled.at_displacement(DELTA)
+    compliance, free, J = [], [], []
+    for hold, part in zip(coupled.holds, before.parts, strict=True):
+        i = coupled.holds.index(hold)
+        W, c, a = part.W, part.rows.c, part.rows.a
+        compliance.append(np.linalg.inv(W[c, c]))
+        free.append(W[c, a] @ at.lambda_a[2 * i : 2 * i + 2] + part.delta_free[c])
+        J.append(hold.turn.T)
+    X_before = before.X
+    S = np.linalg.inv(sum(j.T @ K @ j for j, K in zip(J, compliance, strict=True)))
+    pulled = sum(
+        j.T @ K @ (one - j @ X_before + j @ X_before) for j, K, one in zip(J, compliance, free, strict=True)
+    )
+    np.testing.assert_allclose(at.X, S @ (pulled + coupled.object.wrench), atol=1e-12)
+
+
+def test_repeated_updates_end_where_newtons_method_does():
+    once, full = two_robots(updates=1), two_robots().at_displacement(DELTA)
+    for _ in range(8):
+        at = once.at_displacement(DELTA)
+    np.testing.assert_allclose(at.X, full.X, atol=1e-10)
+    np.testing.assert_allclose(at.lambda_a, full.lambda_a, atol=1e-10)
+
+
+def test_what_cannot_be_held_is_an_error():
+    with pytest.raises(NumericalError, match="buckles"):
+        two_robots(stiff=-3.0).at_displacement(DELTA)
+
+
+def fe_bar(cells, start, cable, points, fixed, rigid=()):
+    """`cells` unit hexahedra along x from `start`, one cable, contact points at nodes."""
+    mesh = hexahedra((cells * 2.0, 2.0, 2.0), (cells, 1, 1))
+    mesh = type(mesh)(mesh.X + [start, 0, 0], mesh.cells, mesh.facets)
+    body = make_body(mesh, ELEMENTS["hex8"], Material(LAWS["neo-hookean"], 1.0, 0.3))
+    pulled = make_cable([attach(mesh, np.array(point), 0.0, "cable") for point in cable[1:]], np.array(cable[0]), "cable")
+    tip = make_effector(mesh, np.array(points[0]), 0.0, 3.0, "tip")
+    contacts = tuple(make_contact(mesh, np.array(point), 0.0, f"c{i}") for i, point in enumerate(points))
+    names = tuple(f"c{i}.{axis}" for i in range(len(points)) for axis in "xyz")
+    nodes = {side: np.flatnonzero(np.abs(mesh.X[:, 0] - x) < 1e-9) for side, x in fixed.items()}
+    groups = tuple(np.flatnonzero((mesh.X[:, 0] > a - 1e-9) & (mesh.X[:, 0] < b + 1e-9)) for a, b in rigid)
+    rows = Rows(("tip.x", "tip.y", "tip.z"), ("cable",), names)
+    return Robot(
+        "bar",
+        body,
+        np.concatenate(list(nodes.values())),
+        (pulled,),
+        (tip,),
+        rows,
+        np.array([[0.0, 2.0]]),
+        np.array([False]),
+        10.0,
+        contacts=contacts,
+        rigid=groups,
+    )
+
+
+def test_two_fe_bars_on_an_object_are_one_fe_bar_with_a_rigid_middle():
+    """Bars of 8 mm on either side of a rigid middle from 8 to 12: as one system, and coupled by the plant."""
+    middle = [(8.0, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)]
+    far = [(12.0, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)]
+    cable = [(0.0, 2.0, 1.0), (4.0, 2.0, 1.0)]
+    spare = [(20.0, 2.0, 1.0), (16.0, 2.0, 1.0)]
+    whole = fe_bar(10, 0.0, cable, middle[:1], {"left": 0.0, "right": 20.0}, rigid=[(8.0, 12.0)])
+    one = solve(Problem(whole), displacement(np.array([0.3])))
+    assert one.converged
+    left = fe_bar(4, 0.0, cable, middle, {"left": 0.0})
+    right = fe_bar(4, 12.0, spare, far, {"right": 20.0})
+    fem = [FemPatch(robot, turns=True) for robot in (left, right)]
+    holds = [
+        Hold(name, model, 1, 6, np.eye(3), np.zeros(3), model.patch.origin)
+        for name, model in zip(("left", "right"), fem, strict=True)
+    ]
+    held = RigidObject(np.array([10.0, 1.0, 1.0]), True, np.zeros(6))
+    plant = CoupledPlant(holds, held, np.array([True, True]), np.zeros(2), np.zeros((1, 3)))
+    # the right cable may be as long as it likes: let out far, it is slack
+    found = plant.step(np.array([0.3, -0.3]))
+    assert found.status == "converged" and plant.imbalance <= 1e-8
+    state = plant.at_displacement(found.delta_a)
+    np.testing.assert_allclose(state.lambda_a[0], one.lambda_a[0], rtol=1e-8)
+    np.testing.assert_allclose(fem[0].x[face(left, 8.0)], one.state.x[face(whole, 8.0)], atol=1e-8)
+    np.testing.assert_allclose(fem[1].x[face(right, 12.0)], one.state.x[face(whole, 12.0)], atol=1e-8)
+
+
+def face(robot, x):
+    return np.flatnonzero(np.abs(robot.X[:, 0] - x) < 1e-9)
