@@ -113,9 +113,7 @@ def test_one_update_of_linear_robots_is_the_papers_formula():
         J.append(hold.turn.T)
     X_before = before.X
     S = np.linalg.inv(sum(j.T @ K @ j for j, K in zip(J, compliance, strict=True)))
-    pulled = sum(
-        j.T @ K @ (one - j @ X_before + j @ X_before) for j, K, one in zip(J, compliance, free, strict=True)
-    )
+    pulled = sum(j.T @ K @ (one - j @ X_before + j @ X_before) for j, K, one in zip(J, compliance, free, strict=True))
     np.testing.assert_allclose(at.X, S @ (pulled + coupled.object.wrench), atol=1e-12)
 
 
@@ -137,7 +135,9 @@ def fe_bar(cells, start, cable, points, fixed, rigid=()):
     mesh = hexahedra((cells * 2.0, 2.0, 2.0), (cells, 1, 1))
     mesh = type(mesh)(mesh.X + [start, 0, 0], mesh.cells, mesh.facets)
     body = make_body(mesh, ELEMENTS["hex8"], Material(LAWS["neo-hookean"], 1.0, 0.3))
-    pulled = make_cable([attach(mesh, np.array(point), 0.0, "cable") for point in cable[1:]], np.array(cable[0]), "cable")
+    pulled = make_cable(
+        [attach(mesh, np.array(point), 0.0, "cable") for point in cable[1:]], np.array(cable[0]), "cable"
+    )
     tip = make_effector(mesh, np.array(points[0]), 0.0, 3.0, "tip")
     contacts = tuple(make_contact(mesh, np.array(point), 0.0, f"c{i}") for i, point in enumerate(points))
     names = tuple(f"c{i}.{axis}" for i in range(len(points)) for axis in "xyz")

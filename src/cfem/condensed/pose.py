@@ -43,7 +43,7 @@ def rotated_jacobian(theta: np.ndarray, r: np.ndarray) -> np.ndarray:
 def rotated_curvature(theta: np.ndarray, r: np.ndarray, f: np.ndarray) -> np.ndarray:
     """(3, 3) second derivative by theta of sum_k f_k . exp[theta] r_k; r and f (k, 3)."""
     s = float(theta @ theta)
-    (a, b), (a1, b1), (a2, b2) = ([float(one(s)) for one in pair] for pair in _SERIES)
+    (_, b), (a1, b1), (a2, b2) = ([float(one(s)) for one in pair] for pair in _SERIES)
     moment = np.cross(r, f).sum(axis=0)  # theta . moment = sum f . (theta x r)
     outer = f.T @ r
     square = outer + outer.T - 2 * np.trace(outer) * np.eye(3)  # of theta . square theta / 2 = f . theta x (theta x r)

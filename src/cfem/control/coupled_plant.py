@@ -16,8 +16,8 @@ ITERATIONS = 20
 
 
 class CoupledPlant:
-    """`Model` and `Plant`. unilateral: (n_a,) actuators that pull and do not push; shape: (k, 3) mm points of the object
-    at rest, which `x` shows behind the robots' nodes.
+    """`Model` and `Plant`. unilateral: (n_a,) actuators that pull and do not push; shape: (k, 3) mm points of the
+    object at rest, which `x` shows behind the robots' nodes.
 
     imbalance: the largest force or moment sum on the object of all states so far, relative; softest: the smallest
     eigenvalue of the stiffness that holds it over the largest, in all of them; updates: of its pose that they took"""

@@ -48,7 +48,7 @@ class FemPatch:
         begin = time.perf_counter()
         n_a = self.rows.n_a
         X = delta[n_a:]
-        actuation = held(displacement(delta[:n_a]), self.patch, X)
+        actuation = held(displacement(delta[:n_a]), self.patch.displacement(X))
         base = None if self._last is None else self._last.state
         start = predict(self._known, delta, actuation)
         found = solve(self._problem, actuation, start, base, settings=self._settings, slack=False)

@@ -125,7 +125,9 @@ def _units(
         units["W"] = common([f"{displacement[i]}/{_factor(multiplier[j])}" for i, j in upper])
         if "dW" in units:
             dW = [
-                f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}" for k in multiplier[rows.active] for i, j in upper
+                f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}"
+                for k in multiplier[rows.active]
+                for i, j in upper
             ]
             units["dW"] = common(dW)
     if parameters:

@@ -1,4 +1,4 @@
-"""The actuation that holds the contact points of a robot in a rigid patch, at a pose."""
+"""Contact points that are held: the actuation that does it, and the rigid patch that they make."""
 
 import numpy as np
 
@@ -17,10 +17,10 @@ def contact_points(problem: Problem) -> np.ndarray:
     return np.array([point.rest for point in problem.robot.contacts])
 
 
-def held(actuators: Actuation, patch: Patch, X: np.ndarray) -> Actuation:
-    """`actuators` (n_a) and the patch at pose X."""
-    m, n_a, n_c = len(actuators.C), actuators.n, 3 * len(patch.points)
+def held(actuators: Actuation, delta_c: np.ndarray) -> Actuation:
+    """`actuators` (n_a), and the contact rows held at delta_c (n_c,) mm from rest."""
+    m, n_a, n_c = len(actuators.C), actuators.n, len(delta_c)
     C = np.zeros((m + n_c, n_a + n_c))
     C[:m, :n_a], C[m:, n_a:] = actuators.C, np.eye(n_c)
-    target = np.concatenate([actuators.target, patch.displacement(X)])
+    target = np.concatenate([actuators.target, delta_c])
     return Actuation(C, target, np.concatenate([actuators.offset, np.zeros(n_c)]), actuators.load)

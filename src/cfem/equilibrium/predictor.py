@@ -138,8 +138,8 @@ def _fit(knots: Sequence[Knot]) -> _Local:
 
 
 def _root(stiffness: np.ndarray) -> np.ndarray:
-    """(n_a, n_a) R with R^T R = stiffness. Where contacts hold a robot that would buckle without them, the stiffness has
-    negative eigenvalues, which count by their size: distances need no sign."""
+    """(n_a, n_a) R with R^T R = stiffness. Where contacts hold a robot that would buckle without them, the stiffness
+    has negative eigenvalues, which count by their size: distances need no sign."""
     try:
         return np.linalg.cholesky(stiffness).T
     except np.linalg.LinAlgError:

@@ -25,4 +25,4 @@ class ContactPlan:
         """What row u in [0, 1] prescribes, and its pose."""
         values = np.array(self.low) + u * (np.array(self.high) - np.array(self.low))
         n_a = len(u) - patch.n
-        return held(force(values[:n_a]), patch, values[n_a:]), values[n_a:]
+        return held(force(values[:n_a]), patch.displacement(values[n_a:])), values[n_a:]

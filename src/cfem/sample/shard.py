@@ -105,7 +105,8 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
 
 
 def _record(job: Job, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> dict[str, Any]:
-    """held: the patch and its pose, where one holds the contact points. One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
+    """One row of the dataset. held: the patch and its pose, where one holds the contact points. A failed solve has no
+    state: its columns stay empty and its reason says why."""
     row: dict[str, Any] = {
         "id": job.id[index],
         "split": job.split[index],

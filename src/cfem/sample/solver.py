@@ -21,8 +21,8 @@ _STEP = 1e-4
 @dataclass(frozen=True)
 class Facts:
     """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
-    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest; patch: that
-    holds the contact points, None where they are free. rows: with the coordinates of its pose as contacts, or none."""
+    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest; patch:
+    that holds the contact points, None where they are free. rows: with the coordinates of its pose as contacts, or none."""
 
     scene: str
     rows: Rows

@@ -10,7 +10,19 @@ def box_coordinates(s: np.ndarray, q: np.ndarray, metric: np.ndarray) -> tuple[n
     symmetric form (n_a, n_a) per unit^2 of s, each parameter on its own."""
     spread = np.ptp(s, axis=0)
     spread = np.where(spread > 0, spread, 1.0)
-    axes = np.linalg.eigh(metric * np.outer(spread, spread))[1].T / spread
+    return _scaled(s, q, np.linalg.eigh(metric * np.outer(spread, spread))[1].T / spread)
+
+
+def held_coordinates(s: np.ndarray, q: np.ndarray, hessian: np.ndarray, n_c: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same where the last n_c of s are the pose of a held patch, drawn with the actuators' forces: these, by the
+    mean Hessian (n_a, n_a) of the energy, and the pose. In displacements such states fill a thin slanted slab."""
+    turn = np.eye(s.shape[1])
+    actuators = s.shape[1] - n_c
+    turn[:actuators] = hessian[:actuators]
+    return _scaled(s, q, turn)
+
+
+def _scaled(s: np.ndarray, q: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     n_a, n_q = s.shape[1], q.shape[1]
     turn = np.zeros((n_a + n_q, n_a + n_q))
     turn[:n_a, :n_a], turn[n_a:, n_a:] = axes, np.eye(n_q)

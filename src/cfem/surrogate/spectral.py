@@ -13,7 +13,7 @@ import numpy as np
 from cfem.predict.chebyshev import basis
 from cfem.predict.energy import Form
 from cfem.surrogate.chebyshev import derivative_matrices, index_set
-from cfem.surrogate.coordinates import box_coordinates, mean_square
+from cfem.surrogate.coordinates import box_coordinates, held_coordinates, mean_square
 from cfem.surrogate.least_squares import residual_square, solve_nested, triangular
 from cfem.surrogate.observations import Derivative, Observations, in_box, inputs, observations
 
@@ -48,9 +48,13 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
     """Fits all states of `dataset` (cfem.dataset.reader.Dataset, training rows only); fewer folds for fewer states."""
     s, q = inputs(dataset, form)
     known = observations(dataset, form)
-    metric = _metric(s, q, known)
-    to_box, offset = box_coordinates(s, q, metric)
-    active = active_weights(metric, s, q.shape[1])
+    if dataset.n_c:
+        to_box, offset = held_coordinates(s, q, _mean_hessian(known, s.shape[1]), dataset.n_c)
+        active = None
+    else:
+        metric = _metric(s, q, known)
+        to_box, offset = box_coordinates(s, q, metric)
+        active = active_weights(metric, s, q.shape[1])
     z = np.hstack([s, q]) @ to_box.T + offset
     chosen, weights, held_out = {}, {}, []
     for name, observed in known.items():
@@ -73,10 +77,7 @@ def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.
     2015)."""
     n_a = s.shape[1]
     if n_a <= 2:
-        mean = known["potential"].values[:, 1 + n_a : 1 + n_a + n_a * (n_a + 1) // 2, 0].mean(axis=0)
-        metric = np.zeros((n_a, n_a))
-        metric[np.triu_indices(n_a)] = mean
-        return metric + np.triu(metric, 1).T
+        return _mean_hessian(known, n_a)
     effector = known["effector"]
     pairs = tuple(combinations_with_replacement(range(n_a), 2))
     if pairs[0] in effector.derivatives:
@@ -86,6 +87,14 @@ def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.
     pilot, _, _ = fit_quantity(z, in_box(effector, to_box), max_degree=6, max_terms=PILOT_TERMS, folds=5)
     second = design_rows(z, pilot.indices, pairs) @ pilot.coefficients
     return mean_square(in_box(Observations(pairs, second, n_a), np.linalg.inv(to_box)).values, n_a)
+
+
+def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
+    """(n_a, n_a) of the potential by s."""
+    mean = known["potential"].values[:, 1 + n_a : 1 + n_a + n_a * (n_a + 1) // 2, 0].mean(axis=0)
+    hessian = np.zeros((n_a, n_a))
+    hessian[np.triu_indices(n_a)] = mean
+    return hessian + np.triu(hessian, 1).T
 
 
 def fit_quantity(
