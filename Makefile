@@ -2,10 +2,10 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
-SCENES := $(filter-out surrogates,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
+SCENES := $(filter-out surrogates soft-gripper,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean soft-gripper $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -32,6 +32,15 @@ schemas: .venv/all
 
 $(SCENES): .venv/all
 	$(CFEM) mesh pipelines/$@/scene.yaml
+	$(CFEM) simulate-sample pipelines/$@/sample.yaml
+	$(CFEM) train pipelines/$@/train.yaml
+	$(CFEM) export pipelines/$@/export.yaml
+	$(CFEM) control pipelines/$@/control.yaml
+	$(CFEM) report pipelines/$@/report.yaml
+
+# Three of the fingers that press the button, on that finger's mesh.
+soft-gripper: .venv/all
+	$(CFEM) mesh pipelines/finger-button/scene.yaml
 	$(CFEM) simulate-sample pipelines/$@/sample.yaml
 	$(CFEM) train pipelines/$@/train.yaml
 	$(CFEM) export pipelines/$@/export.yaml

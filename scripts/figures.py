@@ -1,7 +1,7 @@
 """Gathers the figures of README.md and of docs/*.md from artefacts and benchmarks, or writes them there.
 
-figures.py measure PART ...   finger, surrogates, tours, stability, convergence, discretisation: into docs/figures.json,
-                              and, once all are there, the tables between the marks of the files
+figures.py measure PART ...   finger, surrogates, contact, tours, stability, convergence, discretisation: into
+                              docs/figures.json, and, once all are there, the tables between the marks of the files
 figures.py write              the tables alone"""
 
 import json
@@ -61,6 +61,25 @@ def measure_surrogates() -> dict:
     return {"robots": found, "meshes": meshes}
 
 
+def measure_contact() -> dict:
+    """What `make finger-button` and `make soft-gripper` made."""
+    found = {}
+    for scene in ("finger-button", "soft-gripper"):
+        control, model = results(f"data/{scene}/control"), results(f"models/{scene}/spectral")
+        keys = ("distance_to_reachable_goals", "distance_to_fe_based", "goals", "reachable", "step_us")
+        found[scene] = {
+            "curve": [surrogate_point(point) for point in model["learning_curve"]],
+            "definite": model["positive_definite"]["share"],
+            "query_us": model["microseconds_query"],
+            "object": control["object"],
+            "trajectories": {
+                name: {one: {key: row[key] for key in keys} for one, row in controllers.items()}
+                for name, controllers in control["trajectories"].items()
+            },
+        }
+    return found
+
+
 def surrogate_point(point: dict) -> dict:
     errors = point["errors"]
     return {
@@ -97,6 +116,7 @@ def measure_stability() -> dict:
 PARTS = {
     "finger": measure_finger,
     "surrogates": measure_surrogates,
+    "contact": measure_contact,
     "tours": measure_tours,
     "stability": measure_stability,
     "convergence": lambda: run("benchmarks/convergence.py"),
@@ -234,6 +254,45 @@ def surrogates_table(f: dict) -> str:
         "W definite",
     )
     return markdown(head, rows)
+
+
+def contact_table(f: dict) -> str:
+    paper = {"finger-button": ("1e-6", "1.67e-6"), "soft-gripper": ("1e-6", "1.24e-3")}
+    rows = []
+    for scene, one in f["contact"].items():
+        target, published = paper[scene]
+        last = one["curve"][-1]
+        losses = " / ".join(f"{point['loss']:.1e}" for point in one["curve"])
+        samples = " / ".join(str(point["samples"]) for point in one["curve"])
+        rows.append((f"{scene}: loss from {samples} samples", f"{target} (paper {published})", losses))
+        rows.append((f"{scene}: tip, force at most", "", f"{last['tip_mm']:.1e} mm, {last['force_N']:.1e} N"))
+        rows.append((f"{scene}: W definite at 1e5 random states", "100 %", f"{100 * one['definite']:.3f} %"))
+        for name, controllers in one["trajectories"].items():
+            learned, fe = controllers["spectral"], controllers["fe-based"]
+            near = learned["distance_to_reachable_goals"]
+            rows.append(
+                (
+                    f"{name}, {learned['reachable']} of {learned['goals']} goals in reach, FE plant: mean / max",
+                    "0.01 mm" if scene == "finger-button" else "0.02 mm",
+                    f"{near['mean']:.1e} / {near['max']:.1e} mm" if near else "",
+                )
+            )
+            rows.append((f"{name}: the same by FE-based control", "", spread(fe["distance_to_reachable_goals"])))
+            once = controllers["spectral@1"]["distance_to_reachable_goals"]
+            rows.append((f"{name}: one inverse step a goal, one update of the pose (`@1`)", "", spread(once)))
+            rows.append(
+                (
+                    f"{name}: an inverse step, learned / FE-based, median",
+                    "1 ms" if scene == "soft-gripper" else "",
+                    f"{learned['step_us']['median'] / 1e3:.2g} / {fe['step_us']['median'] / 1e3:.3g} ms",
+                )
+            )
+        rows.append((f"{scene}: sum of forces, of moments on the object", "1e-8", f"{one['object']['imbalance']:.1e}"))
+    return markdown(("figure", "target", "measured"), rows)
+
+
+def spread(distance: dict | None) -> str:
+    return f"{distance['mean']:.1e} / {distance['max']:.1e} mm" if distance else ""
 
 
 def paper_meshes_table(f: dict) -> str:
@@ -391,13 +450,14 @@ def markdown(head: tuple, rows: list[tuple]) -> str:
 TABLES = {
     "finger": lambda f: finger_table(f["finger"]),
     "surrogates": surrogates_table,
+    "contact": contact_table,
     "paper-meshes": paper_meshes_table,
     "mechanics": mechanics_table,
     "profile": profile_table,
     "convergence": convergence_table,
     "meshes": meshes_table,
 }
-FILES = ("README.md", "docs/mechanics.md", "docs/surrogates.md")
+FILES = ("README.md", "docs/mechanics.md", "docs/surrogates.md", "docs/contact.md")
 
 
 def with_tables(text: str, figures: dict) -> str:

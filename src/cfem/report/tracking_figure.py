@@ -17,7 +17,8 @@ def tracking_figure(rows: Mapping[str, np.ndarray], title: str) -> bytes:
     names = list(dict.fromkeys(rows["controller"]))
     first = rows["controller"] == names[0]
     goal = rows["goal"][first]
-    for axis, (i, j) in ((side, _widest_plane(goal)), (front, (0, 1))):
+    widest = _widest_plane(goal)
+    for axis, (i, j) in ((side, widest), (front, (0, 1) if widest != (0, 1) else (0, 2))):
         axis.plot(goal[:, i], goal[:, j], "o", ms=5, mfc="none", mec=GOAL, label="goal")
         for name in names:
             x = rows["x_e"][rows["controller"] == name]

@@ -22,7 +22,7 @@ _STEP = 1e-4
 class Facts:
     """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
     each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest; patch:
-    that holds the contact points, None where they are free. rows: with the coordinates of its pose as contacts, or none."""
+    that holds the contact points, None where they are free. rows: its pose's coordinates are the contacts, if any."""
 
     scene: str
     rows: Rows

@@ -1,0 +1,93 @@
+"""States of a bar whose contact point is held, drawn with its cables' forces."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.dataset.reader import as_dataset
+from cfem.equilibrium.held_patch import contact_points, patch_of
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+from cfem.sample.runner import sample
+from cfem.sample.solver import Facts, row_units
+from cfem.sample.spec import SampleSpec
+from cfem.surrogate.spectral import fit
+
+SPEC = {
+    "scene": "s",
+    "mesh": "m",
+    "out": "o",
+    "skeleton": 3,
+    "third_order": True,
+    "splits": {"train": {"rows": 24, "method": "scrambled-halton", "seed": 1}},
+    "contact": {"translation": {"mm": [[-0.2, 0.2], [-0.3, 0.3], [0.0, 0.5]]}, "force": "2 mN"},
+}
+
+
+class BarSolver:
+    def __init__(self):
+        robot = bar(element="tet4", divisions=(4, 1, 1), cables=2, contact=True)
+        self.problem = Problem(robot)
+        patch = patch_of(contact_points(self.problem), False)
+        rows = replace(robot.rows, contacts=patch.names)
+        units = row_units(robot, False)
+        self.facts = Facts("bar", rows, robot.reach, robot.rest_e, robot.length, np.eye(2), (), units, patch)
+
+    def solve(self, actuation, start, p):
+        return solve(self.problem, actuation, start, settings=Settings(tolerance=1e-11), third_order=True)
+
+
+@dataclass(frozen=True)
+class Factory:
+    def __call__(self):
+        return BarSolver()
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    with ThreadPoolExecutor(1) as executor:
+        return sample(SampleSpec(**SPEC), Factory(), tmp_path_factory.mktemp("rows"), executor, quiet=True)["train"]
+
+
+def test_rows_have_the_pose_and_the_wrench_and_stay_in_the_box(table):
+    pose, wrench = np.array(table["delta_c"].to_pylist()), np.array(table["lambda_c"].to_pylist())
+    assert pose.shape == wrench.shape == (24, 3)
+    assert (pose >= [-0.2, -0.3, 0.0]).all() and (pose <= [0.2, 0.3, 0.5]).all() and np.ptp(pose[:, 2]) > 0.3
+    forces = np.array(table["lambda_a"].to_pylist())
+    assert (forces >= 0).all() and (forces <= 2e-3).all() and forces.max() > 1.5e-3
+
+
+def test_a_reader_sees_one_energy_of_actuators_and_pose(table):
+    """Its differences from row to row are the work of lambda, by the trapezoidal rule, less what W says it bends."""
+    data = as_dataset(table)
+    assert data.n_c == 3 and data.rows.actuators[2:] == ("patch.x", "patch.y", "patch.z")
+    a = data.rows.a
+    middle = np.argmin(((data.delta_a - data.delta_a.mean(axis=0)) ** 2).sum(axis=1))
+    steps = data.delta_a - data.delta_a[middle]
+    near = np.argsort((steps**2).sum(axis=1))[1:4]
+    for i in near:
+        work = (data.lambda_a[i] + data.lambda_a[middle]) @ steps[i] / 2
+        bend = steps[i] @ (np.linalg.inv(data.W[i, a, a]) - np.linalg.inv(data.W[middle, a, a])) @ steps[i] / 12
+        assert data.energy[i] - data.energy[middle] == pytest.approx(work - bend, rel=1e-3, abs=1e-8)
+
+
+def test_the_energy_model_takes_them_as_inputs(table):
+    found = fit(as_dataset(table), max_degree=4)
+    assert found.arrays["indices"].shape[1] == 5
+    assert found.held_out[-1]["error"] < 0.2
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        ({"translation": {"mm": [[0, 1], [0, 1]]}, "force": "1 N"}, "three ranges"),
+        ({"translation": {"mm": [[0, 1], [0, 1], [1, 0]]}, "force": "1 N"}, "three ranges"),
+    ],
+)
+def test_a_box_without_room_is_refused(change, says):
+    with pytest.raises(ValueError, match=says):
+        SampleSpec(**{**SPEC, "contact": change})
