@@ -13,6 +13,7 @@ goal, and is handed from goal to goal. A step that does not lower the cost plus 
 multipliers is halved."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -20,7 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.control.inverse import Aim, Limits, inverse_step
+from cfem.control.inverse import Aim, InverseStep, Limits, inverse_step
 from cfem.control.qp import Backend
 from cfem.core.errors import NumericalError
 
@@ -31,6 +32,15 @@ class Model(Protocol):
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
         """Condensed at delta_a (n_a,) mm, effectors from rest. NumericalError where it has no answer."""
         ...
+
+
+# The state after a share of an inverse step from a state.
+Place = Callable[[Model, Condensed, InverseStep, float], Condensed]
+
+
+def by_displacement(model: Model, here: Condensed, step: InverseStep, share: float) -> Condensed:
+    """Along the step's displacements."""
+    return model.at_displacement(here.delta_a + share * (step.delta_a - here.delta_a))
 
 
 class ReachStatus(Enum):
@@ -109,9 +119,17 @@ class Reach:
     iterate: Iterate
 
 
-def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Settings = Settings()) -> Reach:
-    """Search from `start` for the actuation that brings the effectors nearest to the goal. Never raises for a
-    numerical failure: the best state found comes back with its status."""
+def reach(
+    model: Model,
+    aim: Aim,
+    limits: Limits,
+    start: Iterate,
+    settings: Settings = Settings(),
+    place: Place = by_displacement,
+) -> Reach:
+    """Search from `start` for the actuation that brings the effectors nearest to the goal; place: whether steps are
+    taken in displacements or in forces. Never raises for a numerical failure: the best state found comes back with
+    its status."""
     begin = time.perf_counter()
     at, status = start, ReachStatus.ITERATIONS
     iterations = queries = 0
@@ -130,7 +148,14 @@ def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Sett
             status = ReachStatus.CONVERGED
             break
         penalty = 2.0 * float(np.abs(step.qp.z).max())
-        trial, used = _descend(model, aim, limits, at, step.delta_a, penalty, settings.halvings)
+        trial, used = _descend(
+            lambda share, here=at.condensed, step=step: place(model, here, step, share),
+            aim,
+            limits,
+            at.condensed,
+            penalty,
+            settings.halvings,
+        )
         queries += used
         if trial is None:
             status = ReachStatus.NO_DESCENT
@@ -145,15 +170,14 @@ def reach(model: Model, aim: Aim, limits: Limits, start: Iterate, settings: Sett
 
 
 def _descend(
-    model: Model, aim: Aim, limits: Limits, at: Iterate, target: np.ndarray, penalty: float, halvings: int
+    along: Callable[[float], Condensed], aim: Aim, limits: Limits, here: Condensed, penalty: float, halvings: int
 ) -> tuple[Condensed | None, int]:
-    """The model at the first of target, half way to it, ... whose merit is below the present one; None where
+    """The state at the end of the step, half way to it, ... whose merit is below the present one; None where
     none is."""
-    here = at.condensed.delta_a
-    merit = _merit(at.condensed, aim, limits, penalty)
+    merit = _merit(here, aim, limits, penalty)
     for halving in range(halvings + 1):
         try:
-            trial = model.at_displacement(here + 0.5**halving * (target - here))
+            trial = along(0.5**halving)
         except NumericalError:  # beyond what the robot or the model can do: a shorter step may be within it
             continue
         if _merit(trial, aim, limits, penalty) < merit:

@@ -5,7 +5,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from cfem.condensed import Condensed
 from cfem.control.loop import Model
+from cfem.control.observer import under_force
 from cfem.core.errors import NumericalError
 
 Command = Literal["displacement", "force"]
@@ -33,11 +35,13 @@ class Plant(Protocol):
 
 
 class ModelPlant:
-    """A condensed model as the plant. Good for trying things out; a model that grades itself proves nothing."""
+    """A condensed model as the plant. Good for trying things out; a model that grades itself proves nothing.
 
-    def __init__(self, model: Model, rest_e: np.ndarray):
-        self._model, self._rest_e, self._t = model, rest_e, 0
-        self._delta_a: np.ndarray | None = None
+    push: (n_e,) N on the effectors, None without any; it moves them by its linearised compliance."""
+
+    def __init__(self, model: Model, rest_e: np.ndarray, push: np.ndarray | None = None):
+        self._model, self._rest_e, self._push, self._t = model, rest_e, push, 0
+        self._last: Condensed | None = None
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         self._t += 1
@@ -47,16 +51,18 @@ class ModelPlant:
         except NumericalError as error:
             nothing = np.full(len(u), np.nan)
             return Measurement(np.full(len(self._rest_e), np.nan), nothing, nothing, self._t, str(error))
-        self._delta_a = state.delta_a
-        return Measurement(self._rest_e + state.delta_e, state.delta_a, state.lambda_a, self._t, "converged")
+        self._last = state
+        delta_e, delta_a, lambda_a = state.delta_e, state.delta_a, state.lambda_a
+        if self._push is not None:
+            e, W_ae = state.rows.e, state.W_ea.T
+            if kind == "force":
+                delta_a = delta_a + W_ae @ self._push
+            else:
+                taken = np.linalg.solve(state.W_aa, W_ae @ self._push)
+                lambda_a, delta_e = lambda_a - taken, delta_e - state.W_ea @ taken
+            delta_e = delta_e + state.W[e, e] @ self._push
+        return Measurement(self._rest_e + delta_e, delta_a, lambda_a, self._t, "converged")
 
-    def _under(self, lambda_a: np.ndarray):
-        """Newton on lambda(delta_a) = lambda_a, whose derivative is W_aa^-1, from the last state."""
-        delta_a = np.zeros(len(lambda_a)) if self._delta_a is None else self._delta_a
-        for _ in range(50):
-            state = self._model.at_displacement(delta_a)
-            missing = lambda_a - state.lambda_a
-            if np.linalg.norm(missing) <= 1e-9 * max(1.0, float(np.linalg.norm(lambda_a))):
-                return state
-            delta_a = delta_a + state.W_aa @ missing
-        raise NumericalError(f"the model finds no state under {lambda_a.tolist()} N")
+    def _under(self, lambda_a: np.ndarray) -> Condensed:
+        near = self._last or self._model.at_displacement(np.zeros(len(lambda_a)))
+        return under_force(self._model, lambda_a, near)

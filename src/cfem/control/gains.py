@@ -1,0 +1,38 @@
+"""What gains the closed loop bears: the inverse step cancels the robot, and what is left is an integrator that hears
+of its own commands late.
+
+A model that is right up to a factor answers the corrected goal g_k with x_k = m g_k + const; m = 1 for a perfect
+model, 1 / (1 + s) for forces into a robot stiffer by the share s. A sample taken `late` + 1 samples before the command
+that it corrects gives the loop
+
+    L(z) = m (K_P + K_I z / (z - 1)) z^-(late + 1)
+
+With K_P = 0 the closed loop's polynomial is z^(late + 1) - z^late + m K_I, stable for
+0 < m K_I < 2 sin(pi / (2 (2 late + 1))) (Levin and May 1976; Jury's test gives the same)."""
+
+import numpy as np
+
+
+def late_samples(delay: int, ticks_a_sample: float) -> int:
+    """How many samples come to be taken before the one that first shows a correction; delay: ticks from sample to
+    controller, which answers in the tick after."""
+    return max(int(np.ceil((delay + 1) / ticks_a_sample)) - 1, 0)
+
+
+def integral_bound(late: int) -> float:
+    """m K_I below which the loop with K_P = 0 is stable."""
+    return 2 * np.sin(np.pi / (2 * (2 * late + 1)))
+
+
+def integral_for(phase_margin: float, late: int) -> float:
+    """m K_I with that margin (rad, in (0, pi/2)), K_P = 0: |L| = 1 at w = 2 asin(m K_I / 2), where the phase is
+    -(pi/2 + (late + 1/2) w)."""
+    return 2 * np.sin((np.pi / 2 - phase_margin) / (2 * late + 1))
+
+
+def poles(proportional: float, integral: float, late: int, m: float = 1.0) -> np.ndarray:
+    """(late + 2,) complex: of the closed loop; stable where all lie within the unit circle."""
+    loop = np.zeros(late + 3)
+    loop[:2] = 1.0, -1.0
+    loop[-2:] += m * np.array([proportional + integral, -proportional])
+    return np.roots(loop)

@@ -1,0 +1,87 @@
+"""Sensors and actuators as they are: noise, a rate of their own, delay, coarse and limited commands, a robot that is
+not the model's and is pushed."""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.control.loop import Model
+from cfem.control.plant import Command, Measurement, Plant
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """noise: mm, standard deviation of each coordinate of a sample; samples_a_tick: in (0, 1], sensor rate over
+    control rate; delay: ticks from sample to controller; quantum: mm (mm^3) or N (MPa) that commands are rounded to,
+    0 for none; low, high: commands beyond are cut off."""
+
+    noise: float = 0.0
+    samples_a_tick: float = 1.0
+    delay: int = 0
+    quantum: float = 0.0
+    low: float = -np.inf
+    high: float = np.inf
+
+
+class ImperfectPlant:
+    """Any plant behind such sensors and actuators; the same for the same seed. Ticks are counted from 1 here, whatever
+    the plant has done before; a measurement carries the tick at which it was taken (0: none has arrived yet).
+
+    disturbed: takes the plant's place from tick `since` on; actual: what the robot really did in the last tick."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        imperfection: Imperfection,
+        seed: int,
+        disturbed: Plant | None = None,
+        since: int = 0,
+    ):
+        self._plants, self._since = (plant, disturbed), since
+        self._is, self._random = imperfection, np.random.default_rng(seed)
+        self._t = 0
+        self._on_the_way: deque[tuple[int, Measurement]] = deque()
+        self._arrived: Measurement | None = None
+        self._did: tuple[Plant, Command, np.ndarray] | None = None
+        self.actual: Measurement | None = None
+
+    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        self._t += 1
+        plant = self._plants[1] if self._plants[1] and self._t >= self._since else self._plants[0]
+        done = np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high)
+        # A robot at rest that is told the same stays: no plant is asked twice.
+        same = self._did is not None and self._did[:2] == (plant, kind) and np.array_equal(self._did[2], done)
+        self.actual = replace(self.actual if same else plant.step(done, kind), t=self._t)
+        self._did = (plant, kind, done)
+        if int(self._t * self._is.samples_a_tick + 1e-9) > int((self._t - 1) * self._is.samples_a_tick + 1e-9):
+            self._on_the_way.append((self._t + self._is.delay, self._sample()))
+        while self._on_the_way and self._on_the_way[0][0] <= self._t:
+            self._arrived = self._on_the_way.popleft()[1]
+        return self._arrived or self._nothing()
+
+    def _rounded(self, u: np.ndarray) -> np.ndarray:
+        return self._is.quantum * np.round(u / self._is.quantum) if self._is.quantum > 0 else u
+
+    def _sample(self) -> Measurement:
+        x_e = self.actual.x_e
+        return replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
+
+    def _nothing(self) -> Measurement:
+        unknown = np.full_like(self.actual.x_e, np.nan)
+        absent = None if self.actual.delta_a is None else np.full_like(self.actual.delta_a, np.nan)
+        return Measurement(unknown, absent, absent, 0, "nothing measured yet")
+
+
+@dataclass(frozen=True)
+class Stiffer:
+    """A robot of one material without loads, `factor` times as stiff as the model: W / factor, lambda * factor, the
+    same delta (identity 6 of the condensed model)."""
+
+    model: Model
+    factor: float
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        state = self.model.at_displacement(delta_a)
+        return replace(state, W=state.W / self.factor, lam=state.lam * self.factor)

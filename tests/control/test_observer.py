@@ -1,0 +1,123 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control import synthetic
+from control.synthetic import REACH, REST_E, ArcRobot, tip
+from surrogate.synthetic import dataset
+
+from cfem.control.closed_loop import Pace, run_loop
+from cfem.control.inverse import Limits, ridge_of
+from cfem.control.observer import under_force
+from cfem.control.plant import Measurement, ModelPlant
+from cfem.control.tick import Belief, Pilot, drive
+from cfem.core.errors import InputError, NumericalError
+from cfem.predict.load import build
+from cfem.surrogate.model_card import model_card
+from cfem.surrogate.spectral import fit
+
+RIDGE = ridge_of(1e-12, REACH, synthetic.LENGTH)
+PULLING = Limits.of(REACH, np.array([True, True]))
+PILOT = Pilot(ArcRobot(), "force", "equilibrium", PULLING, np.ones(3), RIDGE)
+
+
+@pytest.mark.parametrize("where", [[0.0, 0.0], [3.0, 2.5], [12.0, 11.0], [19.0, 17.0]])
+def test_equilibrium_is_where_the_forces_put_it(where):
+    model = ArcRobot()
+    there = model.at_displacement(np.array(where))
+    model.queries = 0
+    found = under_force(model, there.lambda_a, model.at_displacement(np.array([5.0, 5.0])))
+    np.testing.assert_allclose(found.delta_a, where, atol=1e-10)
+    assert model.queries <= 10
+
+
+def test_a_warm_start_takes_a_few_queries():
+    model = ArcRobot()
+    there = model.at_displacement(np.array([6.3, 6.1]))
+    near, model.queries = model.at_displacement(np.array([6.0, 6.0])), 0
+    under_force(model, there.lambda_a, near)
+    assert model.queries <= 4
+
+
+def test_steps_beyond_what_the_model_knows_are_shortened():
+    model = ArcRobot(limit=9.0)
+    there = model.at_displacement(np.array([8.5, 8.4]))
+    found = under_force(model, there.lambda_a, model.at_displacement(np.zeros(2)))
+    np.testing.assert_allclose(found.delta_a, [8.5, 8.4], atol=1e-10)
+    with pytest.raises(NumericalError, match="no state under"):
+        under_force(model, 3 * there.lambda_a, there)
+
+
+def test_a_model_of_the_forces_is_asked_once():
+    class ByForce:
+        form = "force"
+
+        def at_force(self, lambda_a):
+            return ("state under", lambda_a)
+
+    assert under_force(ByForce(), 1.0, None) == ("state under", 1.0)
+
+
+def test_a_learned_energy_inverts_its_own_forces():
+    training = dataset(60, 1)
+    model = build(model_card("spectral", training), fit(training).arrays)
+    for delta_a in dataset(5, 7).delta_a:
+        lambda_a = model.at_displacement(delta_a).lambda_a
+        near = model.at_displacement(0.8 * delta_a)
+        np.testing.assert_allclose(under_force(model, lambda_a, near).delta_a, delta_a, atol=1e-10)
+
+
+def follow(observer, goals, iterations=1):
+    """A swing through reachable points, forces into the very robot that the model is of."""
+    pilot = replace(PILOT, observer=observer, settings=replace(PILOT.settings, iterations=iterations))
+    start = np.array([4.0, 3.5])
+    moments = run_loop(goals, pilot, ModelPlant(ArcRobot(), REST_E), REST_E, Pace(0.5, 1, 1), start=start)
+    return moments
+
+
+def swing(ticks):
+    return np.array([REST_E + tip(np.array([s, s - 0.5])) for s in np.linspace(4, 12, ticks)])
+
+
+def astray(moments):
+    """mm between where the observer takes the actuators to stand and where they do."""
+    return np.array([np.abs(one.belief.iterate.condensed.delta_a - one.actual.delta_a).max() for one in moments])
+
+
+def test_equilibrium_equals_the_measured_state():
+    assert astray(follow("equilibrium", swing(12))).max() < 1e-10
+    equilibrium, measured = (
+        np.array([one.belief.u for one in follow(o, swing(12))]) for o in ("equilibrium", "measured")
+    )
+    np.testing.assert_allclose(equilibrium, measured, atol=1e-9)
+
+
+def test_the_previous_step_is_off_by_the_square_of_the_step():
+    off = {ticks: astray(follow("previous_step", swing(ticks)))[ticks // 2] for ticks in (9, 17, 33)}
+    assert off[9] > 0.005
+    assert 3 < off[9] / off[17] < 5 and 3 < off[17] / off[33] < 5
+
+
+def test_the_previous_step_catches_up_where_the_goal_stays():
+    there = np.repeat(swing(2)[1:], 8, axis=0)
+    assert astray(follow("previous_step", there))[-1] < 1e-6
+
+
+def test_a_sensor_that_is_missing_is_named():
+    blind = Measurement(REST_E, None, None, 1, "converged")
+    pilot = replace(PILOT, observer="measured")
+    with pytest.raises(InputError, match="no sensor of delta_a"):
+        drive(pilot, Belief.at(pilot, np.zeros(2)), np.zeros(3), blind)
+
+
+def test_a_model_without_an_answer_leaves_the_command():
+    class Broken(ArcRobot):
+        def at_displacement(self, delta_a):
+            if np.abs(delta_a).max() > 3:
+                raise NumericalError("nothing here")
+            return super().at_displacement(delta_a)
+
+    pilot = replace(PILOT, model=Broken(), observer="previous_step")
+    before = Belief.at(pilot, np.array([2.0, 2.0]))
+    after = drive(pilot, before, tip(np.array([12.0, 12.0])))
+    assert np.array_equal(after.u, before.u) and after.status == "nothing here"
