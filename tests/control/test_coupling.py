@@ -107,9 +107,9 @@ def test_one_update_of_linear_robots_is_the_papers_formula():
     compliance, free, J = [], [], []
     for hold, part in zip(coupled.holds, before.parts, strict=True):
         i = coupled.holds.index(hold)
-        W, c, a = part.W, part.rows.c, part.rows.a
+        W, a, c = np.linalg.inv(part.hessian), slice(2), slice(2, None)
         compliance.append(np.linalg.inv(W[c, c]))
-        free.append(W[c, a] @ at.lambda_a[2 * i : 2 * i + 2] + part.delta_free[c])
+        free.append(W[c, a] @ at.lambda_a[2 * i : 2 * i + 2] + (part.delta_a - W @ part.lambda_a)[c])
         J.append(hold.turn.T)
     X_before = before.X
     S = np.linalg.inv(sum(j.T @ K @ j for j, K in zip(J, compliance, strict=True)))

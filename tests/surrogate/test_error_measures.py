@@ -1,5 +1,7 @@
 """Measures on cases which can be reckoned by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from surrogate.synthetic import dataset
@@ -49,3 +51,12 @@ def test_softer_actuators_err_in_force_by_the_same_share():
     errors = measure(test, W, test.delta_free)
     lambda_free = np.linalg.solve(test.W[:, 3:, 3:], (test.delta_a - test.delta_free[:, 3:])[..., None])[..., 0]
     assert errors["force_N"]["max"] == pytest.approx(0.2 * np.abs(lambda_free).max())
+
+
+def test_states_beyond_buckling_are_counted_and_the_loss_of_the_others_is_told():
+    test = replace(dataset(30, 1), n_c=1)
+    test.W[:3, 3:, 3:] -= 2 * np.linalg.eigvalsh(test.W[:3, 3:, 3:]).max() * np.eye(2)
+    wrong = test.W.copy()
+    wrong[0] += 1.0
+    errors = measure(test, wrong, test.delta_free)
+    assert errors["buckled_states"] == 3 and errors["loss"] > 0 and errors["loss_of_stable"] == 0

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cfem.condensed.pose import rotated
+from cfem.condensed.pose import turn
 from cfem.control.coupling import Coupled, Held, Hold, RigidObject
 from cfem.control.fem_patch import FemPatch
 from cfem.control.plant import Command, Measurement
@@ -73,7 +73,7 @@ class CoupledPlant:
             return self._shape
         X, centre = self._last.X, self.coupled.object.centre
         arms = self._shape - centre
-        return centre + X[:3] + (rotated(X[3:], arms) if len(X) == 6 else arms)
+        return centre + X[:3] + (arms @ turn(X[3:]).R.T if len(X) == 6 else arms)
 
     def _without_push(self, u: np.ndarray) -> Held:
         """The state at u with every actuator that would push let go until it carries nothing."""

@@ -16,16 +16,17 @@ definite the robots buckle under what they hold: that is an error, not an answer
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.pose import rotated, rotated_curvature, rotated_jacobian
+from cfem.condensed.pose import Turn, turn
 from cfem.condensed.restrict import from_energy
 from cfem.control.loop import Model
 from cfem.core.errors import NumericalError
 
-TOLERANCE = 1e-10  # of the object's balance, relative to the largest wrench on it
+TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it
 ITERATIONS = 30
 
 
@@ -60,33 +61,26 @@ class Hold:
         """(3,) mm from the object's centre to the patch, at rest."""
         return self.turn @ self.origin + self.shift - centre
 
-    def pose(self, X: np.ndarray, lever: np.ndarray) -> np.ndarray:
-        """(n_pose,) of the patch, in the robot's frame."""
-        if len(X) == 3:
-            return np.concatenate([self.turn.T @ X, np.zeros(self.n_pose - 3)])
-        moved = X[:3] + rotated(X[3:], lever[None])[0] - lever
-        return np.concatenate([self.turn.T @ moved, self.turn.T @ X[3:]])
 
-    def jacobian(self, X: np.ndarray, lever: np.ndarray) -> np.ndarray:
-        """(n_pose, n) of `pose`."""
-        out = np.zeros((self.n_pose, len(X)))
-        out[:3, :3] = self.turn.T
-        if len(X) == 6:
-            out[:3, 3:] = self.turn.T @ rotated_jacobian(X[3:], lever[None])[0]
-            out[3:, 3:] = self.turn.T
-        return out
+class State(NamedTuple):
+    """Of one robot: delta_a, lambda_a (n_a + n_pose,) of its actuators and of its patch; hessian of its energy by the
+    first. What is asked of a robot that holds something, and no more: its own effectors are not."""
+
+    delta_a: np.ndarray
+    lambda_a: np.ndarray
+    hessian: np.ndarray
 
 
 @dataclass(frozen=True)
 class Held(Condensed):
     """The condensed model of all actuators, with the object as effector, where it rests.
 
-    X: (n,) its pose; parts: the robots' own condensed models; balance: (2,) sum of the forces and of the moments on the
+    X: (n,) its pose; parts: the robots' own states; balance: (2,) sum of the forces and of the moments on the
     object, relative to the largest of either; stiffness: (n, n) K_XX; softest: its smallest eigenvalue over the
     largest, lengths scaled by that of the levers; updates: Newton steps that it took."""
 
     X: np.ndarray
-    parts: tuple[Condensed, ...]
+    parts: tuple[State, ...]
     balance: tuple[float, float]
     stiffness: np.ndarray
     softest: float
@@ -100,7 +94,8 @@ class Coupled:
         self, holds: Sequence[Hold], held: RigidObject, home: np.ndarray | None = None, updates: int | None = None
     ):
         self.holds, self.object = tuple(holds), held
-        self._levers = [hold.lever(held.centre) for hold in holds]
+        self._levers = np.array([hold.lever(held.centre) for hold in holds])
+        self._back = np.array([hold.turn.T for hold in holds])
         self._ends = np.cumsum([0, *(hold.n_a for hold in holds)])
         n_a = int(self._ends[-1])
         self.home = np.zeros(n_a) if home is None else home
@@ -111,7 +106,9 @@ class Coupled:
             for name in hold.model.rows.actuators[: hold.n_a]
         )
         self.rows = Rows(tuple(f"object.{axis}" for axis in "xyz"), actuators)
-        self._length = max([1.0, *(float(np.linalg.norm(lever)) for lever in self._levers)])
+        self._length = max(1.0, float(np.linalg.norm(self._levers, axis=1).max()))
+        first = holds[0].model
+        self._alike = hasattr(first, "slopes") and all(hold.model is first for hold in holds)
         self._last: Held | None = None
 
     def at_displacement(self, delta_a: np.ndarray) -> Held:
@@ -122,24 +119,22 @@ class Coupled:
         for update in range(limit + 1):
             parts, g, K, scale = self._sum(delta_a, X)
             n_a = len(delta_a)
-            K_XX = K[n_a:, n_a:]
-            softest = self._softest(K_XX)
-            if not softest > 0:
+            try:
+                np.linalg.cholesky(K[n_a:, n_a:])
+            except np.linalg.LinAlgError:
                 raise NumericalError(
                     "the object is held in no stable way: a robot that holds it buckles",
                     do="pull less, or keep it nearer to where the robots rest",
-                )
-            step = -np.linalg.solve(K_XX, g[n_a:])
+                ) from None
+            step = -np.linalg.solve(K[n_a:, n_a:], g[n_a:])
             balance = tuple(
                 float(np.linalg.norm(part)) / size if size else 0.0
                 for part, size in zip((g[n_a : n_a + 3], g[n_a + 3 :]), scale, strict=True)
             )
             if self._updates is None and max(balance) <= TOLERANCE:
-                return self._condense(delta_a, X, parts, g, K, balance, softest, update)
+                return self._condense(delta_a, X, parts, g, K, balance, update)
             if self._updates is not None and update == self._updates - 1:
-                moved = g[:n_a] + K[:n_a, n_a:] @ step
-                g = np.concatenate([moved, g[n_a:] + K_XX @ step])
-                return self._condense(delta_a, X + step, parts, g, K, balance, softest, update + 1)
+                return self._condense(delta_a, X + step, parts, g + K[:, n_a:] @ step, K, balance, update + 1)
             X = X + step
         raise NumericalError(f"the object does not come to rest: its balance is off by {max(balance):.1e}")
 
@@ -168,44 +163,94 @@ class Coupled:
 
     def _sum(
         self, delta_a: np.ndarray, X: np.ndarray
-    ) -> tuple[tuple[Condensed, ...], np.ndarray, np.ndarray, tuple[float, float]]:
+    ) -> tuple[tuple[State, ...], np.ndarray, np.ndarray, tuple[float, float]]:
         """The robots' states; gradient (n_a + n,) and Hessian of Pi; the largest force and moment on the object."""
         n_a, n = len(delta_a), len(X)
+        now = turn(X[3:]) if n == 6 else None
+        poses, slopes = self._poses(X, now)
+        asked = [
+            np.concatenate([delta_a[first:end], pose])
+            for first, end, pose in zip(self._ends[:-1], self._ends[1:], poses, strict=True)
+        ]
+        parts = self._states(asked)
         g, K = np.zeros(n_a + n), np.zeros((n_a + n, n_a + n))
         g[n_a:] = -self.object.wrench
         force, moment = float(np.linalg.norm(self.object.wrench[:3])), float(np.linalg.norm(self.object.wrench[3:]))
-        parts = []
-        for hold, lever, first, end in zip(self.holds, self._levers, self._ends[:-1], self._ends[1:], strict=True):
-            part = hold.model.at_displacement(np.concatenate([delta_a[first:end], hold.pose(X, lever)]))
-            act = part.rows.active
-            hessian = np.linalg.inv(part.W[act, act])
-            T = np.zeros((hold.n_a + hold.n_pose, n_a + n))
-            T[: hold.n_a, first:end] = np.eye(hold.n_a)
-            T[hold.n_a :, n_a:] = hold.jacobian(X, lever)
-            push = T[hold.n_a :, n_a:].T @ part.lam[hold.n_a :]
-            g += T.T @ part.lam
-            K += T.T @ hessian @ T
-            if n == 6:
-                pushed = hold.turn @ part.lam[hold.n_a : hold.n_a + 3]
-                K[n_a + 3 :, n_a + 3 :] += rotated_curvature(X[3:], lever[None], pushed[None])
+        pulled = np.zeros((3, 3))
+        for i, (hold, part, slope) in enumerate(zip(self.holds, parts, slopes, strict=True)):
+            mine, its = slice(self._ends[i], self._ends[i + 1]), slice(hold.n_a, None)
+            push = slope.T @ part.lambda_a[its]
+            coupled = part.hessian[: hold.n_a, its] @ slope
+            g[mine] = part.lambda_a[: hold.n_a]
+            g[n_a:] += push
+            K[mine, mine] = part.hessian[: hold.n_a, : hold.n_a]
+            K[mine, n_a:] = coupled
+            K[n_a:, mine] = coupled.T
+            K[n_a:, n_a:] += slope.T @ part.hessian[its, its] @ slope
+            pulled += np.outer(hold.turn @ part.lambda_a[hold.n_a : hold.n_a + 3], self._levers[i])
             force, moment = max(force, float(np.linalg.norm(push[:3]))), max(moment, float(np.linalg.norm(push[3:])))
-            parts.append(part)
-        return tuple(parts), g, (K + K.T) / 2, (force, moment)
+        if now is not None:
+            K[n_a + 3 :, n_a + 3 :] += np.tensordot(now.second, pulled, 2)
+        return parts, g, (K + K.T) / 2, (force, moment)
+
+    def _poses(self, X: np.ndarray, now: Turn | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Of every robot's patch in its frame, (n_pose,) each, and their derivatives (n_pose, n) by X."""
+        moved = np.tile(X[:3], (len(self.holds), 1))
+        slope = np.zeros((len(self.holds), 6, len(X)))
+        slope[:, :3, :3] = self._back
+        if now is not None:
+            moved += self._levers @ now.R.T - self._levers
+            slope[:, :3, 3:] = self._back @ np.einsum("jab,kb->kaj", now.first, self._levers)
+            slope[:, 3:, 3:] = self._back
+        poses = np.zeros((len(self.holds), 6))
+        poses[:, :3] = (self._back @ moved[:, :, None])[:, :, 0]
+        if now is not None:
+            poses[:, 3:] = self._back @ X[3:]
+        sizes = [hold.n_pose for hold in self.holds]
+        return [one[:n] for one, n in zip(poses, sizes, strict=True)], [
+            one[:n] for one, n in zip(slope, sizes, strict=True)
+        ]
+
+    def _states(self, asked: list[np.ndarray]) -> tuple[State, ...]:
+        """Every robot's, at once where all have the same learned model."""
+        if self._alike:
+            return tuple(map(State, asked, *self.holds[0].model.slopes(np.array(asked))))
+        return tuple(state_of(hold.model, at) for hold, at in zip(self.holds, asked, strict=True))
 
     def _softest(self, K_XX: np.ndarray) -> float:
         size = np.array([1.0] * 3 + [self._length] * (len(K_XX) - 3))
         values = np.linalg.eigvalsh(K_XX / np.outer(size, size))
         return float(values[0] / np.abs(values).max())
 
-    def _condense(self, delta_a, X, parts, g, K, balance, softest, updates) -> Held:
+    def _condense(self, delta_a, X, parts, g, K, balance, updates) -> Held:
         n_a = len(delta_a)
         flexible = np.linalg.inv(K[n_a:, n_a:])
         slope = -flexible @ K[n_a:, :n_a]
         hessian = K[:n_a, :n_a] + K[:n_a, n_a:] @ slope
         delta = np.concatenate([X[:3], delta_a])
         plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:3], flexible[:3, :3])
+        stiffness = K[n_a:, n_a:]
         held = Held(
-            plain.rows, plain.W, plain.delta_free, plain.lam, X, parts, balance, K[n_a:, n_a:], softest, updates
+            plain.rows,
+            plain.W,
+            plain.delta_free,
+            plain.lam,
+            X,
+            parts,
+            balance,
+            stiffness,
+            self._softest(stiffness),
+            updates,
         )
         self._last, self._slope = held, slope
         return held
+
+
+def state_of(model: Model, delta_a: np.ndarray) -> State:
+    """Of one robot at delta_a (n_a + n_pose,)."""
+    if hasattr(model, "slopes"):
+        lam, hessian = model.slopes(delta_a[None])
+        return State(delta_a, lam[0], hessian[0])
+    at = model.at_displacement(delta_a)
+    act = at.rows.active
+    return State(delta_a, at.lam, np.linalg.inv(at.W[act, act]))

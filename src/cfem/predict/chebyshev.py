@@ -1,5 +1,7 @@
 """Values of a multivariate Chebyshev basis T_k(z) = prod_i T_{k_i}(z_i)."""
 
+from itertools import pairwise
+
 import numpy as np
 
 
@@ -18,10 +20,39 @@ def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
     return table[: degree + 1]
 
 
+class Basis:
+    """The basis of `basis` for many queries: functions share their factors in the first half of the coordinates, and
+    those in the second, so that most of a query is one product of two factors a function.
+
+    indices: (M, n)"""
+
+    def __init__(self, indices: np.ndarray):
+        n = indices.shape[1]
+        self._degree = int(indices.max(initial=0))
+        ends = [0, n] if n < 4 else [0, n // 2, n]
+        self._factors = []
+        for first, end in pairwise(ends):
+            part, place = np.unique(indices[:, first:end], axis=0, return_inverse=True)
+            self._factors.append((first, part, place.ravel()))
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """(..., n) -> (..., M)."""
+        table = polynomials(z.T, self._degree)
+        found = None
+        for first, part, place in self._factors:
+            factor = _product(table, part, first)[place]
+            found = factor if found is None else found * factor
+        return found.T
+
+
 def basis(z: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """(B, M) or (M,) basis functions at z (B, n) or (n,); indices (M, n): their degree in each coordinate."""
-    table = polynomials(z.T, int(indices.max(initial=0)))  # (K, n, B) or (K, n)
-    product = table[indices[:, 0], 0]
+    return _product(polynomials(z.T, int(indices.max(initial=0))), indices, 0).T
+
+
+def _product(table: np.ndarray, indices: np.ndarray, first: int) -> np.ndarray:
+    """(M, ...) of the columns of indices, which are those of the coordinates from `first` on."""
+    product = table[indices[:, 0], first]
     for axis in range(1, indices.shape[1]):
-        product = product * table[indices[:, axis], axis]
-    return product.T
+        product = product * table[indices[:, axis], first + axis]
+    return product

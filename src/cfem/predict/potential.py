@@ -25,3 +25,16 @@ class PotentialPredictor(ArrayPredictor):
         part = self.parts(s, s[:0])  # whose gradient is what the condensed model would be solved for
         W, delta_free = condense(self.form, self.rows, s, part)
         return Condensed(self.rows, W, delta_free, s if self.form == "force" else part["gradient"])
+
+    def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(B, n_a) mm -> lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a), at the scene's own parameters: all
+        that those want to know who have nothing to do with the effectors."""
+        if self.parameters or self.form == "force":
+            found = [self.at_displacement(one) for one in delta_a]
+            return np.array([one.lam for one in found]), np.array([np.linalg.inv(one.W_aa) for one in found])
+        return self.gradient_and_hessian(delta_a)
+
+    def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., n_a) -> of the potential, (..., n_a) and (..., n_a, n_a), at the scene's own parameters."""
+        part = self.parts(s, s[..., :0])
+        return part["gradient"], part["hessian"]

@@ -4,10 +4,12 @@ A series can be differentiated once and for all, so the folder holds the coeffic
 delta_free need, and a query is one evaluation of the basis and one product with `series`: value, gradient and Hessian
 in one pass."""
 
+from functools import cached_property
+
 import numpy as np
 
-from cfem.predict.chebyshev import basis
-from cfem.predict.energy import Parts, Splitter
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import Parts, Splitter, layout, unpacking
 from cfem.predict.potential import PotentialPredictor
 
 
@@ -19,10 +21,25 @@ class SpectralPredictor(PotentialPredictor):
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
         self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
-        self._indices, self._series_T = arrays["indices"], np.ascontiguousarray(arrays["series"].T)
+        self._basis, self._series_T = Basis(arrays["indices"]), np.ascontiguousarray(arrays["series"].T)
         self._split = Splitter(self.rows.n_a, self.rows.n_e)
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
         """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
-        return self._split(basis(t @ self._to_box_T + self._offset, self._indices) @ self._series_T)
+        return self._split(self._basis(t @ self._to_box_T + self._offset) @ self._series_T)
+
+    def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = self._basis(s @ self._to_box_T + self._offset) @ self._slopes_T
+        n = self.rows.n_a
+        return found[..., :n], found[..., n:][..., self._unpack]
+
+    @cached_property
+    def _slopes_T(self) -> np.ndarray:
+        """The columns of the gradient and of the Hessian, which follow each other."""
+        rows = layout(self.rows.n_a, self.rows.n_e)
+        return np.ascontiguousarray(self._series_T[:, rows["gradient"].start : rows["hessian"].stop])
+
+    @cached_property
+    def _unpack(self) -> np.ndarray:
+        return unpacking(self.rows.n_a)

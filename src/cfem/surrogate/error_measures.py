@@ -20,6 +20,7 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
     return {
         "states": len(W),
         **paper_loss(dataset.W, dataset.delta_free, W, delta_free),
+        **beyond_buckling(dataset, W, delta_free),
         "tip_mm": _statistics(distance),
         "tip_percent_of_length": _statistics(100 * distance / length),
         "effectors_mm": {name: _statistics(distance[:, i]) for i, name in enumerate(names)},
@@ -27,6 +28,20 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
         "actuators_N": {
             name: _statistics(np.abs(lambda_a - dataset.lambda_a)[:, i]) for i, name in enumerate(rows.actuators)
         },
+    }
+
+
+def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
+    """Where a patch holds the robot in states in which it would buckle under the same wrench, how many these are and the
+    loss of the others. W is unbounded where a robot begins to buckle; its compliance is indefinite beyond."""
+    if not dataset.n_c:
+        return {}
+    active = dataset.rows.active
+    stable = np.linalg.eigvalsh(dataset.W[:, active, active])[:, 0] > 0
+    stable_only = (one[stable] for one in (dataset.W, dataset.delta_free, W, delta_free))
+    return {
+        "buckled_states": int((~stable).sum()),
+        "loss_of_stable": paper_loss(*stable_only)["loss"] if stable.any() else float("nan"),
     }
 
 

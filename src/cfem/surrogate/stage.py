@@ -80,6 +80,11 @@ def headline(results: dict[str, Any]) -> list[str]:
             f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random "
             "states between the samples: more samples, or fewer degrees, may mend it"
         )
+    if errors.get("buckled_states"):
+        lines.append(
+            f"{errors['buckled_states']} of {errors['states']} test states would buckle were they not held; the loss of "
+            f"the others is {errors['loss_of_stable']:.2e}"
+        )
     return lines
 
 
