@@ -1,0 +1,128 @@
+"""The pipe protocol with the fake device, and with devices that fail."""
+
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from surrogate.stored import train_folder
+
+from cfem.condensed import Rows
+from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.control.pipe_plant import PipePlant
+from cfem.control.plant import ModelPlant
+from cfem.core.errors import InputError
+from cfem.predict.load import load_model
+
+ROWS = Rows(("x", "y"), ("a",))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return train_folder(tmp_path_factory.mktemp("pipe"), "{kind: spectral, max_degree: 8}", train=40)
+
+
+def fake(folder, *options, **changes):
+    model = load_model(folder)
+    command = [sys.executable, "-m", "cfem.control.fake_device", str(folder), *options]
+    return PipePlant(command, model.rows, model.rest_e, **changes)
+
+
+def script(tmp_path, text, **changes):
+    """A device that runs `text` for every message `m` after hello."""
+    path = tmp_path / "device.py"
+    path.write_text(
+        "import json, sys, time\n"
+        "say = lambda x: print(json.dumps(x), flush=True)\n"
+        "sys.stdin.readline()\n"
+        'say({"ready": True, "version": 1})\n'
+        "for line in sys.stdin:\n"
+        "    m = json.loads(line)\n"
+        "    if 'bye' in m:\n"
+        "        break\n" + textwrap.indent(textwrap.dedent(text), "    ")
+    )
+    return PipePlant([sys.executable, str(path)], ROWS, np.zeros(2), **changes)
+
+
+def test_the_fake_device_is_the_model_behind_a_pipe(folder):
+    model = load_model(folder)
+    same = ImperfectPlant(ModelPlant(Stiffer(model, 1.2), model.rest_e), Imperfection(noise=0.1, delay=1), 4)
+    commands = [(np.array([4.0, 3.5]), "displacement"), (np.array([9.0, 8.0]), "force"), (np.zeros(2), "force")]
+    with fake(folder, "--stiffer", "1.2", "--noise", "0.1", "--delay", "1", "--seed", "4") as plant:
+        for u, kind in commands:
+            got, expected = plant.step(u, kind), same.step(u, kind)
+            assert got.t == expected.t
+            np.testing.assert_allclose(got.x_e, expected.x_e, atol=1e-9)
+    assert plant._process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    "how, words", [("die", r"ended \(exit code 3\)"), ("hang", "no answer within 0.3 s"), ("garbage", "no JSON object")]
+)
+def test_a_device_that_fails_is_one_error(folder, how, words):
+    with fake(folder, "--fail", how, "--at", "2", timeout=0.3) as plant:
+        plant.step(np.ones(2))
+        with pytest.raises(InputError, match=words) as caught:
+            plant.step(np.ones(2))
+    assert "fake_device" in str(caught.value) and "docs/closed-loop.md" in str(caught.value)
+    assert plant._process.returncode is not None
+
+
+@pytest.mark.parametrize(
+    "answer, words",
+    [
+        ("{'t': 1, 'x_e': [1.0]}", "expected 2 finite numbers or null"),
+        ("{'t': 1, 'x_e': [1.0, float('nan')]}", "expected 2 finite numbers"),
+        ("{'t': 1, 'x_e': 'here'}", "expected 2 finite numbers"),
+        ("{'t': 2, 'x_e': [1.0, 2.0]}", "answered t = 2 to step 1"),
+        ("{'x_e': [1.0, 2.0]}", "answered t = None"),
+        ("[1, 2]", "no JSON object"),
+        ("{'error': 'valve 3 leaks'}", "reports: valve 3 leaks"),
+    ],
+)
+def test_malformed_answers_are_named(tmp_path, answer, words):
+    with script(tmp_path, f"say({answer})") as plant, pytest.raises(InputError, match=words):
+        plant.step(np.ones(1))
+
+
+def test_a_device_that_talks_too_much_is_stopped(tmp_path):
+    with script(tmp_path, "say({'t': m['t'], 'x_e': [0, 0]})\nsay({})\n", period=0.1) as plant:
+        plant.step(np.ones(1))
+        with pytest.raises(InputError, match="without being asked"):
+            plant.step(np.ones(1))
+
+
+def test_an_effector_out_of_sight_is_a_measurement(tmp_path):
+    with script(tmp_path, "say({'t': m['t'], 'x_e': None, 'lambda_a': [2.0]})") as plant:
+        seen = plant.step(np.ones(1))
+    assert np.isnan(seen.x_e).all() and seen.delta_a is None and seen.lambda_a == 2.0
+    assert seen.status != "converged"
+
+
+def test_a_device_of_another_protocol_is_refused():
+    command = [sys.executable, "-c", "print('{}'); input()"]
+    with pytest.raises(InputError, match="to hello"), PipePlant(command, ROWS, np.zeros(2)):
+        pass
+
+
+def test_a_device_of_another_robot_is_refused(folder):
+    plant = fake(folder)
+    plant._rows = ROWS
+    with pytest.raises(InputError, match="the model has rows"), plant:
+        pass
+
+
+def test_a_program_that_is_not_there():
+    with pytest.raises(InputError, match="cannot be started"), PipePlant(["./no-such-device"], ROWS, np.zeros(2)):
+        pass
+
+
+def test_the_period_is_kept_and_lateness_counted(tmp_path):
+    with script(tmp_path, "say({'t': m['t'], 'x_e': [m['t'], time.monotonic()]})", period=0.05) as plant:
+        sent = [plant.step(np.ones(1)).x_e[1] for _ in range(4)]
+        assert plant.late == 0
+    assert np.diff(sent).min() > 0.04
+    with script(tmp_path, "time.sleep(0.05)\nsay({'t': m['t'], 'x_e': [0, 0]})", period=0.01) as plant:
+        for _ in range(3):
+            plant.step(np.ones(1))
+    assert plant.late == 2
