@@ -1,1 +1,1 @@
-"""A trained model in the formats that others run: arrays, ONNX, TorchScript."""
+"""A trained model in the formats that others run: arrays, ONNX, TorchScript, C."""

@@ -15,7 +15,7 @@ from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.spec import ExportSpec
 from cfem.predict.load import build, read_arrays, read_meta
 
-FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts"}
+FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c"}
 
 
 def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
@@ -45,13 +45,41 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, Any]:
     parity = {
         name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
         for name in spec.formats
+        if name != "c"
     }
+    sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
+    embedded = None
+    if "c" in spec.formats:
+        embedded = write_embedded(folder / FILES["c"], spec, meta, arrays, vectors)
+        sizes["c"] = embedded["coefficient_bytes"]
+        if embedded["parity"] is not None:
+            parity["c"] = embedded["parity"]
     write_json(folder / "model.json", {**meta, "parity": parity})
-    sizes = {name: (folder / FILES[name]).stat().st_size for name in spec.formats}
     headline = [
         f"{name}: {sizes[name]} bytes, off by {error:.1e} from the trained model" for name, error in parity.items()
     ]
-    return {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
+    if embedded and embedded["parity"] is None:
+        headline.append("c: not compared with the trained model, there is no C compiler here")
+    results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
+    return {**results, "c": embedded} if embedded else results
+
+
+def write_embedded(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray], vectors: dict) -> dict:
+    """What its report.json says, and parity: of the blocks that control uses, in the compiled code, with the trained
+    model at the scene's own parameters; None without a compiler, or with parameters of its own."""
+    from cfem.export.c_export import write_c
+    from cfem.export.compiled import CompiledController, compiler
+
+    report = write_c(folder, meta, arrays, spec.c, vectors["s"])
+    if not compiler() or spec.c.parameters:
+        return {**report, "parity": None}
+    model, controller = build(meta, arrays), CompiledController(folder)
+    e, a = model.rows.e, model.rows.a
+    W, free = model.evaluate(vectors["s"])
+    here = [controller.model(s) for s in vectors["s"]]
+    pairs = [(W[:, a, a], "W_aa"), (W[:, e, a], "W_ea"), (free[:, a], "free_a"), (free[:, e], "free_e")]
+    found = {name: np.array([one[name] for one in here]).reshape(expected.shape) for expected, name in pairs}
+    return {**report, "parity": max(difference(expected, found[name]) for expected, name in pairs)}
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:

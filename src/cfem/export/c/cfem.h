@@ -1,0 +1,95 @@
+/* Inverse controller of a soft robot on its learned condensed model, C99: no heap, no I/O, every loop bounded.
+ *
+ * Each tick: where the actuators stand (observer) -> W, delta_free there (model) -> the actuation that brings the effectors
+ * nearest to their goal within the limits (quadratic program, exact) -> a command.
+ *
+ *     minimise over lambda  |w (W_ea lambda + delta_free_e - goal)|^2 + |r delta_a|^2
+ *     subject to            bounds of lambda,  bounds of delta_a = W_aa lambda + delta_free_a,  steps a tick
+ *
+ * Units: mm, N, MPa (cables: delta_a in mm, lambda_a in N; chambers: mm^3, MPa). Vectors hold CFEM_NA actuators or CFEM_NE
+ * effector coordinates in the order of CFEM_ACTUATORS and CFEM_EFFECTORS (cfem_data.h). All that depends on the robot is in
+ * cfem_data.h and cfem_data.c, which `cfem export` wrote; the other files are the same for every robot.
+ *
+ * Reentrant: a robot's state is a cfem_controller that the caller owns; constants are shared and const. Do not compile with
+ * -ffast-math: checks for NaN would vanish. */
+#ifndef CFEM_H
+#define CFEM_H
+
+#include "cfem_data.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What a step says: an OR of these. Below CFEM_HELD they qualify a new command; with CFEM_HELD the command is the one of
+ * the tick before, and the other bit says why. */
+enum {
+    CFEM_OK = 0,
+    CFEM_LIMITED = 1,     /* a bound of force, course or step decided */
+    CFEM_SOFTENED = 2,    /* no force within its bounds keeps the course: it is exceeded by as little as possible */
+    CFEM_OUTSIDE = 4,     /* the model was asked outside of the box that it was trained on */
+    CFEM_NOT_FOUND = 8,   /* the observer did not converge: its best guess was used */
+    CFEM_HELD = 16,       /* no new command, because: */
+    CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
+    CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
+    CFEM_NO_QP = 128      /*   the program has no trustworthy answer */
+};
+
+/* What the controller knows at a tick. */
+typedef struct {
+    cfem_real goal[CFEM_NE];    /* mm, absolute: where the effectors should be */
+    cfem_real error[CFEM_NE];   /* mm: goal at the tick of the latest measurement of the effectors, minus that measurement;
+                                   read only where measured != 0 */
+    cfem_real delta_a[CFEM_NA]; /* mm: where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
+    int measured;               /* 1: `error` is new since the last tick, and moves the goal by K_P e + K_I sum e; 0: the goal
+                                   stays moved as it was (open loop, as long as it never was 1) */
+} cfem_input;
+
+/* What it commands: take the one that the drives take (CFEM_COMMAND_FORCE says which it was exported for). */
+typedef struct {
+    cfem_real delta_a[CFEM_NA];  /* mm */
+    cfem_real lambda_a[CFEM_NA]; /* N */
+    cfem_real x_e[CFEM_NE];      /* mm, absolute: where the linearised model expects the effectors */
+    unsigned status;             /* CFEM_OK, or an OR of the above */
+} cfem_output;
+
+/* A robot's state. The caller owns it; its members are for reading. */
+typedef struct {
+    double delta_a[CFEM_NA];     /* mm, of the last command, as linearised where forces are commanded */
+    double lambda_a[CFEM_NA];    /* N, of the last command, as linearised where displacements are commanded */
+    double x_e[CFEM_NE];         /* mm, absolute, expected of the last command */
+    double integral[CFEM_NE];    /* mm, K_I sum e */
+    double moved[CFEM_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
+    double W_aa[CFEM_NA][CFEM_NA], W_ea[CFEM_NE][CFEM_NA]; /* mm/N, of the last command */
+    double held_lambda[CFEM_NA]; /* -1, 0, 1: at its low bound, free, at its high one, in the last command */
+    double held_delta[CFEM_NA];
+} cfem_controller;
+
+/* The condensed model at a state. */
+typedef struct {
+    double delta_a[CFEM_NA];         /* mm */
+    double lambda_a[CFEM_NA];        /* N */
+    double W_aa[CFEM_NA][CFEM_NA];   /* mm/N, symmetric positive definite */
+    double W_ea[CFEM_NE][CFEM_NA];   /* mm/N */
+    double free_a[CFEM_NA];          /* mm: delta_a = W_aa lambda_a + free_a */
+    double free_e[CFEM_NE];          /* mm, effectors from rest: delta_e = W_ea lambda_a + free_e */
+#if CFEM_FULL
+    double W_ee[CFEM_NE][CFEM_NE];   /* mm/N */
+    double energy;                   /* N mm: condensed energy, or its dual in the force form; 0 where none was learned */
+#endif
+} cfem_condensed;
+
+/* Puts the robot where control starts: CFEM_HOME, no integral. */
+void cfem_init(cfem_controller *controller);
+
+/* One tick. Returns output->status. */
+unsigned cfem_step(cfem_controller *controller, const cfem_input *input, cfem_output *output);
+
+/* The model at s (CFEM_NA,): delta_a mm (CFEM_FORM_DISPLACEMENT) or lambda_a N (CFEM_FORM_FORCE). Returns 0, or
+ * CFEM_NO_MODEL where it has no trustworthy answer, with what was found in `condensed`. */
+unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *condensed);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

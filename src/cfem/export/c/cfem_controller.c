@@ -1,0 +1,258 @@
+#include "cfem.h"
+#include "cfem_linear.h"
+#include "cfem_qp.h"
+
+#define NA CFEM_NA
+#define NE CFEM_NE
+
+typedef struct {
+    double lambda_low[NA], lambda_high[NA]; /* N */
+    double delta_low[NA], delta_high[NA];   /* mm */
+} limits;
+
+static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+
+/* Amplitude limits cut down to what one tick may change: `rate` from the last command, `step` from where the actuators stand
+ * (here, mm). Where those lie outside of the amplitudes, what is left is the bound. */
+static limits of_this_tick(const cfem_controller *c, const double *here) {
+    limits l;
+    for (int i = 0; i < NA; i++) {
+        const double least = cfem_lambda_low[i], most = cfem_lambda_high[i];
+        const double low = clip(c->delta_a[i] - cfem_delta_rate[i], cfem_delta_low[i], cfem_delta_high[i]);
+        const double high = clip(c->delta_a[i] + cfem_delta_rate[i], cfem_delta_low[i], cfem_delta_high[i]);
+        l.delta_low[i] = clip(here[i] - cfem_step_limit[i], low, high);
+        l.delta_high[i] = clip(here[i] + cfem_step_limit[i], low, high);
+        l.lambda_low[i] = clip(c->lambda_a[i] - cfem_lambda_rate[i], least, most);
+        l.lambda_high[i] = clip(c->lambda_a[i] + cfem_lambda_rate[i], least, most);
+    }
+    return l;
+}
+
+/* nearest (NA,): delta_a that comes nearest to the course with forces within their bounds: one program in lambda and the place
+ * s in the course, minimising |W_aa lambda + free_a - s|^2. */
+static int nearest_to_course(const cfem_condensed *m, const limits *l, double *nearest) {
+    double M[3 * NA][2 * NA], d[3 * NA], low[2 * NA], high[2 * NA];
+    cfem_qp_answer answer;
+    for (int i = 0; i < 3 * NA; i++) {
+        d[i] = i < NA ? -m->free_a[i] : 0.0;
+        for (int j = 0; j < 2 * NA; j++) M[i][j] = 0.0;
+    }
+    for (int i = 0; i < NA; i++) {
+        double square = 0.0;
+        for (int j = 0; j < NA; j++) M[i][j] = m->W_aa[i][j], square += m->W_aa[j][i] * m->W_aa[j][i];
+        M[i][NA + i] = -1.0;
+        /* Any s with its lambda is as good: a trace of curvature picks one. */
+        M[NA + i][i] = 1e-5 * sqrt(square);
+        M[2 * NA + i][NA + i] = 1e-5;
+        low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
+        low[NA + i] = l->delta_low[i], high[NA + i] = l->delta_high[i];
+    }
+    const int status = cfem_qp(2 * NA, 3 * NA, &M[0][0], d, 0, 0, low, high, &answer);
+    for (int i = 0; i < NA; i++) nearest[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
+    return status;
+}
+
+/* The inverse step at the model m: lambda_a (NA,), delta_a (NA,) mm and which bounds hold them (2 NA,), forces first.
+ * aim (NE,) mm from rest. */
+static unsigned inverse_step(const cfem_condensed *m, const double *aim, const limits *l, double *lambda_a,
+                             double *delta_a, double *held) {
+    double M[NE + NA][NA], d[NE + NA], low[2 * NA], high[2 * NA];
+    cfem_qp_answer answer;
+    unsigned status = CFEM_OK;
+    for (int e = 0; e < NE; e++) {
+        for (int j = 0; j < NA; j++) M[e][j] = cfem_effector_weight[e] * m->W_ea[e][j];
+        d[e] = cfem_effector_weight[e] * (aim[e] - m->free_e[e]);
+    }
+    for (int i = 0; i < NA; i++) {
+        for (int j = 0; j < NA; j++) M[NE + i][j] = cfem_ridge[i] * m->W_aa[i][j];
+        d[NE + i] = -cfem_ridge[i] * m->free_a[i];
+        low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
+        low[NA + i] = l->delta_low[i] - m->free_a[i], high[NA + i] = l->delta_high[i] - m->free_a[i];
+    }
+    int solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &m->W_aa[0][0], low, high, &answer);
+    if (solved == CFEM_QP_INFEASIBLE) {
+        double nearest[NA], widest = 0.0;
+        if (nearest_to_course(m, l, nearest) != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
+        status |= CFEM_SOFTENED;
+        for (int i = 0; i < NA; i++)
+            if (high[NA + i] - low[NA + i] > widest) widest = high[NA + i] - low[NA + i];
+        const double slack = 1e-9 * widest + 1e-12;
+        for (int i = 0; i < NA; i++) {
+            const double at = nearest[i] - m->free_a[i];
+            if (low[NA + i] > at - slack) low[NA + i] = at - slack;
+            if (high[NA + i] < at + slack) high[NA + i] = at + slack;
+        }
+        solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &m->W_aa[0][0], low, high, &answer);
+    }
+    if (solved != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
+    for (int k = 0; k < 2 * NA; k++) {
+        held[k] = answer.multipliers[k] > 0.0 ? 1.0 : answer.multipliers[k] < 0.0 ? -1.0 : 0.0;
+        if (held[k] != 0.0) status |= CFEM_LIMITED;
+    }
+    for (int i = 0; i < NA; i++) {
+        lambda_a[i] = answer.x[i];
+        delta_a[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
+    }
+    return status;
+}
+
+/* The model where what is not its input, lambda_a (displacement form) or delta_a (force form), takes the value `wanted`:
+ * Newton's method from s, which is moved there; m is the model at s. W_aa is d delta_a / d lambda_a. */
+static unsigned find(const double *wanted, double *s, cfem_condensed *m) {
+    double scale = 0.0;
+    for (int i = 0; i < NA; i++) {
+        const double known = CFEM_FORM_DISPLACEMENT ? cfem_domain_lambda_a[1][i] : cfem_domain_delta_a[1][i];
+        if (fabs(known) > scale) scale = fabs(known);
+    }
+    for (int round = 0;; round++) {
+        double missing[NA], step[NA], worst = 0.0;
+        const unsigned status = cfem_model(s, m);
+        if (status) return status;
+        for (int i = 0; i < NA; i++) {
+            missing[i] = wanted[i] - (CFEM_FORM_DISPLACEMENT ? m->lambda_a[i] : m->delta_a[i]);
+            if (!(fabs(missing[i]) <= worst)) worst = fabs(missing[i]);
+        }
+        if (worst <= CFEM_OBSERVER_TOLERANCE * scale) return CFEM_OK;
+        if (round == CFEM_OBSERVER_ITERATIONS) return CFEM_NOT_FOUND;
+#if CFEM_FORM_DISPLACEMENT
+        for (int i = 0; i < NA; i++) step[i] = cfem_dot(NA, m->W_aa[i], missing);
+#else
+        double K[NA][NA];
+        for (int i = 0; i < NA; i++)
+            for (int j = 0; j < NA; j++) K[i][j] = m->W_aa[i][j];
+        if (cfem_invert(NA, &K[0][0])) return CFEM_NO_MODEL;
+        for (int i = 0; i < NA; i++) step[i] = cfem_dot(NA, K[i], missing);
+#endif
+        for (int i = 0; i < NA; i++) s[i] += step[i];
+    }
+}
+
+/* Where the robot stands, by the observer of cfem_data.h: the model there, and its input s. */
+static unsigned observe(const cfem_controller *c, const cfem_input *in, double *s, cfem_condensed *m) {
+    double wanted[NA];
+    for (int i = 0; i < NA; i++) {
+        s[i] = CFEM_FORM_DISPLACEMENT ? c->delta_a[i] : c->lambda_a[i];
+        wanted[i] = CFEM_OBSERVER == CFEM_OBSERVER_MEASURED ? (double)in->delta_a[i]
+                    : CFEM_COMMAND_FORCE                    ? c->lambda_a[i]
+                                                            : c->delta_a[i];
+    }
+    if (CFEM_OBSERVER == CFEM_OBSERVER_PREVIOUS_STEP) return cfem_model(s, m);
+    if ((CFEM_OBSERVER == CFEM_OBSERVER_EQUILIBRIUM && CFEM_COMMAND_FORCE) == CFEM_FORM_DISPLACEMENT)
+        return find(wanted, s, m);
+    for (int i = 0; i < NA; i++) s[i] = wanted[i]; /* what is known is what the model takes */
+    return cfem_model(s, m);
+}
+
+static unsigned outside(const cfem_condensed *m) {
+    for (int i = 0; i < NA; i++)
+        if (m->delta_a[i] < cfem_domain_delta_a[0][i] || m->delta_a[i] > cfem_domain_delta_a[1][i] ||
+            m->lambda_a[i] < cfem_domain_lambda_a[0][i] || m->lambda_a[i] > cfem_domain_lambda_a[1][i])
+            return CFEM_OUTSIDE;
+    return CFEM_OK;
+}
+
+static int usable(const cfem_input *in) {
+    int good = 1;
+    for (int e = 0; e < NE; e++) {
+        good &= cfem_finite((double)in->goal[e]);
+        if (in->measured) good &= cfem_finite((double)in->error[e]);
+    }
+    if (CFEM_OBSERVER == CFEM_OBSERVER_MEASURED)
+        for (int i = 0; i < NA; i++) good &= cfem_finite((double)in->delta_a[i]);
+    return good;
+}
+
+/* within (NE,) mm: the part of an error (NE,) that the actuators can do something about, its projection on the moves of the
+ * effectors that no bound forbids. The integral of the rest would grow without end (anti-windup). */
+static void correctable(const cfem_controller *c, const double *error, double *within) {
+    double M[NE + NA][NA], d[NE + NA], low[2 * NA], high[2 * NA], steepest = 0.0;
+    cfem_qp_answer answer;
+    for (int i = 0; i < NA; i++) {
+        double square = 0.0;
+        for (int e = 0; e < NE; e++) {
+            M[e][i] = cfem_effector_weight[e] * c->W_ea[e][i];
+            square += M[e][i] * M[e][i];
+        }
+        if (square > steepest) steepest = square;
+        low[i] = c->held_lambda[i] < 0.0 ? 0.0 : -HUGE_VAL, high[i] = c->held_lambda[i] > 0.0 ? 0.0 : HUGE_VAL;
+        low[NA + i] = c->held_delta[i] < 0.0 ? 0.0 : -HUGE_VAL, high[NA + i] = c->held_delta[i] > 0.0 ? 0.0 : HUGE_VAL;
+    }
+    for (int e = 0; e < NE; e++) d[e] = cfem_effector_weight[e] * error[e];
+    for (int i = 0; i < NA; i++) {
+        for (int j = 0; j < NA; j++) M[NE + i][j] = i == j ? sqrt(1e-9 * steepest) : 0.0;
+        d[NE + i] = 0.0;
+    }
+    const int solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &c->W_aa[0][0], low, high, &answer);
+    for (int e = 0; e < NE; e++) within[e] = solved == CFEM_QP_OPTIMAL ? cfem_dot(NA, c->W_ea[e], answer.x) : 0.0;
+}
+
+/* The PI term from a new error. */
+static void correct(cfem_controller *c, const cfem_input *in) {
+    double error[NE], within[NE], square = 0.0;
+    for (int e = 0; e < NE; e++) error[e] = cfem_effector_weight[e] > 0.0 ? (double)in->error[e] : 0.0;
+    correctable(c, error, within);
+    for (int e = 0; e < NE; e++) {
+        c->integral[e] += CFEM_K_I * within[e];
+        square += c->integral[e] * c->integral[e];
+    }
+    const double length = sqrt(square);
+    for (int e = 0; e < NE; e++) {
+        if (length > CFEM_INTEGRAL_LIMIT) c->integral[e] *= CFEM_INTEGRAL_LIMIT / length;
+        c->moved[e] = CFEM_K_P * error[e] + c->integral[e];
+    }
+}
+
+static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *out) {
+    for (int i = 0; i < NA; i++) {
+        out->delta_a[i] = (cfem_real)c->delta_a[i];
+        out->lambda_a[i] = (cfem_real)c->lambda_a[i];
+    }
+    for (int e = 0; e < NE; e++) out->x_e[e] = (cfem_real)c->x_e[e];
+    return out->status = status;
+}
+
+static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a) {
+    for (int i = 0; i < NA; i++) {
+        c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
+        for (int j = 0; j < NA; j++) c->W_aa[i][j] = m->W_aa[i][j];
+    }
+    for (int e = 0; e < NE; e++) {
+        c->x_e[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a);
+        for (int j = 0; j < NA; j++) c->W_ea[e][j] = m->W_ea[e][j];
+    }
+}
+
+void cfem_init(cfem_controller *c) {
+    const cfem_controller fresh = {{0}, {0}, {0}, {0}, {0}, {{0}}, {{0}}, {0}, {0}};
+    cfem_condensed m;
+    *c = fresh;
+    cfem_model(cfem_home, &m);
+    remember(c, &m, m.lambda_a, m.delta_a);
+}
+
+unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
+    double aim[NE], s[NA], delta_a[NA], lambda_a[NA], held[2 * NA];
+    cfem_condensed m;
+    if (!usable(in)) return answer(c, CFEM_HELD | CFEM_BAD_INPUT, out);
+    if (in->measured) correct(c, in);
+    for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->moved[e] - cfem_rest_e[e]; /* the goal shift */
+
+    unsigned found = observe(c, in, s, &m), status = CFEM_OK;
+    if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
+    const limits l = of_this_tick(c, m.delta_a);
+    for (int iteration = 0;; iteration++) {
+        found |= outside(&m);
+        status = inverse_step(&m, aim, &l, lambda_a, delta_a, held);
+        if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+        if (iteration == CFEM_ITERATIONS - 1) break;
+        for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
+        const unsigned there = cfem_model(s, &m);
+        if (there) return answer(c, CFEM_HELD | there | found, out);
+    }
+    for (int i = 0; i < NA; i++) {
+        if (!CFEM_COMMAND_FORCE) delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]); /* also a softened course */
+        c->held_lambda[i] = held[i], c->held_delta[i] = held[NA + i];
+    }
+    remember(c, &m, lambda_a, delta_a);
+    return answer(c, status | found, out);
+}

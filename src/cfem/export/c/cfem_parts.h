@@ -1,0 +1,29 @@
+/* What a kind of surrogate gives at an input; cfem_condense.c makes the condensed model of it. */
+#ifndef CFEM_PARTS_H
+#define CFEM_PARTS_H
+
+#include "cfem.h"
+
+#if CFEM_SPECTRAL
+typedef struct {
+    double gradient[CFEM_NA];                   /* of the potential, by the input */
+    double hessian[CFEM_NA][CFEM_NA];           /* of the potential */
+    double effector[CFEM_NE];                   /* mm from rest */
+    double effector_gradient[CFEM_NE][CFEM_NA]; /* by the input */
+#if CFEM_FULL
+    double energy;
+    double compliance[CFEM_NE][CFEM_NE];
+#endif
+} cfem_parts;
+
+/* The potential's and the effectors' Chebyshev series and their derivatives at s. */
+void cfem_spectral(const double s[CFEM_NA], cfem_parts *parts);
+#endif
+
+#if CFEM_MLP
+/* Outputs (CFEM_MLP_OUTPUTS,) of the network at s: the upper triangle of W_aa; W_ea row by row; delta_free, actuators then
+ * effectors; with CFEM_FULL the upper triangle of W_ee. */
+void cfem_mlp(const double s[CFEM_NA], cfem_real out[CFEM_MLP_OUTPUTS]);
+#endif
+
+#endif

@@ -1,0 +1,49 @@
+/* Small strictly convex quadratic programs, exactly, always in double precision:
+ *
+ *     minimise |M x - d|^2 / 2    subject to    low[i] <= x[i] <= high[i],  i < n
+ *                                               low[n + j] <= A[j] x <= high[n + j],  j < m
+ *
+ * Given as a least-squares problem, whose condition is the root of that of H = M^T M. Bounds may be +-HUGE_VAL; each low must
+ * not exceed its high.
+ *
+ * Method: the dual active set of Goldfarb and Idnani (Mathematical Programming 27, 1983), in the coordinates
+ * y = R x - c of the QR factorisation of M, in which the objective is |y|^2 / 2 and every constraint a half-space with a unit
+ * normal. Multipliers are positive where an upper bound holds and negative where a lower one does:
+ * M^T (M x - d) + A^T y + z = 0. */
+#ifndef CFEM_QP_H
+#define CFEM_QP_H
+
+#include "cfem_data.h"
+
+/* Largest sizes; a program of any smaller size may be given. */
+#ifndef CFEM_QP_VARIABLES
+#define CFEM_QP_VARIABLES (2 * CFEM_NA)
+#define CFEM_QP_ROWS (CFEM_NE > 2 * CFEM_NA ? CFEM_NE + CFEM_NA : 3 * CFEM_NA)
+#define CFEM_QP_CONSTRAINTS (2 * CFEM_NA)
+#endif
+
+enum {
+    CFEM_QP_OPTIMAL = 0,
+    CFEM_QP_INFEASIBLE = 1, /* the bounds exclude each other */
+    CFEM_QP_FLAT = 2,       /* M has no full column rank to rounding, or numbers are not finite */
+    CFEM_QP_INACCURATE = 3, /* the answer misses the optimality conditions by more than CFEM_QP_TOLERANCE */
+    CFEM_QP_ITERATIONS = 4  /* CFEM_QP_STEPS were not enough */
+};
+
+#define CFEM_QP_STEPS (10 * (CFEM_QP_CONSTRAINTS + 1))
+#define CFEM_QP_TOLERANCE 1e-9
+#define CFEM_QP_REFINEMENTS 3
+
+typedef struct {
+    double x[CFEM_QP_VARIABLES];
+    double multipliers[CFEM_QP_CONSTRAINTS]; /* of the box, then of the rows */
+    double kkt;     /* largest residual of the optimality conditions: variables in units of their box, rows of unit norm,
+                       the objective of unit curvature; recomputed from x and the multipliers */
+    int iterations; /* constraints added or dropped */
+} cfem_qp_answer;
+
+/* M (rows, n), d (rows,), A (m, n), low and high (n + m,), row-major. Returns one of the above. */
+int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, const double *low,
+            const double *high, cfem_qp_answer *answer);
+
+#endif

@@ -1,0 +1,44 @@
+"""Numbers and arrays as C."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+WIDTH = 110
+
+
+def number(value: float, scalar: str) -> str:
+    """The shortest text that reads back as the same number of the scalar type, float or double."""
+    if np.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    if scalar == "float":
+        text = repr(float(str(np.float32(value))))
+        return f"{text}f"
+    return repr(float(value))
+
+
+def array(name: str, values: np.ndarray, scalar: str) -> tuple[str, str]:
+    """Declaration and definition of a constant array of any shape; scalar: its C type ('cfem_real' stands for what
+    `c_numbers` makes of it)."""
+    shape = "".join(f"[{size}]" for size in values.shape)
+    return f"extern const {scalar} {name}{shape};", f"const {scalar} {name}{shape} = {_braces(values, scalar)};"
+
+
+def _braces(values: np.ndarray, scalar: str) -> str:
+    if values.ndim > 1:
+        return "{" + ",\n".join(_braces(row, scalar) for row in values) + "}"
+    if np.issubdtype(values.dtype, np.integer):
+        texts = [str(int(value)) for value in values]
+    else:
+        texts = [number(value, "float" if values.dtype == np.float32 else "double") for value in values]
+    lines, line = [], ""
+    for text in texts:
+        if line and len(line) + len(text) > WIDTH:
+            lines.append(line)
+            line = ""
+        line += f"{text}, "
+    return "{" + "\n ".join([*lines, line]).rstrip(", ") + "}"
+
+
+def defines(values: Mapping[str, object]) -> str:
+    return "".join(f"#define {name} {value}\n" for name, value in values.items())

@@ -1,0 +1,129 @@
+"""A C export compiled on this machine: its sizes, and the controller in a shared library as a Python object."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from cfem.core.errors import InputError
+
+CORE = ("cfem_controller.c", "cfem_condense.c", "cfem_spectral.c", "cfem_mlp.c", "cfem_qp.c", "cfem_data.c")
+STANDARD = ("-std=c99", "-ffp-contract=fast")
+CORTEX_M7 = ("-Os", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
+
+
+def compiler() -> str | None:
+    """The first of cc, gcc, clang on the PATH."""
+    return next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+
+
+def sizes(folder: Path) -> dict:
+    """Bytes of the compiled core by compiler: flash (code and constants), static_ram, stack (the sum of all its frames,
+    more than any chain of calls needs); None for a compiler that is not here."""
+    host, target = compiler(), shutil.which("arm-none-eabi-gcc")
+    found = {
+        "here": _size(folder, [host, "-Os"], "size") if host else None,
+        "cortex-m7": _size(folder, [target, *CORTEX_M7], "arm-none-eabi-size") if target else None,
+    }
+    return {"bytes": found}
+
+
+def _size(folder: Path, command: list[str], size: str) -> dict[str, int] | None:
+    if not shutil.which(size):
+        return None
+    with tempfile.TemporaryDirectory() as place:
+        run([*command, *STANDARD, "-fstack-usage", "-c", *(str((folder / name).resolve()) for name in CORE)], place)
+        listed = run([size, *sorted(path.name for path in Path(place).glob("*.o"))], place)
+        rows = [[int(word) for word in line.split()[:3]] for line in listed.splitlines()[1:]]
+        text, data, bss = np.sum(rows, axis=0).tolist()
+        frames = "".join(path.read_text() for path in Path(place).glob("*.su"))
+    stack = sum(int(line.split("\t")[1]) for line in frames.splitlines())
+    return {"flash": text + data, "static_ram": data + bss, "stack": stack}
+
+
+def run(command: list[str], folder: Path | str) -> str:
+    """stdout; InputError with what the command said where it fails."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        raise InputError(
+            f"{Path(command[0]).name} failed: {(done.stderr or done.stdout).strip()[:2000]}", where=str(folder)
+        )
+    return done.stdout
+
+
+@lru_cache(maxsize=32)
+def library(folder: Path, flags: tuple[str, ...] = ("-O2",)) -> ctypes.CDLL:
+    """The core as a shared library. InputError where there is no compiler."""
+    command = compiler()
+    if not command:
+        raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
+    with tempfile.TemporaryDirectory() as place:
+        out = Path(place) / "libcfem.so"
+        sources = [str((folder / name).resolve()) for name in CORE]
+        run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
+        return ctypes.CDLL(str(out))
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a tick commands: delta_a (n_a,) mm, lambda_a (n_a,) N, x_e (n_e,) mm expected, status as in cfem.h."""
+
+    delta_a: np.ndarray
+    lambda_a: np.ndarray
+    x_e: np.ndarray
+    status: int
+
+
+class CompiledController:
+    """One robot's controller. n_a, n_e: its sizes."""
+
+    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
+        text = (folder / "cfem_data.h").read_text()
+        defines = dict(re.findall(r"^#define (\w+) (.*)$", text, re.MULTILINE))
+        self.n_a, self.n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
+        real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
+        a, e = self.n_a, self.n_e
+        full = [("W_ee", e * e), ("energy", 1)] if int(defines["CFEM_FULL"]) else []
+        model = [("delta_a", a), ("lambda_a", a), ("W_aa", a * a), ("W_ea", e * a), ("free_a", a), ("free_e", e), *full]
+        self._input = _struct(
+            [("goal", real * e), ("error", real * e), ("delta_a", real * a), ("measured", ctypes.c_int)]
+        )()
+        self._output = _struct(
+            [("delta_a", real * a), ("lambda_a", real * a), ("x_e", real * e), ("status", ctypes.c_uint)]
+        )()
+        self._model = _struct([(name, ctypes.c_double * size) for name, size in model])()
+        self._library = library(folder, flags)
+        self._state = (ctypes.c_double * (4 * a + 3 * e + a * a + e * a))()  # cfem_controller holds doubles only
+        self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]
+        self.reset()
+
+    def reset(self) -> None:
+        self._library.cfem_init(self._references[0])
+
+    def step(self, goal: np.ndarray, error: np.ndarray | None = None, delta_a: np.ndarray | None = None) -> Command:
+        """goal (n_e,) mm absolute; error (n_e,) mm where the effectors were measured since the last tick; delta_a (n_a,) mm
+        for the observer that needs it."""
+        self._input.goal[:] = goal.tolist()
+        self._input.measured = error is not None
+        if error is not None:
+            self._input.error[:] = error.tolist()
+        if delta_a is not None:
+            self._input.delta_a[:] = delta_a.tolist()
+        self._library.cfem_step(*self._references)
+        out = self._output
+        return Command(np.array(out.delta_a), np.array(out.lambda_a), np.array(out.x_e), out.status)
+
+    def model(self, s: np.ndarray) -> dict[str, np.ndarray]:
+        """The members of cfem_condensed at s (n_a,), flat, and 'status'."""
+        status = self._library.cfem_model((ctypes.c_double * self.n_a)(*s.tolist()), ctypes.byref(self._model))
+        return {name: np.array(getattr(self._model, name)) for name, _ in self._model._fields_} | {"status": status}
+
+
+def _struct(fields: list[tuple[str, type]]) -> type[ctypes.Structure]:
+    return type("Struct", (ctypes.Structure,), {"_fields_": fields})
