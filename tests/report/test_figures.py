@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from cfem.report.forces_figure import forces_figure
 from cfem.report.robot_figure import robot_figure
 from cfem.report.tracking_figure import effort_figure, tracking_figure
 
@@ -23,6 +24,12 @@ def rows(errors):
 @pytest.mark.parametrize("error", [0.0, 0.1, np.nan])
 def test_tracking_draws_exact_failed_and_ordinary_results(error):
     assert tracking_figure(rows([error] * 8), "t").startswith(PNG)
+
+
+@pytest.mark.parametrize("robots", [0, 1, 2])
+def test_forces_are_drawn_with_and_without_an_object(robots):
+    carried = {"lambda_a": np.full((8, 2), 0.03)} | ({"contact": np.ones((8, 3 * robots))} if robots else {})
+    assert forces_figure(rows([0.1] * 8) | carried, ["a.left", "b.left"], "t").startswith(PNG)
 
 
 def test_effort_draws_trajectories_with_and_without_reachable_goals():

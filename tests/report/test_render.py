@@ -50,3 +50,10 @@ def test_the_camera_is_a_rotation_and_looks_where_it_says():
         np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-14)
         assert np.linalg.det(axes) > 0
     np.testing.assert_allclose(CAMERA.project(np.array([3.0, 1.0, 2.0])), [1.0, 2.0, 3.0], atol=1e-15)
+
+
+def test_every_triangle_may_have_its_own_colour():
+    frame = Frame.around(np.array([[0, -2, -2], [0, 2, 2.0]]), CAMERA, width=100, margin=0.0)
+    image = draw(Body(SQUARE, QUAD, np.array([[1.0, 0, 0], [0, 1.0, 0]])), CAMERA, frame)[0]
+    red, green = (image[..., channel] > 0.3 for channel in (0, 1))
+    assert abs(red.mean() - 0.125) < 0.01 and abs(green.mean() - 0.125) < 0.01

@@ -21,7 +21,7 @@ from cfem.predict.protocol import Predictor
 @dataclass(frozen=True)
 class RobotsAndObject:
     """What control asks of a robot, for several and what they hold: see `cfem.equilibrium.robot.Robot`. X (n, 3) and
-    facets are of all robots, one after the other, at rest, and of the object."""
+    facets are of all robots, one after the other, at rest, and of the object, whose points are the last."""
 
     rows: Rows
     rest_e: np.ndarray
@@ -30,6 +30,7 @@ class RobotsAndObject:
     length: float
     X: np.ndarray
     facets: np.ndarray
+    object_points: int
 
 
 def assembled(
@@ -70,6 +71,7 @@ def assembled(
         robot.length,
         np.concatenate([*(mesh.X @ turn.T + shift for turn, shift in places), points]),
         np.concatenate([*(mesh.facets + i * len(mesh.X) for i in range(count)), surface + count * len(mesh.X)]),
+        len(points),
     )
     return facts, coupled, plant
 

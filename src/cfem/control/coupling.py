@@ -77,7 +77,8 @@ class Held(Condensed):
 
     X: (n,) its pose; parts: the robots' own states; balance: (2,) sum of the forces and of the moments on the
     object, relative to the largest of either; stiffness: (n, n) K_XX; softest: its smallest eigenvalue over the
-    largest, lengths scaled by that of the levers; updates: Newton steps that it took."""
+    largest, lengths scaled by that of the levers; updates: Newton steps that it took; forces: (robots, 3) N by which
+    each robot pushes the object."""
 
     X: np.ndarray
     parts: tuple[State, ...]
@@ -85,6 +86,7 @@ class Held(Condensed):
     stiffness: np.ndarray
     softest: float
     updates: int
+    forces: np.ndarray
 
 
 class Coupled:
@@ -230,6 +232,9 @@ class Coupled:
         delta = np.concatenate([X[:3], delta_a])
         plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:3], flexible[:3, :3])
         stiffness = K[n_a:, n_a:]
+        forces = -np.array(
+            [hold.turn @ one.lambda_a[hold.n_a :][:3] for hold, one in zip(self.holds, parts, strict=True)]
+        )
         held = Held(
             plain.rows,
             plain.W,
@@ -241,6 +246,7 @@ class Coupled:
             stiffness,
             self._softest(stiffness),
             updates,
+            forces,
         )
         self._last, self._slope = held, slope
         return held

@@ -67,6 +67,8 @@ def _work(
             records += rows
             states |= pictures
             results[name] = _summary(rows, robot.length)
+    if spec.object:
+        states["object_points"] = np.array(robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, robot)
     cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
@@ -205,7 +207,7 @@ def _write_table(path: Path, records: list[dict], robot) -> None:
 
     from cfem.dataset.writer import write_table
 
-    vectors = {"goal", "x_e", "delta_a", "lambda_a", "predicted_e"}
+    vectors = {"goal", "x_e", "delta_a", "lambda_a", "predicted_e", "contact"}
     columns = {key: [row[key] for row in records] for key in records[0]}
     arrays = {
         key: pa.FixedSizeListArray.from_arrays(pa.array(np.concatenate(values)), len(values[0]))
@@ -219,6 +221,7 @@ def _write_table(path: Path, records: list[dict], robot) -> None:
         "x_e": "mm",
         "delta_a": "mm",
         "lambda_a": "N",
+        "contact": "N",
         "predicted_e": "mm",
         "step_us": "us",
         "seconds": "s",

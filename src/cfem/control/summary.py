@@ -11,9 +11,11 @@ FE_BASED = "fe-based"
 
 def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None) -> dict:
     """One row of `trajectories.parquet`; lengths mm, forces N. fe: what FE-based control did at the same
-    goal."""
+    goal. Robots that hold an object: also `contact`, the force by which each of them pushes it, by the plan."""
     plan, measured = tracked.plan, tracked.measured
+    pushes = getattr(plan.iterate.condensed, "forces", None)
     return {
+        **({} if pushes is None else {"contact": pushes.ravel()}),
         "trajectory": trajectory,
         "controller": tracked.controller,
         "goal_index": tracked.index,

@@ -29,7 +29,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Body:
-    """x: (n, 3) mm; triangles: (k, 3); colour: (3,) red, green, blue in [0, 1]."""
+    """x: (n, 3) mm; triangles: (k, 3); colour: (3,) red, green, blue in [0, 1], or (k, 3), one a triangle."""
 
     x: np.ndarray
     triangles: np.ndarray
@@ -82,6 +82,7 @@ def _paint(corners: np.ndarray, base: np.ndarray, depth: np.ndarray, colour: np.
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     keep = area > 1e-9
     corners, u, v, area = corners[keep], u[keep], v[keep], area[keep]
+    base = np.broadcast_to(base, (len(keep), 3))[keep]
     shade = _light(u, v)
     first = np.clip(np.floor(corners[..., :2].min(axis=1)).astype(int), 0, None)
     last = np.minimum(np.ceil(corners[..., :2].max(axis=1)).astype(int) + 1, np.array(depth.shape)[::-1])
@@ -95,7 +96,7 @@ def _paint(corners: np.ndarray, base: np.ndarray, depth: np.ndarray, colour: np.
         window = depth[bottom:top, left:right]
         nearer = (b >= 0) & (c >= 0) & (b + c <= 1) & (z > window)
         window[nearer] = z[nearer]
-        colour[bottom:top, left:right][nearer] = base * shade[triangle]
+        colour[bottom:top, left:right][nearer] = base[triangle] * shade[triangle]
 
 
 def _light(u: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -7,13 +7,21 @@ from cfem.report.render import Body, Camera, Frame, draw, flat_triangles
 from cfem.report.style import FAINT, INK, png
 
 REST = np.array([0.82, 0.84, 0.86])
+OBJECT = np.array([0.88, 0.66, 0.35])  # what robots hold
 
 
 def robot_figure(
-    X: np.ndarray, facets: np.ndarray, states: np.ndarray, goals: np.ndarray, reached: np.ndarray, title: str
+    X: np.ndarray,
+    facets: np.ndarray,
+    states: np.ndarray,
+    goals: np.ndarray,
+    reached: np.ndarray,
+    title: str,
+    object_points: int = 0,
 ) -> bytes:
     """X (n, 3) rest, states (k, n, 3) deformed, goals and reached (m, 3), all mm. The rest state is grey, the
-    others go from light to deep blue in the order of the trajectory, the last one solid."""
+    others go from light to deep blue in the order of the trajectory, the last one solid. The last `object_points` of
+    the nodes are those of what the robot holds, which is drawn at the end, in its own colour."""
     triangles = flat_triangles(facets)
     shades = plt.get_cmap("YlGnBu")(np.linspace(0.45, 0.75, max(len(states), 1)))[:, :3]
     camera = _aside(reached)
@@ -21,14 +29,18 @@ def robot_figure(
     layers = [(X, REST, 0.45)]
     # Ghosts up to the last state, which is solid: bodies that overlap in space would hide one another in pieces.
     layers += [(x, shade, 0.4) for x, shade in zip(states[:-1], shades[:-1], strict=True)]
-    layers += [(states[-1], shades[-1], 1.0)] if len(states) else []
+    last = states[-1] if len(states) else X
+    layers += [(last, shades[-1], 1.0)] if len(states) else []
     extent = (*frame.low[:1], *frame.high[:1], *frame.low[1:], *frame.high[1:])
     flat_goals, flat_reached = camera.project(goals)[:, :2], camera.project(reached)[:, :2]
     everything = np.vstack([flat_goals, [[extent[0], extent[2]], [extent[1], extent[3]]]])
     low, high = everything.min(axis=0) - 4, everything.max(axis=0) + 4
     figure, axis = plt.subplots(figsize=7.2 * (high - low) / (high - low).max() + [0.0, 0.5])
     for x, colour, alpha in layers:
-        image, place = draw(Body(x, triangles, colour), camera, frame)
+        held = (triangles >= len(X) - object_points).all(axis=1)
+        colours = np.where(held[:, None], OBJECT, colour)
+        shown = ~held | (x is last)  # one object: its moves are small beside it
+        image, place = draw(Body(x, triangles[shown], colours[shown]), camera, frame)
         axis.imshow(image, extent=place, origin="lower", interpolation="antialiased", zorder=1, alpha=alpha)
     axis.plot(*flat_goals.T, "o", ms=4.5, mfc="white", mec=INK, mew=1.1, zorder=3, label="goals")
     axis.plot(*flat_reached.T, color="#d1432b", lw=2.2, zorder=3, label="reached")

@@ -10,7 +10,7 @@ from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_st
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec
 
-VERSION = 3
+VERSION = 4
 PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes")
 FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
 Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
@@ -190,15 +190,20 @@ def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dic
 def _tracked(control: Path, tracking: dict) -> dict:
     """Two pictures a trajectory, the robot in space and the distances; the first robot is also called
     `tracked`."""
+    import json
+
     import numpy as np
     import pyarrow.parquet as pq
 
+    from cfem.report.forces_figure import forces_figure
     from cfem.report.page import Picture
     from cfem.report.robot_figure import robot_figure
     from cfem.report.tracking_figure import tracking_figure
 
     table = pq.read_table(artefact_file(control, "trajectories.parquet"), page_checksum_verification=True)
     columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
+    meta = json.loads(table.schema.metadata[b"cfem"])
+    actuators = meta["rows"][columns["goal"].shape[1] :]
     with np.load(artefact_file(control, "states.npz"), allow_pickle=False) as file:
         states = dict(file)
     found = {}
@@ -215,11 +220,15 @@ def _tracked(control: Path, tracking: dict) -> dict:
                 rows["goal"][shown],
                 rows["x_e"][shown],
                 name.replace("-", " "),
+                int(states.get("object_points", 0)),
             )
             found[f"robot-{name}"] = Picture(picture, f"{name}: the FE robot at some of its goals, at rest in grey.")
         caption = (
             f"{name}: goals, positions that the FE robot reached, and the distances between them (at least 1e-7 mm)."
         )
         found[f"tracking-{name}"] = Picture(tracking_figure(rows, name.replace("-", " ")), caption)
+        found[f"tracking-forces-{name}"] = Picture(
+            forces_figure(rows, actuators, name.replace("-", " ")), f"{name}: what every controller expects to take."
+        )
     first = next((picture for key, picture in found.items() if key.startswith("robot-")), None)
     return {**found, "tracked": first} if first else found
