@@ -36,6 +36,11 @@ def _at(coefficients: list[float], s: float) -> float:
     return value
 
 
+def cross_matrix(v: np.ndarray) -> np.ndarray:
+    """(3, 3) [v] with [v] w = v x w."""
+    return np.tensordot(v, _E, 1)
+
+
 class Turn(NamedTuple):
     """R (3, 3); first (3, 3, 3) and second (3, 3, 3, 3) derivatives by the rotation vector, whose indices come
     first."""
@@ -50,7 +55,7 @@ def turn(theta: np.ndarray) -> Turn:
     s = float(theta @ theta)
     a, a1, a2 = (_at(one, s) for one in _A)
     b, b1, b2 = (_at(one, s) for one in _B)
-    S = (theta @ _E.reshape(3, 9)).reshape(3, 3)
+    S = cross_matrix(theta)
     SS = S @ S
     by_square = np.tensordot(theta, _EE, 1)  # derivatives of [theta]^2
     slope = a1 * S + b1 * SS

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from cfem.contact.check import Check, check
 from cfem.contact.modes import Mode
@@ -94,9 +95,9 @@ def press(
         frames = np.concatenate([one.frames(x[None]) for one, x in zip(obstacles, at, strict=True)])
         gap = np.einsum("kij,kj->ki", frames, at - stuck)
         gap[:, 0] = [float(one.distance(x[None])[0]) for one, x in zip(obstacles, at, strict=True)]
-        turn = _block_diagonal(frames)
-        yields = _yield(solved, actuators)
-        W = turn @ yields @ turn.T
+        turn = block_diag(*frames)
+        compliance = yields(solved, actuators)
+        W = turn @ compliance @ turn.T
         force = turn @ solved.lambda_c
         posed = ContactProblem((W + W.T) / 2, gap.ravel() - W @ force, mu=mu, cone=cone)
         verdict = check(posed, law, force)
@@ -107,22 +108,14 @@ def press(
         if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
             return Press(PressStatus.NO_MODE, solved, modes, stuck, verdict, iteration + 1, cost)
         modes = answer.modes
-        delta = delta + yields @ turn.T @ (answer.lam - force)
+        delta = delta + compliance @ turn.T @ (answer.lam - force)
     return Press(PressStatus.ITERATIONS, solved, modes, stuck, verdict, iterations, cost)
 
 
-def _yield(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
+def yields(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
     """(n_c, n_c) mm/N: of the contact rows to their forces, the actuators as they are driven, slack ones free."""
     condensed, rows = solved.condensed, solved.condensed.rows
     C = actuators.C[(actuators.C[:, ~solved.slack] != 0).any(axis=1)]
     W_ac = C @ condensed.W[rows.a, rows.c]
     W_aa = C @ condensed.W[rows.a, rows.a] @ C.T
     return condensed.W[rows.c, rows.c] - W_ac.T @ np.linalg.solve(W_aa, W_ac)
-
-
-def _block_diagonal(frames: np.ndarray) -> np.ndarray:
-    k = len(frames)
-    out = np.zeros((3 * k, 3 * k))
-    for i, frame in enumerate(frames):
-        out[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = frame
-    return out
