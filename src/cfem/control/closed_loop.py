@@ -26,13 +26,15 @@ class Gains:
 @dataclass(frozen=True)
 class Pace:
     """When the next goal is due. ticks_a_goal: after so many ticks, None: as soon as the effectors have been within
-    radius (mm) for `hold` ticks, or after at_most ticks; budget: ticks in all, None: enough for every goal."""
+    radius (mm) for `hold` ticks, or after at_most ticks; budget: ticks in all, None: enough for every goal; approach:
+    at least so many for the first."""
 
     radius: float
     hold: int
     ticks_a_goal: int | None = None
     at_most: int = 1000
     budget: int | None = None
+    approach: int = 0
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,7 @@ def run_loop(
         spent += 1
         held = held + 1 if error <= pace.radius else 0
         arrived = held >= pace.hold and pace.ticks_a_goal is None
-        if arrived or spent >= (pace.ticks_a_goal or pace.at_most):
+        most = max(pace.ticks_a_goal or pace.at_most, 0 if index else pace.approach)
+        if arrived or spent >= most:
             index, spent, held = index + 1, 0, 0
     return moments

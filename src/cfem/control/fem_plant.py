@@ -3,6 +3,7 @@ acts on."""
 
 import time
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,17 @@ from cfem.equilibrium.solve import solve
 
 MEMORY = 200  # solved states that predictions draw on
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new
+
+
+def pushed(robot: Robot, push: np.ndarray) -> Robot:
+    """The robot under forces push (n_e,) N on its effectors: dead loads on the nodes that they follow at rest."""
+    loads = np.zeros_like(robot.X) if robot.loads is None else robot.loads.copy()
+    first = 0
+    for effector in robot.effectors:
+        rows = slice(first, first + len(effector.rest))
+        np.add.at(loads, effector.nodes, np.einsum("r,rki->ki", push[rows], effector.gradient(robot.X)))
+        first = rows.stop
+    return replace(robot, loads=loads)
 
 
 class FemPlant:

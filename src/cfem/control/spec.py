@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt, model_validator
 
+from cfem.control.closed_loop_spec import LoopSpec
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Force, ForceVector, Length, LengthMatrix, LengthVector, Point
 from cfem.robot.geometry import Turn
@@ -101,13 +102,13 @@ class ControlSpec(Spec):
     kept of each trajectory; reached: a goal counts as reachable where the search ends nearer than this. object: what
     the scene's contact points hold, whose centre then is what follows the goals; robots: that hold it, one where the
     scene stands unless given; updates: of the object's pose at each query of a learned model, as many as it takes to
-    balance it unless given."""
+    balance it unless given. loop: control over time instead, tick by tick, open or closed; `pipe` is a plant of it."""
 
     scene: Path
     mesh: Path
     models: dict[str, Path] = Field(min_length=1)
     out: Path
-    plant: Literal["fem", "model"] = "fem"
+    plant: Literal["fem", "model", "pipe"] = "fem"
     runtime: Literal["arrays", "onnx"] = "arrays"
     fe_based: bool = True
     fe_tolerance: Length = 1e-3
@@ -119,6 +120,7 @@ class ControlSpec(Spec):
     object: ObjectSpec | None = None
     robots: list[RobotSpec] = Field(default=[RobotSpec(name="robot")], min_length=1)
     updates: PositiveInt | None = None
+    loop: LoopSpec | None = None
 
     @model_validator(mode="after")
     def _object_and_fe(self):
@@ -131,8 +133,26 @@ class ControlSpec(Spec):
 
     @model_validator(mode="after")
     def _fe_needs_fe(self):
-        if self.plant == "model" and self.fe_based:
+        if self.plant == "model" and self.fe_based and not self.loop:
             raise ValueError("fe_based needs plant: fem; with plant: model set it to false")
-        if self.plant == "model" and any(t.kind == "image" for t in self.trajectories.values()):
+        if self.plant != "fem" and any(t.kind == "image" for t in self.trajectories.values()):
             raise ValueError("an image trajectory needs plant: fem")
+        return self
+
+    @model_validator(mode="after")
+    def _loop_fits(self):
+        loop = self.loop
+        if (self.plant == "pipe") != (loop is not None and loop.device is not None):
+            raise ValueError("plant: pipe needs loop.device, and loop.device plant: pipe")
+        if loop is None:
+            return self
+        if self.object:
+            raise ValueError("a loop takes one robot without an object")
+        unknown = {one.model for one in loop.controllers.values()} - {None, *self.models}
+        if unknown:
+            raise ValueError(f"loop.controllers: models {sorted(unknown)} are not among {sorted(self.models)}")
+        if self.plant != "fem" and (loop.real.scene or loop.real.mesh):
+            raise ValueError("loop.real.scene and loop.real.mesh need plant: fem")
+        if self.plant != "model" and loop.real.stiffer != 1:
+            raise ValueError("loop.real.stiffer needs plant: model; with plant: fem override the scene's material")
         return self

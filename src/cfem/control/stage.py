@@ -23,7 +23,9 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     base = spec_path.parent
     models = {name: base / path for name, path in spec.models.items()}
     scene = base / spec.scene
+    real = spec.loop.real.mesh if spec.loop else None
     inputs = {"mesh": base / spec.mesh} | {f"model {name}": path for name, path in models.items()}
+    inputs |= {"real mesh": base / real} if real else {}
     stage = Stage(
         name="control",
         version=VERSION,
@@ -59,6 +61,11 @@ def _work(
         fem = FemPlant(robot) if spec.plant == "fem" else None
         plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
     goals = {name: _goals(name, trajectory, robot, fem) for name, trajectory in spec.trajectories.items()}
+    if spec.loop:
+        from cfem.control.closed_loop_stage import run_controllers
+
+        pilot = _limits(spec, robot), _weights(spec, robot), _settings(spec)
+        return run_controllers(folder, spec, scene, mesh, robot, predictors, goals, pilot, options)
 
     records, states, results = [], {"X": robot.X, "facets": robot.facets}, {}
     with progress("control", sum(map(len, goals.values())), quiet=options.quiet) as advance:
@@ -140,9 +147,7 @@ def _follow(
     from cfem.control.summary import FE_BASED, record
 
     limits, settings = _limits(spec, robot), _settings(spec)
-    weights = np.ones(robot.rows.n_e) if spec.search.weights is None else np.array(spec.search.weights)
-    if len(weights) != robot.rows.n_e:
-        raise SpecError(f"{len(weights)} weights for {robot.rows.n_e} effector rows", where="search.weights")
+    weights = _weights(spec, robot)
     ridge = ridge_of(spec.search.regularisation, robot.reach, robot.length)
     learned = [Controller(model, predictor, settings, settings) for model, predictor in predictors.items()]
     first, predictor = next(iter(predictors.items()))
@@ -185,6 +190,13 @@ def _limits(spec: ControlSpec, robot):
         return limits
     bound = spec.search.largest_force
     return replace(limits, lambda_a=np.clip(limits.lambda_a, -bound, bound))
+
+
+def _weights(spec: ControlSpec, robot) -> np.ndarray:
+    weights = np.ones(robot.rows.n_e) if spec.search.weights is None else np.array(spec.search.weights)
+    if len(weights) != robot.rows.n_e:
+        raise SpecError(f"{len(weights)} weights for {robot.rows.n_e} effector rows", where="search.weights")
+    return weights
 
 
 def _settings(spec: ControlSpec):

@@ -25,6 +25,8 @@ _USUAL = {
     "mm^3": {"mm^3": 1.0, "ul": 1.0, "ml": 1e3, "cm^3": 1e3, "l": 1e6},
     "mm/s^2": {"mm/s^2": 1.0, "m/s^2": 1e3},
     "t/mm^3": {"kg/m^3": 1e-12, "g/cm^3": 1e-9, "t/mm^3": 1.0},
+    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "Hz": {"Hz": 1.0, "kHz": 1e3},
 }
 
 
@@ -59,6 +61,8 @@ _DIMENSION = {
     "mm^3": "volume",
     "mm/s^2": "acceleration",
     "t/mm^3": "density",
+    "s": "time",
+    "Hz": "frequency",
 }
 
 
@@ -148,6 +152,8 @@ Force = _scalar("N")
 Stress = _scalar("MPa")
 Angle = _scalar("rad")
 Density = _scalar("t/mm^3")
+Time = _scalar("s")
+Frequency = _scalar("Hz")
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
 LengthRange = _vector("mm", 1, 2)  # (2,) mm
@@ -156,6 +162,7 @@ AngleRanges = _vector("rad", 2, 2)  # (m, 2) rad
 Point = _vector("mm", 1, 3)  # (3,) mm
 Points = _vector("mm", 2, 3)  # (m, 3) mm
 StressVector = _vector("MPa", 1)  # (k,) MPa
+StressRange = _vector("MPa", 1, 2)  # (2,) MPa
 VolumeRange = _vector("mm^3", 1, 2)  # (2,) mm^3
 AccelerationVector = _vector("mm/s^2", 1, 3)  # (3,) mm/s^2
 ForceVector = _vector("N", 1, 3)  # (3,) N

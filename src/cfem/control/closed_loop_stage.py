@@ -1,0 +1,196 @@
+"""The `loop:` part of `cfem control`: every controller along every trajectory, into the plant that the spec says."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.control.closed_loop import Gains, Pace, run_loop
+from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
+from cfem.control.closed_loop_summary import headline, record, summarise
+from cfem.control.gains import integral_for, late_samples
+from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.control.inverse import Limits, ridge_of
+from cfem.control.loop import Settings
+from cfem.control.pipe_plant import PipePlant
+from cfem.control.plant import ModelPlant, Plant
+from cfem.control.spec import ControlSpec
+from cfem.control.tick import Pilot
+from cfem.core.errors import SpecError
+from cfem.core.progress import progress
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options
+from cfem.equilibrium.robot import Robot
+from cfem.predict.protocol import Predictor
+from cfem.robot.spec import SceneSpec
+
+PlantOf = Callable[[int], Any]  # seed -> context of a plant
+
+
+def run_controllers(
+    folder: Path,
+    spec: ControlSpec,
+    scene: Path,
+    mesh: Path,
+    robot: Robot,
+    predictors: Mapping[str, Predictor],
+    goals: Mapping[str, np.ndarray],
+    pilot: tuple[Limits, np.ndarray, Settings],
+    options: Options,
+) -> dict[str, Any]:
+    """Writes loop.parquet, a row a tick; returns the results. pilot: limits, weights of effector rows, settings; goals:
+    (m, n_e) mm absolute by trajectory. InputError where the device fails."""
+    loop, pace = spec.loop, _pace(spec.loop)
+    plant_of = _plants(spec, scene, mesh, robot, predictors)
+    records, results = [], {}
+    with progress("control", _visits(goals, loop), quiet=options.quiet) as advance:
+        for trajectory, points in goals.items():
+            results[trajectory] = {}
+            for name, controller in loop.controllers.items():
+                model, gains = predictors[controller.model or next(iter(predictors))], _gains(controller, loop)
+                flown = _pilot(controller, loop, model, robot, *pilot, spec.search.regularisation)
+                runs = []
+                for seed in _seeds(controller, loop):
+                    with plant_of(seed) as plant:
+                        runs.append(run_loop(points, flown, plant, robot.rest_e, pace, gains, after=_Counter(advance)))
+                    records += [record(trajectory, name, seed, loop.rate, one) for one in runs[-1]]
+                results[trajectory][name] = {
+                    "gains": gains and {"proportional": gains.proportional, "integral": gains.integral},
+                    **summarise(runs, len(points), pace, loop.rate),
+                }
+    _write(folder / "loop.parquet", records, robot)
+    return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
+
+
+def _visits(goals: Mapping[str, np.ndarray], loop: LoopSpec) -> int:
+    return sum(map(len, goals.values())) * sum(len(_seeds(one, loop)) for one in loop.controllers.values())
+
+
+class _Counter:
+    """Advances the progress by a goal when the loop has gone on to it."""
+
+    def __init__(self, advance: Callable[[int], None]):
+        self._advance, self._seen = advance, -1
+
+    def __call__(self, index: int) -> None:
+        if index > self._seen:
+            self._seen = index
+            self._advance(1)
+
+
+def _seeds(controller: ControllerSpec, loop: LoopSpec) -> list[int]:
+    """The first alone where nothing that is measured changes a command."""
+    deaf = controller.mode == "open" and controller.observer != "measured"
+    return loop.seeds[:1] if deaf else loop.seeds
+
+
+def _pilot(
+    controller: ControllerSpec,
+    loop: LoopSpec,
+    model: Predictor,
+    robot: Robot,
+    limits: Limits,
+    weights: np.ndarray,
+    settings: Settings,
+    regularisation: float,
+) -> Pilot:
+    command = loop.command
+    if command.kind == "force" and command.largest is not None:
+        limits = replace(limits, lambda_a=np.clip(limits.lambda_a, -command.largest, command.largest))
+    return Pilot(
+        model,
+        command.kind,
+        controller.observer,
+        limits,
+        weights,
+        ridge_of(regularisation, robot.reach, robot.length),
+        replace(settings, iterations=controller.iterations),
+        np.inf if command.step is None else command.step,
+    )
+
+
+def _gains(controller: ControllerSpec, loop: LoopSpec) -> Gains | None:
+    if controller.mode == "open":
+        return None
+    spec = controller.gains
+    bound = np.inf if spec is None or spec.bound is None else spec.bound
+    if spec is not None and spec.integral is not None:
+        return Gains(spec.proportional, spec.integral, bound)
+    margin = np.deg2rad(60) if spec is None else spec.phase_margin
+    return Gains(0.0, integral_for(margin, late_samples(loop.sensor.delay, loop.ticks_a_sample)), bound)
+
+
+def _pace(loop: LoopSpec) -> Pace:
+    return Pace(
+        loop.settle.radius,
+        loop.ticks(loop.settle.hold),
+        None if loop.goal_every is None else loop.ticks(loop.goal_every),
+        loop.ticks(loop.settle.at_most),
+        None if loop.budget is None else loop.ticks(loop.budget),
+        0 if loop.goal_every is None else loop.ticks(loop.approach),
+    )
+
+
+def _plants(spec: ControlSpec, scene: Path, mesh: Path, robot: Robot, predictors: Mapping[str, Predictor]) -> PlantOf:
+    """What makes the plant of a run: the same robot for all, sensors of its own for each; of a device a new start."""
+    loop, rest_e = spec.loop, robot.rest_e
+    if spec.plant == "pipe":
+        return lambda seed: PipePlant(loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate)
+    push = None if loop.disturbance is None else _on_effectors(loop.disturbance.force, robot)
+    if spec.plant == "fem":
+        plain, pushed = _fem_plants(spec, scene, mesh, push)
+    else:
+        real = Stiffer(next(iter(predictors.values())), loop.real.stiffer)
+        plain = ModelPlant(real, rest_e)
+        pushed = None if push is None else ModelPlant(real, rest_e, push)
+    sensor, quantum = loop.sensor, loop.command.quantum
+    imperfection = Imperfection(sensor.noise, 1 / loop.ticks_a_sample, sensor.delay, quantum or 0.0)
+    since = loop.disturbance.tick if loop.disturbance else 0
+
+    @contextmanager
+    def of(seed: int) -> Iterator[Plant]:
+        yield ImperfectPlant(plain, imperfection, seed, pushed, since)
+
+    return of
+
+
+def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
+    """(n_e,) N: `force` (3,) on the first effector, whose first rows are x, y, z."""
+    if robot.rows.n_e < 3:
+        raise SpecError("needs an effector with rows x, y, z", where="loop.disturbance")
+    return np.concatenate([force, np.zeros(robot.rows.n_e - 3)])
+
+
+def _fem_plants(spec: ControlSpec, scene: Path, mesh: Path, push: np.ndarray | None) -> tuple[Plant, Plant | None]:
+    """The real robot in full, and the same under a push (n_e,) N on its effectors."""
+    from cfem.control.fem_plant import FemPlant, pushed
+    from cfem.robot.build import build_robot
+    from cfem.robot.load import load_scene_and_mesh
+
+    real = spec.loop.real
+    _, nodes = load_scene_and_mesh(scene, scene.parent / real.mesh if real.mesh else mesh)
+    robot = build_robot(load_spec(scene, SceneSpec, real.scene), nodes)
+    if push is None:
+        return FemPlant(robot), None
+    return FemPlant(robot), FemPlant(pushed(robot, push))
+
+
+def _write(path: Path, records: list[dict[str, Any]], robot: Robot) -> None:
+    import json
+
+    import pyarrow as pa
+
+    from cfem.dataset.writer import write_table
+
+    def column(values: list) -> pa.Array:
+        if isinstance(values[0], np.ndarray):
+            return pa.FixedSizeListArray.from_arrays(pa.array(np.concatenate(values)), len(values[0]))
+        return pa.array(values)
+
+    units = dict.fromkeys(("goal", "aimed", "x_e", "measured_e", "error"), "mm") | {"seconds": "s", "step_us": "us"}
+    meta = {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "units": units}
+    table = pa.table({key: column([row[key] for row in records]) for key in records[0]})
+    write_table(path, table.replace_schema_metadata({"cfem": json.dumps(meta)}))

@@ -1,0 +1,106 @@
+"""Ticks to rows of `loop.parquet` and to the numbers of the headline."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from cfem.control.closed_loop import Moment, Pace
+
+
+def record(trajectory: str, controller: str, seed: int, rate: float, one: Moment) -> dict[str, Any]:
+    """One row, lengths in mm. rate: ticks a second."""
+    return {
+        "trajectory": trajectory,
+        "controller": controller,
+        "seed": seed,
+        "tick": one.tick,
+        "seconds": one.tick / rate,
+        "goal_index": one.index,
+        "goal": one.goal,
+        "aimed": one.aimed,
+        "x_e": one.actual.x_e,
+        "measured_e": one.measured.x_e,
+        "measured_tick": one.measured.t,
+        "error": one.error,
+        "command": one.belief.u,
+        "delta_a": one.belief.iterate.condensed.delta_a,
+        "status": one.belief.status,
+        "plant_status": one.actual.status,
+        "step_us": 1e6 * one.cpu,
+    }
+
+
+def summarise(runs: Sequence[Sequence[Moment]], goals: int, pace: Pace, rate: float) -> dict[str, Any]:
+    """Of one controller on one trajectory, all seeds together.
+
+    reached: goals a run, as `Pace` has it, or within its radius when the next one was due; error: mm at every tick,
+    the first goal's left out where goals come by the clock (the robot is on its way there), error_at_goals: when the
+    next one was due; ticks_to_converge: to the first of the ticks that held, of goals that were held; step_us: CPU."""
+    each = [[list(of) for _, of in groupby(run, key=lambda one: one.index)] for run in runs]
+    timed = pace.ticks_a_goal is not None
+    ends = [of[-1].error for visits in each for of in visits]
+    way = [one.error for visits in each for of in visits[1 if timed and goals > 1 else 0 :] for one in of]
+    cpu = [1e6 * one.cpu for run in runs for one in run]
+    waits = [wait for visits in each for of in visits if (wait := _wait(of, pace)) is not None]
+    reached = [sum(_reached(of, pace) for of in visits) for visits in each]
+    return {
+        "runs": len(runs),
+        "goals": goals,
+        "reached": {"mean": float(np.mean(reached)), "min": min(reached), "max": max(reached)},
+        "ticks": float(np.mean([len(run) for run in runs])),
+        "seconds": float(np.mean([len(run) for run in runs]) / rate),
+        "error": _spread(way),
+        "error_at_goals": _spread(ends),
+        "ticks_to_converge": None
+        if timed
+        else {
+            "held": len(waits),
+            "of": sum(map(len, each)),
+            "median": float(np.median(waits)) if waits else None,
+            "max": max(waits, default=None),
+        },
+        "seconds_to_converge": float(np.median(waits) / rate) if waits and not timed else None,
+        "plant_failed": sum(one.actual.status != "converged" for run in runs for one in run),
+        "step_us": {
+            "median": float(np.median(cpu)),
+            "p99": float(np.percentile(cpu, 99)),
+            "max": max(cpu),
+        },
+    }
+
+
+def headline(results: dict[str, dict[str, dict]]) -> list[str]:
+    """One sentence a trajectory and controller."""
+    lines = []
+    for trajectory, controllers in results.items():
+        for name, row in controllers.items():
+            error, wait = row["error_at_goals"], row["ticks_to_converge"]
+            parts = [f"{row['reached']['mean']:g} of {row['goals']} goals reached in {row['seconds']:.3g} s"]
+            if wait and wait["held"]:
+                parts.append(f"after {wait['median']:g} ticks each, {wait['max']} at most")
+            if error:
+                parts.append(f"mean {error['mean']:.2g}, max {error['max']:.2g} mm off when the next was due")
+            parts.append(f"{row['step_us']['median']:.0f} us of CPU a tick")
+            if row["plant_failed"]:
+                parts.append(f"the plant FAILED in {row['plant_failed']} ticks")
+            lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
+    return lines
+
+
+def _reached(of: list[Moment], pace: Pace) -> bool:
+    return of[-1].error <= pace.radius if pace.ticks_a_goal is not None else _wait(of, pace) is not None
+
+
+def _wait(of: list[Moment], pace: Pace) -> int | None:
+    """Ticks until the robot came to stay, None where it did not."""
+    held = of[-pace.hold :]
+    return len(of) - pace.hold + 1 if len(held) == pace.hold and all(one.error <= pace.radius for one in held) else None
+
+
+def _spread(values: Sequence[float]) -> dict[str, float] | None:
+    known = np.array([value for value in values if np.isfinite(value)])
+    if not len(known):
+        return None
+    return {"mean": float(known.mean()), "max": float(known.max()), "rms": float(np.sqrt((known**2).mean()))}

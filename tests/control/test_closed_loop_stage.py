@@ -1,0 +1,165 @@
+"""The loop part of the spec, from YAML to the table: a model as the plant, and a device behind a pipe."""
+
+import json
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from support.blocks import bar
+from surrogate.stored import train_folder
+
+from cfem.control.closed_loop_stage import run_controllers
+from cfem.control.fem_plant import FemPlant, pushed
+from cfem.control.gains import integral_for
+from cfem.control.inverse import Limits
+from cfem.control.loop import Settings
+from cfem.control.spec import ControlSpec
+from cfem.core.errors import InputError, SpecError
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options
+from cfem.predict.load import load_model
+
+SPEC = """
+scene: scene.yaml
+mesh: mesh
+models: {spectral: model}
+out: out
+plant: model
+trajectories:
+  points: {kind: goals, points: {mm: [[0, 0, 0]]}}
+loop:
+  rate: 50 Hz
+  command: {kind: force}
+  controllers:
+    open: {mode: open}
+    closed: {mode: closed}
+    paper: {mode: closed, observer: previous_step, gains: {proportional: 0.01, integral: 0.002}}
+  settle: {radius: 0.3 mm, hold: 0.2 s, at_most: 1 s}
+  sensor: {noise: 0.02 mm, delay: 1}
+  real: {stiffer: 1.1}
+  seeds: [1, 2]
+"""
+
+
+@pytest.fixture(scope="module")
+def model_folder(tmp_path_factory):
+    return train_folder(tmp_path_factory.mktemp("loop"), "{kind: spectral, max_degree: 10}", train=60)
+
+
+def load(tmp_path, *overrides) -> ControlSpec:
+    path = tmp_path / "control.yaml"
+    path.write_text(SPEC)
+    return load_spec(path, ControlSpec, overrides)
+
+
+def control(folder: Path, spec: ControlSpec, model_folder: Path):
+    model = load_model(model_folder)
+    unilateral = np.ones(2, dtype=bool)
+    robot = SimpleNamespace(
+        rows=model.rows, rest_e=model.rest_e, reach=model.reach, unilateral=unilateral, length=model.length
+    )
+    goals = np.array([model.rest_e + model.at_displacement(np.array(d)).delta_e for d in ([6.0, 5.0], [9.0, 9.5])])
+    pilot = Limits.of(model.reach, unilateral), np.ones(3), Settings()
+    return run_controllers(
+        folder,
+        spec,
+        Path("scene"),
+        Path("mesh"),
+        robot,
+        {"spectral": model},
+        {"points": goals},
+        pilot,
+        Options(quiet=True),
+    )
+
+
+def test_closed_reaches_what_open_misses(tmp_path, model_folder):
+    results = control(tmp_path, load(tmp_path), model_folder)
+    json.dumps(results, allow_nan=False)
+    found = results["loop"]["points"]
+    assert found["open"]["reached"]["max"] == 0 and found["closed"]["reached"]["min"] == 2
+    assert found["closed"]["ticks_to_converge"]["held"] == 4 and found["closed"]["ticks_to_converge"]["max"] <= 15
+    assert found["closed"]["gains"]["integral"] == pytest.approx(integral_for(np.pi / 3, 1))
+    assert found["paper"]["gains"] == {"proportional": 0.01, "integral": 0.002}
+    assert [found[name]["runs"] for name in ("open", "closed")] == [1, 2]
+    assert len(results["headline"]) == 3
+
+
+def test_the_table_holds_every_tick(tmp_path, model_folder):
+    results = control(tmp_path, load(tmp_path), model_folder)
+    table = pq.read_table(tmp_path / "loop.parquet", page_checksum_verification=True).to_pylist()
+    closed = [row for row in table if row["controller"] == "closed" and row["seed"] == 2]
+    assert [row["tick"] for row in closed] == list(range(1, len(closed) + 1))
+    assert closed[4]["measured_tick"] == 4 and closed[4]["seconds"] == pytest.approx(0.1)
+    at = [np.linalg.norm(np.array(row["x_e"]) - row["goal"]) for row in closed]
+    np.testing.assert_allclose([row["error"] for row in closed], at, atol=1e-12)
+    assert len({row["seed"] for row in table if row["controller"] == "open"}) == 1
+    assert results["loop"]["points"]["closed"]["ticks"] * 2 == sum(row["controller"] == "closed" for row in table)
+
+
+def test_the_same_spec_is_the_same_table(tmp_path, model_folder):
+    tables = []
+    for _ in range(2):
+        control(tmp_path, load(tmp_path), model_folder)
+        tables.append(repr(pq.read_table(tmp_path / "loop.parquet").drop_columns(["step_us"]).to_pylist()))
+    assert tables[0] == tables[1]
+
+
+def test_goals_by_the_clock(tmp_path, model_folder):
+    spec = load(tmp_path, "loop.goal_every=0.1 s", "loop.approach=0.4 s", "loop.seeds=[1]")
+    found = control(tmp_path, spec, model_folder)["loop"]["points"]["closed"]
+    assert found["ticks"] == 20 + 5 and found["ticks_to_converge"] is None
+    assert found["error_at_goals"]["max"] < found["error"]["max"]
+
+
+def test_a_budget_ends_the_run(tmp_path, model_folder):
+    found = control(tmp_path, load(tmp_path, "loop.budget=0.5 s"), model_folder)["loop"]["points"]
+    assert found["closed"]["ticks"] == 25 and found["closed"]["reached"]["max"] == 1
+
+
+def test_a_device_is_a_plant(tmp_path, model_folder):
+    device = [sys.executable, "-m", "cfem.control.fake_device", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
+    fast = ["loop.rate=1 kHz", "loop.settle.hold=10 ms", "loop.settle.at_most=40 ms"]
+    closed = "loop.controllers={closed: {mode: closed}}"
+    overrides = ["plant=pipe", "loop.real.stiffer=1", "loop.seeds=[0]", closed, *fast]
+    found = control(tmp_path, load(tmp_path, *overrides, f"loop.device={json.dumps(device)}"), model_folder)
+    assert found["loop"]["points"]["closed"]["reached"]["min"] == 2
+    with pytest.raises(InputError, match="ended"):
+        dying = json.dumps([*device, "--fail", "die", "--at", "5"])
+        control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
+
+
+@pytest.mark.parametrize(
+    "override, words",
+    [
+        ("loop.sensor.rate=80 Hz", "not be above"),
+        ("loop.rate=50", "a frequency with its unit"),
+        ("loop.settle.hold=1 mm", "not a unit of time"),
+        ("loop.command.step=5 kg", "or MPa"),
+        ("loop.command.kind=pressure", "displacement, force"),
+        ("loop.controllers.closed.gains={integral: 0.1, phase_margin: 60 deg}", "either integral or phase_margin"),
+        ("loop.controllers.closed.gains={phase_margin: 90 deg}", "between 0 and 90 deg"),
+        ("loop.controllers.open.gains={integral: 0.1}", "mode: open has no gains"),
+        ("loop.controllers.open.observr=measured", "did you mean 'observer'"),
+        ("loop.controllers.open.model=mlp", r"models \['mlp'\] are not among"),
+        ("plant=pipe", "needs loop.device"),
+        ("plant=fem", "stiffer needs plant: model"),
+        ("loop.real.scene=[material.young=1 MPa]", "need plant: fem"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, override, words):
+    with pytest.raises(SpecError, match=words):
+        load(tmp_path, override)
+
+
+def test_a_push_moves_the_fe_effector_by_its_compliance():
+    robot, push = bar(), np.array([0.0, 0.0, 1e-4])
+    free = FemPlant(robot)
+    before, after = free.step(np.zeros(2), "force"), FemPlant(pushed(robot, push)).step(np.zeros(2), "force")
+    W = free.at_displacement(before.delta_a).W
+    np.testing.assert_allclose(
+        after.x_e - before.x_e, W[:3, :3] @ push, rtol=1e-3, atol=1e-4 * np.abs(W[:3, :3] @ push).max()
+    )
