@@ -70,7 +70,10 @@ def test_editors_and_the_program_accept_the_same(parts):
             "cavity 'air': reach must be two numbers, the smaller first",
         ),
         ({"actuators": CAVITY.replace("ml", "mm")}, "'mm' is not a unit of volume; expected e.g. mm^3"),
-        ({"actuators": CAVITY.replace("cavity", "cavty")}, "expected one of cable, cavity; got 'cavty', did you mean"),
+        (
+            {"actuators": CAVITY.replace("cavity", "cavty")},
+            "expected one of cable, cavity, chambers; got 'cavty', did you mean",
+        ),
         ({"effectors": "[{name: tip}]"}, "effector 'tip': give one of point and points, got neither"),
         ({"contacts": "[{name: tip, point: {mm: [20, 5, 0]}}]"}, "names must differ, got ['tip', 'tip']"),
         ({"mesh": "{size: 5 mm, element: hex20}"}, "'hex8'"),

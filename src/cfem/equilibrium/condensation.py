@@ -49,8 +49,7 @@ def condense(
 
 def response(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
     """(n, 3, n_active) mm/N: dx/dlambda of the nodes by the active rows."""
-    columns = Z[:, problem.robot.rows.active].T
-    return np.stack([problem.kinematics.spread(at.x, column) for column in columns], axis=-1)
+    return problem.kinematics.spread(at.x, Z[:, problem.robot.rows.active])
 
 
 def _refine(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

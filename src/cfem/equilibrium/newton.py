@@ -97,7 +97,7 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
         fresh = tangent is None
         if fresh:
             try:
-                tangent = problem.factor(at, lam, cost, before)
+                tangent = problem.factor(at, start.lam if before is None else lam, cost, before)
                 border = _border(at, tangent, actuation)
                 correction = _correct(problem, at, lam, tangent, actuation, border)
             except (SingularMatrixError, np.linalg.LinAlgError):
@@ -148,7 +148,7 @@ def _step(problem: Problem, at: Evaluation, correction: _Correction) -> tuple[Ev
     """The state after the step, halved as often as it inverts an element, and the part taken; None where it cannot."""
     for halvings in range(6):
         part = 0.5**halvings
-        x = problem.kinematics.move(at.x, part * correction.step)
+        x = problem.kinematics.advance(at.x, part * correction.step)
         trial = problem.evaluate(x, at.pressure + part * correction.pressure, at.load)
         if trial.response.min_J > 0.0:
             return trial, part

@@ -58,5 +58,4 @@ def parameter_slopes(
     n_a = a.stop - a.start
     lam = -np.linalg.solve(W[a, a], found.delta[:n_a] - at.H[:, :n_a].T @ y)
     motion = Z[:, a] @ lam - y
-    x = np.stack([problem.kinematics.spread(at.x, column) for column in motion.T], axis=-1)
-    return ParameterSlopes(found.lagrangian, lam, x)
+    return ParameterSlopes(found.lagrangian, lam, problem.kinematics.spread(at.x, motion))

@@ -9,8 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
+from cfem.constraint.chambers import RodChambers
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.robot import Robot
+from cfem.mechanics import beam as rod
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import (
     Response,
@@ -22,7 +24,7 @@ from cfem.mechanics.body import (
     without,
 )
 from cfem.mechanics.factorization import Factor, analyze
-from cfem.mechanics.rigid import make_kinematics
+from cfem.mechanics.rigid import NO_JOINTS, make_kinematics
 
 
 @dataclass
@@ -75,19 +77,33 @@ class Problem:
         for number, nodes in enumerate(robot.rigid):
             owner[nodes] = number
         self.body = without(robot.body, owner) if robot.rigid else robot.body
+        sections = self.body.sections
+        groups = NO_JOINTS[:, 0] if sections is None else owner[sections.nodes[:, 0]]
+        joints = NO_JOINTS if self.body.beam is None else np.stack([groups[:-1], groups[1:]], axis=1)
+        in_a_row = sections is not None and np.array_equal(groups, np.arange(-1, len(robot.rigid)))
         if like is None:
             cliques = [clique for row in robot.active for clique in row.cliques]
-            self.kinematics = make_kinematics(self.rest, [self.body.cells, *cliques], robot.fixed, robot.rigid)
+            coupled, row = [self.body.cells, *cliques], sections if in_a_row else None
+            self.kinematics = make_kinematics(self.rest, coupled, robot.fixed, robot.rigid, joints, row)
             self._factor = analyze(self.pattern)
         else:
             self.kinematics, self._factor = like.kinematics, like._factor
+        if self.body.beam is not None:
+            self._joined = self.kinematics.unknowns(joints).reshape(-1, 12)
+        # whether anything acts on nodes: where a rod and its chambers are all, there is nothing to gather from them
+        rows = [row for row in robot.active if not _on_strains(row)]
+        self._nodal = bool(self.body.solids or rows or robot.loads is not None)
+        # rows that act on the strains of a rod, and the weights (rows, m, 6) by which they do
+        columns = np.cumsum([0] + [len(row.rest) for row in robot.active])
+        strained = [(column, row) for column, row in zip(columns, robot.active, strict=False) if _on_strains(row)]
+        self._strained = np.array([column for column, _ in strained], dtype=int)
+        self._pulls = np.array([row.weights for _, row in strained])
         self._bulk_over_volume = bulk_over_volume(self.body) if self.body.n_pressures else np.empty(0)
         self.finite = robot.loads is None or bool(np.isfinite(robot.loads).all())
         self.loads = robot.loads if self.finite else None
         self._loads = None if self.loads is None else self.kinematics.reduce(self.rest, self.loads)
         # residuals are relative to the forces at hand, but never to less than a strain of 1e-10 over the whole body
-        shear = min(part.shear for part in self.body.solids)
-        self.force_floor = 1e-10 * shear * robot.body.mesh.size**2
+        self.force_floor = 1e-10 * self.body.shear * robot.body.mesh.size**2
 
     @property
     def n_active(self) -> int:
@@ -106,9 +122,17 @@ class Problem:
         """An empty pressure stands for the one that x itself demands."""
         at = response(self.body, x, pressure)
         nodal = at.force if self.loads is None else at.force - load * self.loads
-        delta = np.concatenate([row.value(x) - row.rest for row in self.robot.active])
+        force = self.kinematics.reduce(x, nodal) if self._nodal else np.zeros(self.pattern.n_dof)
         H = self.gradients(self.robot.active, x)
-        return Evaluation(x, at.pressure, load, at, self.kinematics.reduce(x, nodal), delta, H)
+        if at.beam is not None:
+            force += self._on_unknowns(at.beam.force[:, :, None])[:, 0]
+        if len(self._strained):
+            H[:, self._strained] += self._on_unknowns(at.beam.gradient.swapaxes(1, 2) @ self._pulls.transpose(1, 2, 0))
+            growth = np.tensordot(self._pulls, at.beam.strain.e)
+        delta = [None if _on_strains(row) else row.value(x) - row.rest for row in self.robot.active]
+        growths = iter(growth[:, None] if len(self._strained) else ())
+        delta = np.concatenate([next(growths) if each is None else each for each in delta])
+        return Evaluation(x, at.pressure, load, at, force, delta, H)
 
     def potential(self, at: Evaluation) -> float:
         """N mm: U - f_ext . u."""
@@ -118,6 +142,8 @@ class Problem:
     def gradients(self, rows: tuple[Watched, ...], x: np.ndarray) -> np.ndarray:
         """(n_dof, sum of rows) on the unknowns."""
         count = sum(len(row.rest) for row in rows)
+        if not any(len(row.nodes) for row in rows):
+            return np.zeros((self.pattern.n_dof, count))
         nodal = np.zeros((len(x), 3, count))
         column = 0
         for row in rows:
@@ -131,6 +157,9 @@ class Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Lower triangle of A = d f_int/dx - sum_j lambda_j hess delta_j, and dtheta of the elements. before: where the
         linear step to `at` began, whose predicted stress then stiffens or softens A (body.tangent)."""
+        if not self._nodal:
+            data, none = np.zeros(self.pattern.nnz), np.zeros((0, self.body.element.n_nodes, 3))
+            return self._with_rod(at, lam, data), none
         full = self.kinematics.full
         data = np.zeros(full.nnz)
         dtheta = tangent(self.body, at.response, full.slots[0], data, before and before.response)
@@ -143,11 +172,19 @@ class Problem:
             column += len(row.rest)
         if not self.robot.rigid:
             return data, dtheta
-        return self.kinematics.stiffness(at.x, data, self._unbalanced(at, lam)), dtheta
+        return self._with_rod(at, lam, self.kinematics.stiffness(at.x, data, self._unbalanced(at, lam))), dtheta
+
+    def _with_rod(self, at: Evaluation, lam: np.ndarray, data: np.ndarray) -> np.ndarray:
+        if at.response.beam is not None:
+            blocks = rod.stiffness(self.body.beam, at.response.beam, self._pulled(lam))
+            add_blocks(blocks, self.kinematics.joint_slots, data)
+        return data
 
     def form(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(k, k) N mm: q^T A q of changes q (n_dof, k) of the unknowns, without A."""
-        motions = np.stack([self.kinematics.spread(at.x, column) for column in q.T], axis=-1)
+        if not self._nodal:
+            return self._form_of_rod(at, lam, q)
+        motions = self.kinematics.spread(at.x, q)
         out = tangent_form(self.body, at.response, motions)
         column = 0
         for row in self.robot.active:
@@ -156,7 +193,16 @@ class Problem:
                     mine = motions[clique].reshape(len(clique), -1, q.shape[1])
                     out -= lam[column] * np.einsum("gik,gil->kl", mine, blocks @ mine)
             column += len(row.rest)
-        return out + self.kinematics.turning_form(at.x, q, self._unbalanced(at, lam)) if self.robot.rigid else out
+        if self.robot.rigid:
+            out = out + self.kinematics.turning_form(at.x, q, self._unbalanced(at, lam))
+        return out + self._form_of_rod(at, lam, q)
+
+    def _form_of_rod(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray | float:
+        if at.response.beam is None:
+            return 0.0
+        blocks = rod.stiffness(self.body.beam, at.response.beam, self._pulled(lam))
+        mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
+        return np.tensordot(mine, blocks @ mine, axes=((0, 1), (0, 1)))
 
     def factor(self, at: Evaluation, lam: np.ndarray, cost: Cost, before: Evaluation | None = None) -> Tangent:
         """Raises SingularMatrixError."""
@@ -201,6 +247,16 @@ class Problem:
         )
         return float(parts / self.scale(at, lam))
 
+    def _pulled(self, lam: np.ndarray) -> np.ndarray | float:
+        """(m, 6) by which the active rows pull at the strains of the rod."""
+        return np.tensordot(lam[self._strained], self._pulls, axes=1) if len(self._strained) else 0.0
+
+    def _on_unknowns(self, joined: np.ndarray) -> np.ndarray:
+        """(n_dof, k) sums of (m, 12, k) on the unknowns of the sections that the rod's elements join."""
+        out = np.zeros((self.pattern.n_dof + 1, joined.shape[2]))  # the last row for sections that are held
+        np.add.at(out, self._joined, joined)
+        return out[:-1]
+
     def _unbalanced(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
         """(n, 3) N nodal residual."""
         nodal = at.response.force.copy()
@@ -212,3 +268,7 @@ class Problem:
             nodal[row.nodes] -= np.einsum("j,jki->ki", lam[column:end], row.gradient(at.x))
             column = end
         return nodal
+
+
+def _on_strains(row: Watched) -> bool:
+    return isinstance(row, RodChambers)

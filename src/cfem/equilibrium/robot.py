@@ -21,7 +21,8 @@ class Robot:
     length:     mm, what '% of length' refers to
     contacts:   contact points, three rows each, in the order of rows.contacts
     rigid:      groups of nodes, each of which moves as one rigid body
-    loads:      (n, 3) N constant external nodal forces, None without any"""
+    loads:      (n, 3) N constant external nodal forces, None without any
+    forces:     (n_a, 2) smallest and largest multiplier of each actuator, None where not all state it"""
 
     name: str
     body: Body
@@ -35,6 +36,7 @@ class Robot:
     contacts: tuple[Constraint, ...] = ()
     rigid: tuple[np.ndarray, ...] = ()
     loads: np.ndarray | None = None
+    forces: np.ndarray | None = None
 
     @property
     def X(self) -> np.ndarray:

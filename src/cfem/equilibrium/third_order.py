@@ -41,6 +41,10 @@ def _along(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, k: 
 
 def _steepest(problem: Problem, moved: np.ndarray) -> float:
     """1/N: largest change of a cell's displacement gradient, about, with the nodes' motion (n, 3) mm/N."""
+    sections = problem.body.sections
+    if sections is not None:
+        apart = np.diff(moved[sections.nodes], axis=0) / sections.apart[:, None, None]
+        return float(np.sqrt((apart**2).sum(axis=2).max()))
     cells, X = problem.body.cells, problem.rest
     spans = np.linalg.norm(np.ptp(moved[cells], axis=1), axis=1)
     return float((spans / np.linalg.norm(np.ptp(X[cells], axis=1), axis=1)).max())

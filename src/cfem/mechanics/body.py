@@ -9,10 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.mechanics import beam as rod
 from cfem.mechanics import solid as region
+from cfem.mechanics.beam import Beam, BeamResponse, Section
 from cfem.mechanics.element import Element
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.sections import Sections
 from cfem.mechanics.solid import Solid, make_solid
 
 # The bubbles' own equilibrium is not found where the bulk modulus is some thousand times the shear modulus.
@@ -22,15 +25,24 @@ _STIFFEST_WITH_BUBBLES = 0.499
 @dataclass(frozen=True)
 class Body:
     """mesh: at rest; element: whose nodes the mesh has; solids: its regions; cells: (m, n_nodes) of all of them, one
-    region after the other: the order of element pressures."""
+    region after the other: the order of element pressures; sections: rigid ones in a row, where the body is of these;
+    beam: a rod that joins them."""
 
     mesh: Mesh
     element: Element
     solids: tuple[Solid, ...]
+    sections: Sections | None = None
+    beam: Beam | None = None
 
     @property
     def cells(self) -> np.ndarray:
-        return self.solids[0].cells if len(self.solids) == 1 else np.concatenate([part.cells for part in self.solids])
+        return np.concatenate([self.mesh.cells[:0], *(part.cells for part in self.solids)])
+
+    @property
+    def shear(self) -> float:
+        """MPa: the smallest shear modulus at rest."""
+        stiff = [] if self.beam is None else [float(self.beam.shear.min())]
+        return min([part.shear for part in self.solids] + stiff)
 
     @property
     def n_pressures(self) -> int:
@@ -44,8 +56,9 @@ class Body:
 
 @dataclass(frozen=True)
 class Response:
-    """Of a body at positions x and element pressures p: energy N mm; force (n, 3) N internal, with the given p;
-    mismatch, pressure (m,) MPa and min_J as of its regions (solid.py)."""
+    """Of a body at positions x and element pressures p: energy N mm; force (n, 3) N internal of the solids, with the
+    given p; mismatch, pressure (m,) MPa and min_J as of its regions (solid.py), 0 or less also where sections of the
+    beam touch; beam: of its rod, whose forces act on the sections' frames (beam.py)."""
 
     energy: float
     force: np.ndarray
@@ -53,6 +66,7 @@ class Response:
     pressure: np.ndarray
     min_J: float
     solids: tuple[region.Response, ...]
+    beam: BeamResponse | None = None
 
 
 def make_body(
@@ -89,6 +103,30 @@ def make_body(
     return Body(mesh, element, solids)
 
 
+def make_rod_body(
+    mesh: Mesh,
+    element: Element,
+    sections: Sections,
+    shape: Section,
+    material: Material,
+    regions: Sequence[tuple[np.ndarray, Material]] = (),
+) -> Body:
+    """A rod of sections of that shape; materials as in `make_body`, an element's that of most of
+    the cells between its sections."""
+    owner = np.zeros(len(mesh.cells), dtype=int)
+    for number, (cells, _) in enumerate(regions, 1):
+        owner[cells] = number
+    place = np.empty(len(mesh.X), dtype=int)
+    place[sections.nodes] = np.arange(len(sections.nodes))[:, None]
+    lowest = place[mesh.cells].min(axis=1)
+    numbers = [int(np.bincount(owner[lowest == each]).argmax()) for each in range(len(sections.apart))]
+    materials = [material, *(other for _, other in regions)]
+    for each in materials:
+        _check(each, element)
+    beam = rod.make_beam(sections, shape, [(each.young, each.poisson) for each in materials], np.array(numbers))
+    return Body(mesh, element, (), sections, beam)
+
+
 def with_materials(body: Body, materials: Sequence[Material]) -> Body:
     """The body of other materials: the main one, then one a region as `make_body` had them. Raises InputError."""
     for each in materials:
@@ -99,7 +137,8 @@ def with_materials(body: Body, materials: Sequence[Material]) -> Body:
         parameters, bulk = material.moduli
         return replace(part, law=material.law, parameters=parameters, bulk=bulk)
 
-    return replace(body, solids=tuple(map(remade, body.solids)))
+    beam = None if body.beam is None else rod.with_moduli(body.beam, [(each.young, each.poisson) for each in materials])
+    return replace(body, solids=tuple(map(remade, body.solids)), beam=beam)
 
 
 def _check(material: Material, element: Element) -> None:
@@ -130,37 +169,41 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> R
     found = tuple(
         region.response(part, x, given[place] if len(given) else given, force) for part, place in body.parts()
     )
+    beam = None if body.beam is None else rod.response(body.beam, x)
+    none = np.empty(0)
     return Response(
-        energy=sum(each.energy for each in found),
+        energy=sum(each.energy for each in found) + (beam.energy if beam else 0.0),
         force=force,
-        mismatch=np.concatenate([each.mismatch for each in found]),
-        pressure=np.concatenate([each.pressure for each in found]),
-        min_J=float(np.min([each.min_J for each in found])),
+        mismatch=np.concatenate([none, *(each.mismatch for each in found)]),
+        pressure=np.concatenate([none, *(each.pressure for each in found)]),
+        min_J=float(np.min([each.min_J for each in found] + ([beam.shortest] if beam else []))),
         solids=found,
+        beam=beam,
     )
 
 
 def tangent(
     body: Body, at: Response, slots: np.ndarray, data: np.ndarray, before: Response | None = None
 ) -> np.ndarray:
-    """Adds the tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of assembly.py.
-    Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
+    """Adds the solids' tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of
+    assembly.py. Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
 
     before: where the linear step to `at` began; the geometric part then uses the stress predicted there."""
     lags = [None] * len(body.solids)
     if before is not None:
         lags = [region.stress_lag(*each) for each in zip(body.solids, before.solids, at.solids, strict=True)]
-    return np.concatenate(
-        [
-            region.tangent(part, each, slots[place], data, lag)
-            for (part, place), each, lag in zip(body.parts(), at.solids, lags, strict=True)
-        ]
-    )
+    found = [
+        region.tangent(part, each, slots[place], data, lag)
+        for (part, place), each, lag in zip(body.parts(), at.solids, lags, strict=True)
+    ]
+    return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *found])
 
 
 def tangent_form(body: Body, at: Response, motions: np.ndarray) -> np.ndarray:
-    """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm."""
-    return sum(region.tangent_form(part, each, motions) for part, each in zip(body.solids, at.solids, strict=True))
+    """(k, k) N mm: M^T A M of the solids' tangent stiffness A and motions M (n, 3, k) mm."""
+    parts = zip(body.solids, at.solids, strict=True)
+    none = np.zeros((motions.shape[2], motions.shape[2]))
+    return sum((region.tangent_form(part, each, motions) for part, each in parts), none)
 
 
 def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:

@@ -22,6 +22,8 @@ HEX_CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], float
 )
 _GAUSS = HEX_CORNERS / np.sqrt(3)
+# The same with one point along the first edge.
+_ONE_ALONG = _GAUSS[[0, 3, 7, 4]] * [0.0, 1.0, 1.0]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,20 @@ ELEMENTS = {
         Element("tet10", 10, _FOUR),
         Element("tet10p0", 10, _FOUR, pressure=True),
         Element("hex8", 8, _GAUSS, bubbles=3),
+    )
+}
+
+
+# Between rigid sections, the first edges along the rod. hex8-full has the whole Gauss rule: in bending its shear locks,
+# and adds G A h^2 / 12 to the bending stiffness. hex8-reduced takes the strains at the middle of the first edges, as a
+# Timoshenko element with one point does (Hughes, Taylor and Kanoknukulchai, IJNME 11, 1977). beam: hexahedra that carry
+# pictures and attachments, while a rod (beam.py) joins the sections.
+SECTIONED = {
+    element.name: element
+    for element in (
+        Element("hex8-full", 8, _GAUSS),
+        Element("hex8-reduced", 8, _ONE_ALONG),
+        Element("beam", 8, np.zeros((0, 3))),
     )
 }
 
@@ -92,10 +108,12 @@ def reference_gradients(element: Element, X: np.ndarray, cells: np.ndarray) -> t
     by_xi = shape_derivatives(8, element.points)
     jacobian = np.einsum("qnk,mnd->mqdk", by_xi, X[cells])
     centre = np.einsum("nk,mnd->mdk", shape_derivatives(8, np.zeros((1, 3)))[0], X[cells])
-    weights, j0 = np.linalg.det(jacobian), np.linalg.det(centre)
+    weights, j0 = np.linalg.det(jacobian) * (8 / q), np.linalg.det(centre)
     gradients = np.einsum("qnk,mqkd->mqnd", by_xi, np.linalg.inv(jacobian))
     # row k of inv(J0) is J0^-T e_k; the derivative of the mode by xi_k is -xi_k, whose sign is of no matter
-    modes = (j0[:, None] / weights)[:, :, None, None] * np.einsum("qk,mkd->mqkd", element.points, np.linalg.inv(centre))
+    modes = (j0[:, None] * (8 / q) / weights)[:, :, None, None] * np.einsum(
+        "qk,mkd->mqkd", element.points, np.linalg.inv(centre)
+    )
     return np.ascontiguousarray(np.concatenate([gradients, modes[:, :, : element.bubbles]], axis=2)), weights
 
 

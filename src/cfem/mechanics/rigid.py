@@ -10,11 +10,15 @@ the last from the second derivative of exp(omega) r_i (Geradin and Cardona, Flex
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.mechanics.assembly import Pattern, add_blocks, make_pattern
+from cfem.mechanics.sections import Sections
+
+NO_JOINTS = np.zeros((0, 2), dtype=int)
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,9 @@ class Group:
 class Kinematics:
     """pattern: of the unknowns, whose slots are those of the groups of nodes given, where no node is rigid;
     full: the same for all nodes as if none were rigid (the same object where there is no group);
-    groups: the rigid ones; block_map: how blocks of `full` reach `pattern`."""
+    groups: the rigid ones; transfer: how blocks of `full` reach `pattern`; joint_slots: (m, 4, 4, 3) of the joints
+    between groups, their unknowns (translation a, rotation a, translation b, rotation b); row: sections that move
+    together, of which the first is held and the others are groups, in this order."""
 
     X: np.ndarray
     pattern: Pattern
@@ -40,6 +46,8 @@ class Kinematics:
     groups: tuple[Group, ...]
     fixed: np.ndarray
     transfer: "_Transfer | None"
+    joint_slots: np.ndarray
+    row: Sections | None = None
 
     @property
     def n_dof(self) -> int:
@@ -53,35 +61,52 @@ class Kinematics:
         out = np.zeros((len(free), *nodal.shape[1:]))
         plain = free < len(self.X)
         out[plain] = nodal[free[plain]]
-        for group in self.groups:
-            r, f = self._arm(group, x), nodal[group.nodes]
-            translation, rotation = group.pseudo
-            out[translation] = f.sum(axis=0)
-            out[rotation] = (
-                np.cross(r[:, :, None], f.reshape(len(r), 3, -1), axis=1).sum(axis=0).reshape(nodal.shape[1:])
-                / group.radius
-            )
+        all_ = self._members
+        _, r = self._arms(x)
+        f = nodal[all_.nodes].reshape(len(r), 3, -1)
+        moment = np.add.reduceat(_cross(r[:, :, None], f), all_.start) / all_.radius[:, None]
+        out[all_.translation] = np.add.reduceat(f, all_.start).reshape(-1, *nodal.shape[1:])
+        out[all_.rotation] = moment.reshape(-1, *nodal.shape[1:])
         return out.reshape(self.n_dof, *nodal.shape[2:])
 
     def spread(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,)."""
-        blocks, free = q.reshape(-1, 3), self.pattern.free
-        out = np.zeros_like(self.X)
+        """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,), (n, 3, k) of k changes (n_dof, k)."""
+        blocks, free = q.reshape(-1, 3, *q.shape[1:]), self.pattern.free
+        out = np.zeros((*self.X.shape, *q.shape[1:]))
         plain = free < len(self.X)
         out[free[plain]] = blocks[plain]
-        for group in self.groups:
-            translation, rotation = blocks[group.pseudo]
-            out[group.nodes] = translation + np.cross(rotation / group.radius, self._arm(group, x))
+        if self.groups:
+            all_ = self._members
+            _, r = self._arms(x)
+            by_group = blocks.reshape(len(blocks), 3, -1)
+            turn = by_group[all_.rotation] / all_.radius[:, None]
+            moved = by_group[all_.translation][all_.owner] + _cross(turn[all_.owner], r[:, :, None])
+            out[all_.nodes] = moved.reshape(len(r), *out.shape[1:])
         return out
 
     def move(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Positions (n, 3) after the change q (n_dof,) of the unknowns: rigid groups stay rigid."""
-        moved = x + self.spread(x, q)
-        blocks = q.reshape(-1, 3)
-        for group in self.groups:
-            translation, rotation = blocks[group.pseudo]
-            turn = Rotation.from_rotvec(rotation / group.radius)
-            moved[group.nodes] = x[group.nodes].mean(axis=0) + translation + turn.apply(self._arm(group, x))
+        blocks, free = q.reshape(-1, 3), self.pattern.free
+        moved = x.copy()
+        plain = free < len(self.X)
+        moved[free[plain]] += blocks[plain]
+        if self.groups:
+            all_ = self._members
+            centre, r = self._arms(x)
+            turn = Rotation.from_rotvec(blocks[all_.rotation] / all_.radius).as_matrix()
+            shifted = centre + blocks[all_.translation]
+            moved[all_.nodes] = shifted[all_.owner] + (turn[all_.owner] @ r[:, :, None])[:, :, 0]
+        return moved
+
+    def advance(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """As `move`, to first order: where sections are in a row, each follows the one before (sections.py)."""
+        if self.row is None:
+            return self.move(x, q)
+        all_, blocks = self._members, q.reshape(-1, 3)
+        motions = np.zeros((len(self.row.nodes), 6))
+        motions[1:, :3], motions[1:, 3:] = blocks[all_.translation], blocks[all_.rotation] / all_.radius
+        moved = x.copy()
+        moved[self.row.nodes] = self.row.advanced(x, motions)
         return moved
 
     def hold(self, x: np.ndarray) -> np.ndarray:
@@ -89,10 +114,14 @@ class Kinematics:
         residual would tell if a start had moved them otherwise."""
         held = x.copy()
         held[self.fixed] = self.X[self.fixed]
-        for group in self.groups:
-            centre = held[group.nodes].mean(axis=0)
-            turn, _ = Rotation.align_vectors(held[group.nodes] - centre, group.arm)
-            held[group.nodes] = centre + turn.apply(group.arm)
+        if self.groups:
+            all_ = self._members
+            centre, r = self._arms(x)
+            U, _, Vt = np.linalg.svd(np.add.reduceat(r[:, :, None] * all_.arm[:, None], all_.start))
+            handed = np.ones((len(U), 1, 3))
+            handed[:, 0, 2] = np.sign(np.linalg.det(U @ Vt))
+            turn = (U * handed) @ Vt
+            held[all_.nodes] = centre[all_.owner] + (turn[all_.owner] @ all_.arm[:, :, None])[:, :, 0]
         return held
 
     def stiffness(self, x: np.ndarray, data: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
@@ -101,49 +130,97 @@ class Kinematics:
         if not self.groups:
             return data
         out = np.zeros(self.pattern.nnz)
-        self.transfer.fill(self._nodal_T(x), data, out)
-        for group, slots in zip(self.groups, self.transfer.own, strict=True):
-            block = np.zeros((1, 6, 6))
-            block[0, 3:, 3:] = self._turned(group, x, unbalanced)
-            add_blocks(block, slots, out)
+        if len(data):
+            self.transfer.fill(self._nodal_T(x), data, out)
+        own = np.zeros((len(self.groups), 6, 6))
+        own[:, 3:, 3:] = self._turned(x, unbalanced)
+        add_blocks(own, self.transfer.own, out)
         return out
 
     def turning_form(self, x: np.ndarray, q: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
         """(k, k) N mm: of changes q (n_dof, k) of the unknowns, what the turning of rigid groups adds to the form of
         the nodal stiffness; unbalanced as in `stiffness`."""
-        turns = [(group, q.reshape(-1, 3, q.shape[1])[group.pseudo[1]]) for group in self.groups]
-        return sum((turn.T @ self._turned(group, x, unbalanced) @ turn for group, turn in turns), np.zeros(()))
+        turns = q.reshape(-1, 3, q.shape[1])[self._members.rotation]
+        return np.tensordot(turns, self._turned(x, unbalanced) @ turns, axes=((0, 1), (0, 1)))
 
-    def _turned(self, group: Group, x: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
-        """(3, 3) N/mm on the group's rotation, by the second derivative of its nodes' positions."""
-        outer = unbalanced[group.nodes].T @ self._arm(group, x)
-        return ((outer + outer.T) / 2 - np.trace(outer) * np.eye(3)) / group.radius**2
+    def unknowns(self, numbers: np.ndarray) -> np.ndarray:
+        """(..., 6) places among the unknowns of the groups with these numbers (...), -1 each of a group -1."""
+        all_ = self._members
+        nodes = np.stack([all_.translation[numbers], all_.rotation[numbers]], axis=-1)
+        places = (3 * nodes[..., None] + np.arange(3)).reshape(*np.shape(numbers), 6)
+        return np.where(np.asarray(numbers)[..., None] >= 0, places, -1)
 
-    def _arm(self, group: Group, x: np.ndarray) -> np.ndarray:
-        return x[group.nodes] - x[group.nodes].mean(axis=0)
+    @cached_property
+    def _members(self) -> "_Members":
+        counts = np.array([len(group.nodes) for group in self.groups])
+        pseudo = np.array([group.pseudo for group in self.groups])
+        return _Members(
+            np.concatenate([group.nodes for group in self.groups]),
+            np.repeat(np.arange(len(counts)), counts),
+            np.cumsum(counts) - counts,
+            counts[:, None],
+            np.concatenate([group.arm for group in self.groups]),
+            np.array([[group.radius] for group in self.groups]),
+            *pseudo.T,
+        )
+
+    def _turned(self, x: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
+        """(g, 3, 3) N/mm on the groups' rotations, by the second derivative of their nodes' positions."""
+        all_ = self._members
+        outer = np.add.reduceat(unbalanced[all_.nodes][:, :, None] * self._arms(x)[1][:, None], all_.start)
+        trace = np.trace(outer, axis1=1, axis2=2)[:, None, None]
+        return ((outer + outer.swapaxes(1, 2)) / 2 - trace * np.eye(3)) / all_.radius[:, None] ** 2
+
+    def _arms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the groups: their nodes' means (g, 3), and all their nodes (N, 3) from there, mm."""
+        all_ = self._members
+        own = x[all_.nodes]
+        centre = np.add.reduceat(own, all_.start) / all_.count
+        return centre, own - centre[all_.owner]
 
     def _nodal_T(self, x: np.ndarray) -> np.ndarray:
         """(n, 3, 6): T of each node; for a node of no group, its own motion in the first three columns."""
         T = np.zeros((len(self.X), 3, 6))
         T[:, range(3), range(3)] = 1.0
-        for group in self.groups:
-            r = self._arm(group, x) / group.radius
-            for (i, j), sign in {(0, 1): 1, (1, 2): 1, (2, 0): 1, (1, 0): -1, (2, 1): -1, (0, 2): -1}.items():
-                T[group.nodes, i, 3 + j] = sign * r[:, 3 - i - j]  # omega x r
+        all_ = self._members
+        r = self._arms(x)[1] / all_.radius[all_.owner]
+        for (i, j), sign in {(0, 1): 1, (1, 2): 1, (2, 0): 1, (1, 0): -1, (2, 1): -1, (0, 2): -1}.items():
+            T[all_.nodes, i, 3 + j] = sign * r[:, 3 - i - j]  # omega x r
         return T
+
+
+@dataclass(frozen=True)
+class _Members:
+    """The g groups one after the other: nodes (N,), each one's group `owner` (N,), where each begins, how many it has
+    (g, 1), arms (N, 3) mm at rest, radii (g, 1) mm, places (g,) of the pseudo-nodes among the free."""
+
+    nodes: np.ndarray
+    owner: np.ndarray
+    start: np.ndarray
+    count: np.ndarray
+    arm: np.ndarray
+    radius: np.ndarray
+    translation: np.ndarray
+    rotation: np.ndarray
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b along the second axis."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in pairs], axis=1)
 
 
 @dataclass(frozen=True)
 class _Transfer:
     """From nodal blocks to blocks of the unknowns. copy_from, copy_to: entries between nodes of no group; then blocks
-    (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and across; own: slots of
-    each group's own block."""
+    (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and across; own: (g, 2, 2, 3)
+    slots of each group's own block."""
 
     copy_from: np.ndarray
     copy_to: np.ndarray
     within: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     across: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-    own: tuple[np.ndarray, ...]
+    own: np.ndarray
 
     def fill(self, T: np.ndarray, data: np.ndarray, out: np.ndarray) -> None:
         np.add.at(out, self.copy_to, data[self.copy_from])
@@ -168,13 +245,19 @@ def _blocks(a: np.ndarray, b: np.ndarray, slot: np.ndarray, data: np.ndarray) ->
 
 
 def make_kinematics(
-    X: np.ndarray, groups: Sequence[np.ndarray], fixed: np.ndarray, rigid: Sequence[np.ndarray] = ()
+    X: np.ndarray,
+    groups: Sequence[np.ndarray],
+    fixed: np.ndarray,
+    rigid: Sequence[np.ndarray] = (),
+    joints: np.ndarray = NO_JOINTS,
+    row: Sections | None = None,
 ) -> Kinematics:
     """groups: of nodes (g, k) that the stiffness couples; rigid: disjoint groups (k,) of free nodes, not all on one
-    line."""
+    line; joints: (m, 2) pairs of rigid groups whose unknowns are coupled, -1 for one that is held;
+    row: as in Kinematics, of all nodes."""
     full = make_pattern(len(X), groups, fixed)
     if not rigid:
-        return Kinematics(X, full, full, (), fixed, None)
+        return Kinematics(X, full, full, (), fixed, None, np.zeros((0, 4, 4, 3), dtype=np.int32))
     owner = np.full(len(X), -1)
     for number, nodes in enumerate(rigid):
         owner[nodes] = number
@@ -193,27 +276,28 @@ def make_kinematics(
     across = touched & ~same
     plain = np.flatnonzero(~touched)
     within_nodes, across_nodes = pseudo[a[same]], np.hstack([pseudo[a[across]], pseudo[b[across]]])
-    own_nodes = [pseudo[nodes[:1]] for nodes in rigid]
+    own_nodes = len(X) + np.arange(2 * len(rigid)).reshape(-1, 2)
     pairs = np.stack([a[plain], b[plain]], axis=1)
     pairs[pairs[:, 0] == pairs[:, 1], 1] = -1
     held = np.concatenate([fixed, np.flatnonzero(owner >= 0)])
     total = len(X) + 2 * len(rigid)
-    pattern = make_pattern(total, [pairs, within_nodes, across_nodes, *own_nodes], held)
-    pair_slots, within_slots, across_slots, *own = pattern.slots
+    joined = np.where(joints[:, :, None] >= 0, len(X) + 2 * joints[:, :, None] + np.arange(2), -1).reshape(-1, 4)
+    pattern = make_pattern(total, [pairs, within_nodes, across_nodes, own_nodes, joined], held)
+    pair_slots, within_slots, across_slots, own, joint_slots = pattern.slots
     copy_from, copy_to = _copies(slot[plain], a[plain] == b[plain], pair_slots)
     transfer = _Transfer(
         copy_from,
         copy_to,
         (a[same], b[same], slot[same], within_slots),
         (a[across], b[across], slot[across], across_slots),
-        tuple(own),
+        own,
     )
     made = []
     for number, nodes in enumerate(rigid):
         arm = X[nodes] - X[nodes].mean(axis=0)
         radius = float(np.sqrt((arm**2).sum(axis=1).mean()))
         made.append(Group(nodes, arm, radius, pattern_number(pattern, len(X) + 2 * number + np.arange(2))))
-    return Kinematics(X, pattern, full, tuple(made), fixed, transfer)
+    return Kinematics(X, pattern, full, tuple(made), fixed, transfer, joint_slots, row)
 
 
 def pattern_number(pattern: Pattern, nodes: np.ndarray) -> np.ndarray:

@@ -1,22 +1,28 @@
 """From a scene and its mesh to the robot that mechanics solves."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.constraint.attachment import attach
+from cfem.constraint.attachment import Attachment, attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.cavity import Cavity, enclosed, make_cavity
+from cfem.constraint.chambers import RodChambers, make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Watched
+from cfem.constraint.section_point import attach_to_sections, make_section_effector
+from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
-from cfem.mechanics.body import Body, make_body
-from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.body import Body, make_body, make_rod_body
+from cfem.mechanics.element import ELEMENTS, SECTIONED
 from cfem.mechanics.load import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
-from cfem.robot import constraints, spec
+from cfem.mechanics.sections import Sections
+from cfem.robot import constraints, spec, stiff_flop
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
@@ -27,15 +33,16 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
     regions = [
         select_cells(mesh, item.region, f"materials[{index}].region") for index, item in enumerate(scene.materials)
     ]
-    body = _body(scene, mesh, regions)
+    sections = stiff_flop.sections_of(mesh) if scene.mesh.element in SECTIONED else []
+    body = _body(scene, mesh, regions, sections)
     fixed = [select_nodes(mesh, part, f"fixed[{index}]") for index, part in enumerate(scene.fixed)]
     fixed = np.unique(np.concatenate(fixed))
     return Robot(
         name=scene.name,
         body=body,
         fixed=fixed,
-        actuators=tuple(_actuator(mesh, item) for item in scene.actuators),
-        effectors=tuple(_effector(mesh, item) for item in scene.effectors),
+        actuators=tuple(_actuator(scene, mesh, body, item, sections) for item in scene.actuators),
+        effectors=tuple(_effector(mesh, item, sections) for item in scene.effectors),
         rows=Rows(
             effectors=tuple(f"{item.name}.{axis}" for item in scene.effectors for axis in item.axes),
             actuators=tuple(item.name for item in scene.actuators),
@@ -44,9 +51,10 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         reach=np.array([item.reach for item in scene.actuators]),
         unilateral=np.array([item.unilateral for item in scene.actuators]),
         length=scene.length,
-        contacts=tuple(_contact(mesh, item) for item in scene.contacts),
-        rigid=rigid_groups(mesh, scene.rigid, fixed),
-        loads=_loads(scene, body, regions),
+        contacts=tuple(_contact(mesh, item, sections) for item in scene.contacts),
+        rigid=_free_sections(sections, fixed) if sections else rigid_groups(mesh, scene.rigid, fixed),
+        loads=_loads(scene, body, regions, sections),
+        forces=_forces(scene),
     )
 
 
@@ -55,21 +63,64 @@ def as_material(material: MaterialSpec) -> Material:
     return Material(LAWS[material.law], material.young, material.poisson, material.shape)
 
 
-def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray]) -> Body:
+def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections: list[np.ndarray]) -> Body:
     others = [as_material(item.material) for item in scene.materials]
-    element, main = ELEMENTS[scene.mesh.element], as_material(scene.material)
-    return make_body(mesh, element, main, list(zip(regions, others, strict=True)))
+    name, main = scene.mesh.element, as_material(scene.material)
+    parts = list(zip(regions, others, strict=True))
+    if name not in SECTIONED:
+        return make_body(mesh, ELEMENTS[name], main, parts)
+    row = Sections(mesh.X, np.stack(sections))
+    if name == "beam":
+        return make_rod_body(mesh, SECTIONED[name], row, stiff_flop.section_shape(scene.geometry), main, parts)
+    return replace(make_body(mesh, SECTIONED[name], main, parts), sections=row)
 
 
-def _actuator(mesh: Mesh, item: constraints.Cable | constraints.Cavity) -> Cable | Cavity:
+def _free_sections(sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Those that move. SpecError where one is held in part."""
+    held = [np.isin(nodes, fixed) for nodes in sections]
+    for number, each in enumerate(held):
+        if each.any() and not each.all():
+            raise SpecError(f"fixed holds {each.sum()} of the {len(each)} nodes of section {number}, which is rigid")
+    return tuple(nodes for nodes, each in zip(sections, held, strict=True) if not each.any())
+
+
+def _forces(scene: spec.SceneSpec) -> np.ndarray | None:
+    """(n_a, 2) smallest and largest pressure, where all actuators state theirs."""
+    stated = [getattr(item, "pressure", None) for item in scene.actuators]
+    return None if any(each is None for each in stated) else np.array(stated)
+
+
+def _attach(
+    mesh: Mesh, point: np.ndarray, radius: float, label: str, cells: np.ndarray | None, sections: list[np.ndarray]
+) -> Attachment:
+    if sections:
+        return attach_to_sections(mesh.X, sections, point, label)
+    return attach(mesh, point, radius, label, cells)
+
+
+def _actuator(
+    scene: spec.SceneSpec, mesh: Mesh, body: Body, item: constraints.Actuator, sections: list[np.ndarray]
+) -> Cable | Cavity | RodChambers:
     if isinstance(item, constraints.Cavity):
         return _cavity(mesh, item)
+    if isinstance(item, constraints.Chambers):
+        return _chambers(scene.geometry, mesh, body, item)
     label = f"cable '{item.name}'"
     cells = _cells(mesh, item.body, label)
     points = [
-        attach(mesh, point, item.radius, f"{label} point {index + 1}", cells) for index, point in enumerate(item.points)
+        _attach(mesh, point, item.radius, f"{label} point {index + 1}", cells, sections)
+        for index, point in enumerate(item.points)
     ]
     return make_cable(points, item.pull_point, item.name)
+
+
+def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraints.Chambers) -> Cavity | RodChambers:
+    if body.beam is None:
+        surface = stiff_flop.chamber_surface(geometry, mesh, item.module, item.chambers)
+        return make_cavity(mesh.X, surface, item.name)
+    centres = stiff_flop.chamber_centres(geometry, item.chambers)
+    elements = stiff_flop.module_elements(geometry, mesh, item.module)
+    return make_rod_chambers(body.beam, centres, stiff_flop.chamber_area(geometry), elements)
 
 
 def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
@@ -81,18 +132,22 @@ def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
     return make_cavity(mesh.X, facets, item.name)
 
 
-def _effector(mesh: Mesh, item: constraints.Effector) -> Watched:
+def _effector(mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:
     points = item.point if item.points is None else item.points
+    if sections:
+        return make_section_effector(mesh.X, sections, points, item.name, item.orientation)
     cells = _cells(mesh, item.body, f"effector '{item.name}'")
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
 
 
-def _contact(mesh: Mesh, item: constraints.Contact) -> ContactPoint:
+def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) -> ContactPoint:
     label = f"contact point '{item.name}'"
-    return ContactPoint(attach(mesh, item.point, item.radius, label, _cells(mesh, item.body, label)))
+    return ContactPoint(_attach(mesh, item.point, item.radius, label, _cells(mesh, item.body, label), sections))
 
 
-def _loads(scene: spec.SceneSpec, body: Body, regions: list[np.ndarray]) -> np.ndarray | None:
+def _loads(
+    scene: spec.SceneSpec, body: Body, regions: list[np.ndarray], sections: list[np.ndarray]
+) -> np.ndarray | None:
     """(n, 3) N, None where the scene has neither weight nor loads."""
     if scene.gravity is None and not scene.loads:
         return None
@@ -104,7 +159,7 @@ def _loads(scene: spec.SceneSpec, body: Body, regions: list[np.ndarray]) -> np.n
         forces += gravity(body, density, scene.gravity.acceleration)
     for index, load in enumerate(scene.loads):
         label = f"loads[{index}]"
-        at = attach(mesh, load.point, load.radius, label, _cells(mesh, load.body, label))
+        at = _attach(mesh, load.point, load.radius, label, _cells(mesh, load.body, label), sections)
         forces[at.nodes] += at.weights[:, None] * load.force
     return forces
 

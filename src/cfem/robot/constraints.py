@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, PositiveInt, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import ForceVector, Length, LengthRange, Point, Points, VolumeRange
+from cfem.core.units import ForceVector, Length, LengthRange, Point, Points, StressRange, VolumeRange
 
 Name = Annotated[str, Field(min_length=1)]
 
@@ -55,7 +55,30 @@ class Cavity(Spec):
         return self
 
 
-Actuator = Annotated[Cable | Cavity, Field(discriminator="kind")]
+class Chambers(Spec):
+    """Chambers of one module of a stiff-flop that share a pressure, driven by the growth of their volume. module: 1 at
+    the base; chambers: their numbers, 0 to 5. reach: smallest and largest growth; pressure: smallest and largest
+    pressure, between which sample.yaml can draw. unilateral: they can push and cannot suck."""
+
+    kind: Literal["chambers"]
+    name: Name
+    module: PositiveInt
+    chambers: list[Annotated[int, Field(ge=0, le=5)]] = Field(min_length=1)
+    reach: VolumeRange
+    pressure: StressRange | None = None
+    unilateral: bool = True
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        if len(set(self.chambers)) < len(self.chambers):
+            raise ValueError(f"chambers '{self.name}': a chamber is named twice, of {self.chambers}")
+        _demand_order(f"chambers '{self.name}'", self.reach)
+        if self.pressure is not None and not self.pressure[0] < self.pressure[1]:
+            raise ValueError(f"chambers '{self.name}': pressure must be two numbers, the smaller first")
+        return self
+
+
+Actuator = Annotated[Cable | Cavity | Chambers, Field(discriminator="kind")]
 
 
 class Contact(Spec):

@@ -1,6 +1,6 @@
 """The shapes that a robot may have: from the catalogue, from a file, or several of these placed side by side."""
 
-from math import pi
+from math import cos, pi
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -70,6 +70,28 @@ class Trunk(Spec):
         return self
 
 
+class StiffFlop(Spec):
+    """Modules in a row from x = 0 along x, with a bore and, around it, six chambers along each module; circles are
+    polygons of twelve sides. Chamber k lies at k times 60 deg from the y axis towards z. Its sections do not deform, as
+    with a reinforcement of fibres around it (the STIFF-FLOP trunk of Navez, Menager et al. 2025; defaults are theirs).
+    It is meshed into slices of mesh.size along x."""
+
+    kind: Literal["stiff-flop"]
+    modules: PositiveInt = 2
+    module_length: Length = Field(default=55.0, gt=0)
+    radius: Length = Field(default=5.75, gt=0)
+    bore_radius: Length = Field(default=2.25, gt=0)
+    chamber_radius: Length = Field(default=0.75, gt=0)
+    chamber_circle: Length = Field(default=4.0, gt=0)
+
+    @model_validator(mode="after")
+    def _possible(self):
+        wall = self.chamber_circle - self.chamber_radius
+        if not self.bore_radius < wall or not self.chamber_circle + self.chamber_radius < self.radius * cos(pi / 12):
+            raise ValueError("the chambers must lie between bore_radius and radius")
+        return self
+
+
 class MeshFile(Spec):
     """A mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh) or closed surface (.stl) of the user's own, its numbers in
     `unit`."""
@@ -86,7 +108,7 @@ class StepFile(Spec):
     path: Path
 
 
-Single = SoftFinger | Bar | Diamond | Trunk | MeshFile | StepFile
+Single = SoftFinger | Bar | Diamond | Trunk | StiffFlop | MeshFile | StepFile
 
 
 class Refinement(Spec):

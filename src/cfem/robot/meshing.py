@@ -11,17 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.element import ELEMENTS, SECTIONED
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import hexahedra, selection
 from cfem.robot.bar import bar
 from cfem.robot.cad import Box, File, Placed, Solid, as_data
 from cfem.robot.diamond import diamond
-from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, Trunk
+from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Trunk
 from cfem.robot.mesh_file import read_own
 from cfem.robot.placement import join, place, place_back, seen_from
 from cfem.robot.soft_finger import soft_finger
 from cfem.robot.spec import Meshing, SceneSpec
+from cfem.robot.stiff_flop import section_shape, slice_mesh
 from cfem.robot.trunk import trunk
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
@@ -50,6 +51,11 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         for item in scene.materials
         if isinstance(item.region, selection.Box)
     ]
+    if scene.mesh.element in SECTIONED:
+        mesh = slice_mesh(scene.geometry, scene.mesh.element, scene.mesh.size)
+        return mesh, None if scene.mesh.element == "beam" else _length(scene.geometry) * section_shape(
+            scene.geometry
+        ).area
     if isinstance(scene.geometry, Assembly):
         made = {part.name: _part(part, scene.mesh, regions, folder, grading) for part in scene.geometry.parts}
         mesh = join({name: mesh for name, (mesh, _) in made.items()})
@@ -58,6 +64,11 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
     else:
         mesh, volume = corner_mesh(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
     return _with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
+
+
+def _length(geometry: StiffFlop) -> float:
+    """mm."""
+    return geometry.modules * geometry.module_length
 
 
 def _part(

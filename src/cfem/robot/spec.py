@@ -8,21 +8,24 @@ from pydantic import Field, model_validator
 
 from cfem.core.spec import Spec
 from cfem.core.units import AccelerationVector, Length
-from cfem.robot.constraints import Actuator, Contact, Effector, Load
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement
+from cfem.mechanics.element import SECTIONED
+from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 
 
 class Meshing(Spec):
     """element: linear (tet4), quadratic (tet10), or quadratic tetrahedra with one pressure an element (tet10p0: never
-    locks); hexahedra (hex8) of a bar, or of a mesh file that holds them. size: the largest. refine: boxes of finer
+    locks); hexahedra (hex8) of a bar, or of a mesh file that holds them. A stiff-flop, of rigid sections, is a
+    geometrically exact rod (beam), or hexahedra between the sections: hex8-full, whose shear locks, or hex8-reduced.
+    size: the largest. refine: boxes of finer
     tetrahedra. cells: about how many tetrahedra; they are then graded, finest where W needs it."""
 
     size: Length = Field(gt=0)
     cells: int | None = Field(default=None, ge=100)
     refine: list[Refinement] = []
-    element: Literal["tet4", "tet10", "tet10p0", "hex8"] = "tet10p0"
+    element: Literal["tet4", "tet10", "tet10p0", "hex8", "hex8-full", "hex8-reduced", "beam"] = "tet10p0"
 
 
 class Gravity(Spec):
@@ -74,9 +77,22 @@ class SceneSpec(Spec):
     @model_validator(mode="after")
     def _graded(self):
         if self.mesh.cells is not None and (
-            self.mesh.element == "hex8" or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
+            self.mesh.element in ("hex8", *SECTIONED)
+            or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
         ):
             raise ValueError("mesh.cells grades tetrahedra that are made here, not hexahedra or a mesh file")
+        return self
+
+    @model_validator(mode="after")
+    def _sectioned(self):
+        sections = isinstance(self.geometry, StiffFlop)
+        if sections != (self.mesh.element in SECTIONED):
+            raise ValueError(f"geometry stiff-flop goes with mesh.element {', '.join(SECTIONED)}, and they with it")
+        if sections and self.rigid:
+            raise ValueError("the sections of a stiff-flop are rigid already: leave `rigid` out")
+        for item in self.actuators:
+            if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
+                raise ValueError(f"chambers '{item.name}': the geometry has no module {item.module} with chambers")
         return self
 
     @model_validator(mode="after")

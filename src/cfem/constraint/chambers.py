@@ -1,0 +1,42 @@
+"""Chambers along a rod whose sections do not deform: delta = V - V0 in mm^3; the multiplier is the pressure in MPa.
+
+A plane section sweeps the volume A n . dr/ds ds at the centroid r of the chamber (the theorem of Pappus), so that the
+growth is linear in the strains (gamma, kappa) of the rod, and on an element of constant strain in its e (rod.py):
+
+    V = int A (1 + gamma_x + kappa_y z - kappa_z y) ds = sum over elements, A (h + e . (1, 0, 0, 0, z, -y))"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cfem.mechanics.beam import Beam, response
+
+
+@dataclass(frozen=True)
+class RodChambers:
+    """A row that acts on the strains of a rod, not on nodes. weights (m, 6): d delta / d e, mm^2 and mm^3."""
+
+    beam: Beam
+    weights: np.ndarray
+    cliques: ClassVar[tuple[np.ndarray, ...]] = ()
+    nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
+    rest: ClassVar[np.ndarray] = np.zeros(1)
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        return np.array([(self.weights * response(self.beam, x).strain.e).sum()])
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        return np.zeros((1, 0, 3))
+
+    def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
+        return ()
+
+
+def make_rod_chambers(beam: Beam, centres: np.ndarray, area: float, elements: np.ndarray) -> RodChambers:
+    """Chambers (k,) of one pressure, each of `area` mm^2 along `elements`, centred at (y, z) of `centres` (k, 2) mm."""
+    weights = np.zeros((len(beam.length), 6))
+    y, z = np.asarray(centres).T
+    weights[elements] = area * np.array([len(y), 0.0, 0.0, 0.0, z.sum(), -y.sum()])
+    return RodChambers(beam, weights)
