@@ -1,8 +1,14 @@
 """Control over time: at every tick a goal, corrected by what the sensors say of the last ones, becomes a command.
 
-Closed, the goal is moved by K_P e + K_I sum(e) (the paper's PI; a sum over samples, no time step), where e is the goal
-at the tick of the sample minus the sample. A sample counts once, when it arrives. The sum takes only what the
-actuators can correct (`tick.correctable`: anti-windup by conditional integration) and its length is bounded."""
+Closed, the goal is moved by K_P e + K_I sum(e) (the paper's PI; a sum over samples, no time step), e being what the
+robot still owes at the tick of a sample. A sample counts once, when it arrives. Anti-windup is by back-calculation
+(Astrom and Hagglund 1995, section 3.5), the model telling what the command could not do: with the effectors x' that the
+model expected and the correction c of that tick,
+
+    e = x' - c - sample
+
+which is goal - sample where the model got to the corrected goal, and grows no further where bounds, rates, a robot that
+cannot get there, or a search of one step a tick have kept it away."""
 
 import time
 from collections.abc import Callable
@@ -11,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.control.plant import Measurement, Plant
-from cfem.control.tick import Belief, Pilot, correctable, drive
+from cfem.control.tick import Belief, Pilot, drive
 
 
 @dataclass(frozen=True)
@@ -60,10 +66,9 @@ class Correction:
     def __init__(self, gains: Gains, n_e: int):
         self._gains, self.total = gains, np.zeros(n_e)
 
-    def after(self, error: np.ndarray, within_reach: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """(n_e,) mm to move the goal by, error (n_e,) being the latest; within_reach: the part of it that can be
-        corrected."""
-        total = self.total + self._gains.integral * within_reach(error)
+    def after(self, error: np.ndarray) -> np.ndarray:
+        """(n_e,) mm to move the goal by, error (n_e,) being the latest."""
+        total = self.total + self._gains.integral * error
         length = float(np.linalg.norm(total))
         self.total = total * min(1.0, self._gains.bound / length) if length > 0 else total
         return self._gains.proportional * error + self.total
@@ -86,19 +91,19 @@ def run_loop(
     belief = Belief.at(pilot, np.zeros(len(pilot.ridge)) if start is None else start)
     correction = Correction(gains, len(rest_e)) if gains else None
     moved = np.zeros(len(rest_e))
-    measured, asked, moments = None, {}, []
+    measured, expected, moments = None, {}, []
     index = spent = held = heard = 0
     while index < len(goals) and (pace.budget is None or len(moments) < pace.budget):
         tick, goal = len(moments) + 1, goals[index]
         begin = time.thread_time()
         if correction and measured is not None and measured.t > heard:
             heard = measured.t
-            error = np.where(matters, asked[heard] - measured.x_e, 0.0)
+            error = np.where(matters, expected[heard] - measured.x_e, 0.0)
             if np.isfinite(error).all():
-                moved = correction.after(error, lambda error, at=belief: correctable(pilot, at, error))
+                moved = correction.after(error)
         belief = drive(pilot, belief, goal + moved - rest_e, measured)
         cpu = time.thread_time() - begin
-        asked[tick] = goal
+        expected[tick] = rest_e + belief.iterate.condensed.delta_e - moved
         measured = plant.step(belief.u, pilot.command)
         actual = getattr(plant, "actual", measured)
         error = float(np.linalg.norm((actual.x_e - goal)[matters]))
