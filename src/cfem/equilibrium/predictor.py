@@ -85,6 +85,15 @@ def predict(
     return State(around[0].x, np.empty(0), around[0].lam)
 
 
+def nearest(knots: Sequence[Knot], place: np.ndarray) -> State | None:
+    """The solved state nearest to `place`, as it is: in equilibrium, which a predicted one is not. Sections in a row
+    step from it in their relative motions, farther than a polynomial of positions reaches."""
+    if not knots:
+        return None
+    known = min(knots, key=lambda one: float(((one.place - place) ** 2).sum()))
+    return State(known.x, np.empty(0), known.lam)
+
+
 @dataclass(frozen=True)
 class _Local:
     """Polynomial in xi = to_xi (inputs - centre) as weights of the knots' values and xi-derivatives; n inputs.

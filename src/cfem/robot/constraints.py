@@ -37,8 +37,9 @@ class Cable(Spec):
 
 class Cavity(Spec):
     """A chamber, driven by the growth of its volume against a pressure. inside: a point in the void, which must be
-    closed on all sides; or surface: the name of a facet set of the mesh file. reach: smallest and largest growth.
-    unilateral: it can push and cannot suck."""
+    closed on all sides; or surface: the name of a facet set of the mesh file. reach: smallest and largest growth;
+    pressure: smallest and largest pressure, between which sample.yaml can draw. unilateral: it can push and cannot
+    suck."""
 
     model_config = _either("inside", "surface")
     kind: Literal["cavity"]
@@ -46,12 +47,14 @@ class Cavity(Spec):
     inside: Point | None = None
     surface: str | None = None
     reach: VolumeRange
+    pressure: StressRange | None = None
     unilateral: bool = False
 
     @model_validator(mode="after")
     def _ordered(self):
         _demand_one(f"cavity '{self.name}'", inside=self.inside, surface=self.surface)
         _demand_order(f"cavity '{self.name}'", self.reach)
+        _demand_order(f"cavity '{self.name}'", self.pressure, "pressure")
         return self
 
 
@@ -73,8 +76,7 @@ class Chambers(Spec):
         if len(set(self.chambers)) < len(self.chambers):
             raise ValueError(f"chambers '{self.name}': a chamber is named twice, of {self.chambers}")
         _demand_order(f"chambers '{self.name}'", self.reach)
-        if self.pressure is not None and not self.pressure[0] < self.pressure[1]:
-            raise ValueError(f"chambers '{self.name}': pressure must be two numbers, the smaller first")
+        _demand_order(f"chambers '{self.name}'", self.pressure, "pressure")
         return self
 
 
@@ -126,9 +128,9 @@ class Load(Spec):
     body: str | None = None
 
 
-def _demand_order(what: str, reach) -> None:
-    if not reach[0] < reach[1]:
-        raise ValueError(f"{what}: reach must be two numbers, the smaller first")
+def _demand_order(what: str, ends, name: str = "reach") -> None:
+    if ends is not None and not ends[0] < ends[1]:
+        raise ValueError(f"{what}: {name} must be two numbers, the smaller first")
 
 
 def _demand_one(what: str, **choices: object) -> None:

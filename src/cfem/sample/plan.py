@@ -3,7 +3,7 @@
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import Actuation, displacement, pull
+from cfem.equilibrium.actuation import Actuation, displacement, force, pull
 from cfem.sample.spec import SplitSpec
 
 
@@ -33,9 +33,13 @@ def _grid(rows: int, columns: int) -> np.ndarray:
     return np.stack(np.meshgrid(*[ticks] * columns, indexing="ij"), axis=-1).reshape(rows, columns)
 
 
-def actuation(space: str, u: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> Actuation:
-    """What row u (n_a,) prescribes within reach (n_a, 2) mm: a pull in proportion u, or u of the box. compliance:
-    (n_a, n_a) mm/N, W_aa at rest."""
+def actuation(
+    space: str, u: np.ndarray, reach: np.ndarray, compliance: np.ndarray, forces: np.ndarray | None = None
+) -> Actuation:
+    """What row u (n_a,) prescribes: a pull in proportion u within reach (n_a, 2) mm, or u of the box of the reach, or
+    of that of the forces (n_a, 2) N. compliance: (n_a, n_a) mm/N, W_aa at rest."""
+    if space == "force":
+        return force(forces[:, 0] + u * (forces[:, 1] - forces[:, 0]))
     low, high = reach.T
     if space == "displacement":
         return displacement(low + u * (high - low))

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
-from cfem.core.errors import CfemError
+from cfem.core.errors import CfemError, SpecError
 from cfem.core.files import plain
 from cfem.core.progress import progress
 from cfem.core.provenance import versions
@@ -53,6 +53,9 @@ def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: E
     """The rows of all splits, to be solved into `folder`."""
     with _live_workers():
         facts: Facts = executor.submit(shard.facts, factory).result()
+    if spec.space == "force" and facts.forces is None:
+        what = f"space: force needs the smallest and largest multiplier of every actuator of scene '{facts.scene}'"
+        raise SpecError(what, do="give each its `pressure`, or draw from another space")
     columns = facts.rows.n_a + facts.rows.n_c + len(sampled(facts.parameters))
     plans = {name: unit_rows(split, columns) for name, split in spec.splits.items()}
     meta = {

@@ -18,7 +18,7 @@ from cfem.condensed.restrict import onto_patch, slopes_onto_patch
 from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
-from cfem.equilibrium.predictor import Knot, knot, predict
+from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.solution import Equilibrium
 from cfem.sample.contact import ContactPlan
 from cfem.sample.parameters import drawn, place
@@ -89,10 +89,12 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
         if job.contact:
             (asked, X), p = job.contact.actuation(u, solver.facts.patch), np.zeros(0)
         else:
-            asked, X = actuation(job.space, u[:n_a], solver.facts.reach, solver.facts.compliance), None
+            facts = solver.facts
+            asked, X = actuation(job.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
             p = drawn(parameters, u[n_a:])
         q = place(parameters, p)
-        solved = solver.solve(asked, predict(knots, u, asked, q), p)
+        start = nearest(knots, u) if solver.facts.in_a_row else predict(knots, u, asked, q)
+        solved = solver.solve(asked, start, p)
         record = _record(job, index, solved, None if X is None else (solver.facts.patch, X))
         if parameters:
             record["p"] = p

@@ -22,7 +22,9 @@ _STEP = 1e-4
 class Facts:
     """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
     each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest; patch:
-    that holds the contact points, None where they are free. rows: its pose's coordinates are the contacts, if any."""
+    that holds the contact points, None where they are free. rows: its pose's coordinates are the contacts, if any;
+    forces: (n_a, 2) smallest and largest multipliers, None where the scene does not state them; in_a_row: whether the
+    robot is of rigid sections in a row, each state of which best starts from the nearest."""
 
     scene: str
     rows: Rows
@@ -33,6 +35,8 @@ class Facts:
     parameters: tuple[Parameter, ...] = ()
     row_units: tuple[tuple[str, str], ...] = ()
     patch: Patch | None = None
+    forces: np.ndarray | None = None
+    in_a_row: bool = False
 
 
 class Solver(Protocol):
@@ -90,6 +94,8 @@ class FiniteElements:
             self.parameters,
             units,
             patch,
+            robot.forces,
+            problem.kinematics.row is not None,
         )
         return _FiniteElementSolver(facts, family, problem, settings, self.third_order)
 
@@ -124,10 +130,11 @@ def row_units(robot: Any, turns: bool | None = None) -> tuple[tuple[str, str], .
     """Units of the displacement and of the multiplier of each row; turns: whether the patch of the contact points can
     turn, None where nothing holds them, and they are no rows."""
     from cfem.constraint.cavity import Cavity
+    from cfem.constraint.chambers import RodChambers
 
     effectors = [
         ("rad", "N mm") if name.split(".")[-1].startswith("r") else ("mm", "N") for name in robot.rows.effectors
     ]
-    actuators = [("mm^3", "MPa") if isinstance(row, Cavity) else ("mm", "N") for row in robot.actuators]
+    actuators = [("mm^3", "MPa") if isinstance(row, Cavity | RodChambers) else ("mm", "N") for row in robot.actuators]
     pose = [] if turns is None else [("mm", "N")] * 3 + [("rad", "N mm")] * (3 * turns)
     return (*effectors, *actuators, *pose)

@@ -80,7 +80,7 @@ class ContactSpec(Spec):
 
 class SampleSpec(Spec):
     """space: 'pulling' draws shares of a pull on all actuators (no actuator ever pushes); 'displacement' draws from the
-    box of actuator displacements.
+    box of actuator displacements, 'force' from the box of the forces (pressures) that the scene's actuators state.
 
     parameters: numbers of the scene, each by a name, that are drawn with the actuation. Young's modulus of a robot of
     one material without loads is not: W ~ 1/E and lambda ~ E are exact. third_order: also record dW/dlambda, which
@@ -94,7 +94,7 @@ class SampleSpec(Spec):
     scene: Path
     mesh: Path
     out: Path
-    space: Literal["pulling", "displacement"] = "pulling"
+    space: Literal["pulling", "displacement", "force"] = "pulling"
     splits: dict[Literal["train", "test"], SplitSpec] = Field(min_length=1)
     skeleton: int = Field(16, ge=1)
     shard: int = Field(50, ge=1)
@@ -115,6 +115,12 @@ class SampleSpec(Spec):
     def _contact_alone(self) -> "SampleSpec":
         if self.contact and (self.parameters or self.until):
             raise ValueError("contact does not go with parameters or until yet")
+        return self
+
+    @model_validator(mode="after")
+    def _forces_alone(self) -> "SampleSpec":
+        if self.space == "force" and (self.contact or self.until):
+            raise ValueError("space: force does not go with contact, which draws forces already, nor with until yet")
         return self
 
     @model_validator(mode="after")
