@@ -48,6 +48,20 @@ def test_the_bar_is_tracked_by_its_learned_model(outcomes):
     assert learned["distance_to_fe_based"]["max"] < 0.1
 
 
+def test_the_bar_is_controlled_over_time_though_it_is_stiffer_than_its_model(bar, outcomes):
+    loop = (
+        "{rate: 10 Hz, command: {kind: force}, controllers: {open: {mode: open}, closed: {mode: closed}}, "
+        "settle: {radius: 0.1 mm, hold: 0.5 s, at_most: 3 s}, real: {scene: [material.young=1.1 MPa]}, "
+        "sensor: {noise: 10 um, delay: 1}}"
+    )
+    # Within 0.8 of the reach: forces that pull the stiffer bar to the end of it are more than the model's own reach.
+    changed = ("--set", f"loop={loop}", "--set", "trajectories.swing.radii=[0.3]")
+    found = cfem(bar, "control", *changed, "--out", str(bar / "over-time"))
+    assert found.exit_code == 0, found.stderr
+    swing = json.loads(found.stdout)["results"]["loop"]["swing"]
+    assert swing["closed"]["reached"]["min"] == 6 and swing["open"]["reached"]["max"] < 6
+
+
 def test_the_page_is_whole_and_stands_alone(bar, outcomes):
     page = (bar.parents[1] / "data" / "bar" / "report" / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 5

@@ -62,6 +62,24 @@ def test_the_error_follows_the_recursion_of_the_integrator(delay, stiffness):
     np.testing.assert_allclose(errors(moments), move * np.abs(1 - np.array(x)), atol=1e-6)
 
 
+def test_a_model_of_the_forces_drives_as_one_of_the_displacements():
+    class ByForce(LinearRobot):
+        form = "force"
+
+        def at_force(self, lambda_a):
+            return super().at_displacement(self.W[2:, 2:] @ lambda_a)
+
+        def at_displacement(self, delta_a):
+            assert not delta_a.any(), "asked for its inverse beyond the start"
+            return super().at_displacement(delta_a)
+
+    one, other = (
+        np.array([each.belief.u for each in run(pilot(model=model), plant(LinearRobot(1.2)), gains=Gains(0, 0.3))])
+        for model in (ByForce(), LinearRobot())
+    )
+    np.testing.assert_allclose(one, other, atol=1e-9)
+
+
 def test_open_loop_misses_by_the_wrong_stiffness_and_closed_does_not():
     softer, move = LinearRobot(0.8), np.linalg.norm(GOAL - linear.REST_E)
     assert errors(run(pilot(), plant(softer)))[-1] == pytest.approx(move / 4, rel=1e-6)

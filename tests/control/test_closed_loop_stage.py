@@ -62,18 +62,8 @@ def control(folder: Path, spec: ControlSpec, model_folder: Path):
         rows=model.rows, rest_e=model.rest_e, reach=model.reach, unilateral=unilateral, length=model.length
     )
     goals = np.array([model.rest_e + model.at_displacement(np.array(d)).delta_e for d in ([6.0, 5.0], [9.0, 9.5])])
-    pilot = Limits.of(model.reach, unilateral), np.ones(3), Settings()
-    return run_controllers(
-        folder,
-        spec,
-        Path("scene"),
-        Path("mesh"),
-        robot,
-        {"spectral": model},
-        {"points": goals},
-        pilot,
-        Options(quiet=True),
-    )
+    pilot, goals = (Limits.of(model.reach, unilateral), np.ones(3), Settings()), {"points": goals}
+    return run_controllers(folder, spec, folder, robot, {"spectral": model}, goals, pilot, Options(quiet=True))
 
 
 def test_closed_reaches_what_open_misses(tmp_path, model_folder):
@@ -130,6 +120,12 @@ def test_a_device_is_a_plant(tmp_path, model_folder):
     with pytest.raises(InputError, match="ended"):
         dying = json.dumps([*device, "--fail", "die", "--at", "5"])
         control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
+
+
+@pytest.mark.parametrize("name", ["control-closed-loop", "control-device"])
+def test_pipelines_are_valid(name):
+    folder = Path(__file__).parents[2] / "pipelines" / "soft-finger"
+    assert load_spec(folder / f"{name}.yaml", ControlSpec).loop
 
 
 @pytest.mark.parametrize(

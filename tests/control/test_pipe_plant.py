@@ -117,6 +117,12 @@ def test_a_program_that_is_not_there():
         pass
 
 
+def test_it_starts_in_its_folder(tmp_path):
+    script(tmp_path, "say({'t': m['t'], 'x_e': [0, 0]})")
+    with PipePlant([sys.executable, "device.py"], ROWS, np.zeros(2), folder=tmp_path) as plant:
+        assert plant.step(np.ones(1)).t == 1
+
+
 def test_the_period_is_kept_and_lateness_counted(tmp_path):
     with script(tmp_path, "say({'t': m['t'], 'x_e': [m['t'], time.monotonic()]})", period=0.05) as plant:
         sent = [plant.step(np.ones(1)).x_e[1] for _ in range(4)]

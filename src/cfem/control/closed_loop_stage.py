@@ -33,8 +33,7 @@ PlantOf = Callable[[int], Any]  # seed -> context of a plant
 def run_controllers(
     folder: Path,
     spec: ControlSpec,
-    scene: Path,
-    mesh: Path,
+    base: Path,
     robot: Robot,
     predictors: Mapping[str, Predictor],
     goals: Mapping[str, np.ndarray],
@@ -42,9 +41,9 @@ def run_controllers(
     options: Options,
 ) -> dict[str, Any]:
     """Writes loop.parquet, a row a tick; returns the results. pilot: limits, weights of effector rows, settings; goals:
-    (m, n_e) mm absolute by trajectory. InputError where the device fails."""
+    (m, n_e) mm absolute by trajectory; base: folder of the spec, where a device starts. InputError where that fails."""
     loop, pace = spec.loop, _pace(spec.loop)
-    plant_of = _plants(spec, scene, mesh, robot, predictors)
+    plant_of = _plants(spec, base, robot, predictors)
     records, results = [], {}
     with progress("control", _visits(goals, loop), quiet=options.quiet) as advance:
         for trajectory, points in goals.items():
@@ -134,14 +133,16 @@ def _pace(loop: LoopSpec) -> Pace:
     )
 
 
-def _plants(spec: ControlSpec, scene: Path, mesh: Path, robot: Robot, predictors: Mapping[str, Predictor]) -> PlantOf:
+def _plants(spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor]) -> PlantOf:
     """What makes the plant of a run: the same robot for all, sensors of its own for each; of a device a new start."""
     loop, rest_e = spec.loop, robot.rest_e
     if spec.plant == "pipe":
-        return lambda seed: PipePlant(loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate)
+        return lambda seed: PipePlant(
+            loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate, folder=base
+        )
     push = None if loop.disturbance is None else _on_effectors(loop.disturbance.force, robot)
     if spec.plant == "fem":
-        plain, pushed = _fem_plants(spec, scene, mesh, push)
+        plain, pushed = _fem_plants(spec, base, push)
     else:
         real = Stiffer(next(iter(predictors.values())), loop.real.stiffer)
         plain = ModelPlant(real, rest_e)
@@ -164,14 +165,15 @@ def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
     return np.concatenate([force, np.zeros(robot.rows.n_e - 3)])
 
 
-def _fem_plants(spec: ControlSpec, scene: Path, mesh: Path, push: np.ndarray | None) -> tuple[Plant, Plant | None]:
+def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple[Plant, Plant | None]:
     """The real robot in full, and the same under a push (n_e,) N on its effectors."""
     from cfem.control.fem_plant import FemPlant, pushed
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
 
     real = spec.loop.real
-    _, nodes = load_scene_and_mesh(scene, scene.parent / real.mesh if real.mesh else mesh)
+    scene = base / spec.scene
+    _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
     robot = build_robot(load_spec(scene, SceneSpec, real.scene), nodes)
     if push is None:
         return FemPlant(robot), None

@@ -37,7 +37,8 @@ def summarise(runs: Sequence[Sequence[Moment]], goals: int, pace: Pace, rate: fl
 
     reached: goals a run, as `Pace` has it, or within its radius when the next one was due; error: mm at every tick,
     the first goal's left out where goals come by the clock (the robot is on its way there), error_at_goals: when the
-    next one was due; ticks_to_converge: to the first of the ticks that held, of goals that were held; step_us: CPU."""
+    next one was due; ticks_to_converge: to the first of the ticks that held, of goals that were held; no_position:
+    ticks without one from the plant; step_us: CPU."""
     each = [[list(of) for _, of in groupby(run, key=lambda one: one.index)] for run in runs]
     timed = pace.ticks_a_goal is not None
     ends = [of[-1].error for visits in each for of in visits]
@@ -62,7 +63,7 @@ def summarise(runs: Sequence[Sequence[Moment]], goals: int, pace: Pace, rate: fl
             "max": max(waits, default=None),
         },
         "seconds_to_converge": float(np.median(waits) / rate) if waits and not timed else None,
-        "plant_failed": sum(one.actual.status != "converged" for run in runs for one in run),
+        "no_position": sum(one.actual.status != "converged" and one.actual.t > 0 for run in runs for one in run),
         "step_us": {
             "median": float(np.median(cpu)),
             "p99": float(np.percentile(cpu, 99)),
@@ -83,8 +84,8 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
             if error:
                 parts.append(f"mean {error['mean']:.2g}, max {error['max']:.2g} mm off when the next was due")
             parts.append(f"{row['step_us']['median']:.0f} us of CPU a tick")
-            if row["plant_failed"]:
-                parts.append(f"the plant FAILED in {row['plant_failed']} ticks")
+            if row["no_position"]:
+                parts.append(f"the plant gave NO POSITION in {row['no_position']} ticks")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
     return lines
 

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
@@ -23,8 +24,8 @@ class PipePlant:
     """Runs `command` and speaks to it; to be used in a `with`, which tells the device to let go and ends it.
 
     rest_e: (n_e,) mm; timeout: s that it may take to answer, first_timeout: the first time; period: s from one command
-    to the next, 0 for as fast as it answers. InputError where it cannot be started, ends, is silent or talks nonsense;
-    late: commands that were sent later than the period asks."""
+    to the next, 0 for as fast as it answers; folder: where it starts; late: commands that were sent later than the
+    period asks. InputError where it cannot be started, ends, is silent or talks nonsense."""
 
     def __init__(
         self,
@@ -34,9 +35,11 @@ class PipePlant:
         timeout: float = 1.0,
         first_timeout: float = 30.0,
         period: float = 0.0,
+        folder: Path | None = None,
     ):
         self._command, self._rows, self._rest_e = tuple(command), rows, rest_e
         self._timeout, self._first_timeout, self._period = timeout, first_timeout, period
+        self._folder = folder
         self._lines: Queue[str | None] = Queue()
         self._t, self._due, self.late = 0, 0.0, 0
 
@@ -49,6 +52,7 @@ class PipePlant:
                 text=True,
                 encoding="utf-8",
                 errors="replace",
+                cwd=self._folder,
                 bufsize=1,
             )
         except OSError as error:

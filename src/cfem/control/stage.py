@@ -35,11 +35,11 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
         paths=("scene", "mesh", "models", "out"),
         extra={"scene": meaning(load_spec(scene, SceneSpec), {"out"})},
     )
-    return run_stage(stage, lambda folder: _work(folder, spec, scene, inputs["mesh"], models, options), options)
+    return run_stage(stage, lambda folder: _work(folder, spec, base, inputs["mesh"], models, options), options)
 
 
 def _work(
-    folder: Path, spec: ControlSpec, scene: Path, mesh: Path, models: dict[str, Path], options: Options
+    folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
 ) -> dict[str, Any]:
     from cfem.control.fem_plant import FemPlant
     from cfem.control.plant import ModelPlant
@@ -49,7 +49,7 @@ def _work(
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
 
-    robot = build_robot(*load_scene_and_mesh(scene, mesh))
+    robot = build_robot(*load_scene_and_mesh(base / spec.scene, mesh))
     predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
     if spec.object:
         from cfem.control.assembled import assembled
@@ -65,7 +65,7 @@ def _work(
         from cfem.control.closed_loop_stage import run_controllers
 
         pilot = _limits(spec, robot), _weights(spec, robot), _settings(spec)
-        return run_controllers(folder, spec, scene, mesh, robot, predictors, goals, pilot, options)
+        return run_controllers(folder, spec, base, robot, predictors, goals, pilot, options)
 
     records, states, results = [], {"X": robot.X, "facets": robot.facets}, {}
     with progress("control", sum(map(len, goals.values())), quiet=options.quiet) as advance:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.control.inverse import Aim, Limits, inverse_step
-from cfem.control.loop import Iterate, Model, ReachStatus, Settings, by_displacement, reach
-from cfem.control.observer import Observer, by_force
+from cfem.control.loop import Iterate, Model, Reach, ReachStatus, Settings, by_displacement, reach
+from cfem.control.observer import Observer, by_force, under_force
 from cfem.control.plant import Command, Measurement
 from cfem.core.errors import InputError, NumericalError
 
@@ -57,17 +57,24 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
             at = _seen(pilot, at, measured)
         if pilot.command == "force" and pilot.observer == "previous_step":
             return _as_published(pilot, at, aim, limits)
-        place = by_displacement if pilot.command == "displacement" else by_force
-        found = reach(pilot.model, aim, limits, at, pilot.settings, place)
+        # Steps in what the model is a function of: it then gives the other half of a state for nothing.
+        forces = pilot.command == "force" and getattr(pilot.model, "form", "displacement") == "force"
+        found = reach(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
+        if found.status is ReachStatus.QP_FAILED:
+            return replace(belief, status=found.status.value)
+        return _within(pilot, found, limits)
     except NumericalError as error:
         return replace(belief, status=str(error))
-    if found.status is ReachStatus.QP_FAILED:
-        return replace(belief, status=found.status.value)
+
+
+def _within(pilot: Pilot, found: Reach, limits: Limits) -> Belief:
+    """The command that leads to what was found, cut down to its limits, and where that leads."""
     if pilot.command == "displacement":
-        u = np.clip(found.delta_a, *limits.delta_a.T)
-    else:
-        u = np.clip(found.lambda_a, *limits.lambda_a.T)
-    return Belief(found.iterate, u, found.status.value)
+        return Belief(found.iterate, np.clip(found.delta_a, *limits.delta_a.T), found.status.value)
+    at, u = found.iterate, np.clip(found.lambda_a, *limits.lambda_a.T)
+    if not np.array_equal(u, found.lambda_a):
+        at = replace(at, condensed=under_force(pilot.model, u, at.condensed))
+    return Belief(at, u, found.status.value)
 
 
 def _seen(pilot: Pilot, at: Iterate, measured: Measurement) -> Iterate:
