@@ -59,5 +59,5 @@ def test_only_the_formats_asked_for(tmp_path):
 
 def test_an_unknown_format_is_a_spec_error(tmp_path):
     (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [pickle]\n")
-    with pytest.raises(SpecError, match="'arrays', 'onnx' or 'torchscript'"):
+    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript' or 'c'"):
         run(tmp_path / "export.yaml", [], None, Options())

@@ -18,7 +18,7 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
     softened = _program(2 * n_a, 3 * n_a, 0, steps) + program
     observer = 1 + (defines["CFEM_OBSERVER_ITERATIONS"] if _searches(model, spec) else 0)
     iterations = spec.controller.iterations
-    tick = (observer + iterations - 1) * query + iterations * (program + softened) + program
+    tick = (observer + iterations - 1) * query + iterations * (program + softened)
     return {
         "model": query,
         "program": program,

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import NumericalError
-from cfem.core.files import write_json, write_whole
-from cfem.export import c_text, compiled
+from cfem.core.files import write_whole
+from cfem.export import c_text
 from cfem.export.c_constants import OBSERVERS, Surrogate, controller, surrogate
 from cfem.export.c_cost import operations
 from cfem.export.spec import CSpec
@@ -20,11 +20,14 @@ MARGIN = 0.02  # of course and force: goals nearer than this to a bound are not 
 
 
 def write_c(folder: Path, meta: dict, arrays: dict[str, np.ndarray], spec: CSpec, states: np.ndarray) -> dict:
-    """Fills `folder`; states (m, n_a): inputs of the model for the self-test. Returns what report.json says."""
+    """Fills `folder`; states (m, n_a): inputs of the model for the self-test. Returns what it costs, without
+    compiling it."""
     shutil.copytree(SOURCES, folder, dirs_exist_ok=True)
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
     defines, constants = controller(predictor, p, spec.controller, spec.scalar)
+    if predictor.form == "force" and len(p):
+        states = states / predictor.softer(p)  # the data are of the reference: lambda ~ E
     vectors = [_vector(predictor, p, s, spec) for s in states[: spec.vectors]]
     reachable = [one["x_e"] for one in vectors if one["reachable"]]
     constants["cfem_example_goal"] = reachable[0] if reachable else predictor.rest_e
@@ -32,16 +35,13 @@ def write_c(folder: Path, meta: dict, arrays: dict[str, np.ndarray], spec: CSpec
     write_whole(folder / "cfem_data.h", header.encode())
     write_whole(folder / "cfem_data.c", data.encode())
     write_whole(folder / "cfem_vectors.h", _vectors(vectors, predictor.length, spec).encode())
-    report = {
+    return {
         "kind": meta["kind"],
         "form": meta["form"],
         "scalar": spec.scalar,
         "coefficient_bytes": model.coefficient_bytes,
         "operations": operations(model, defines, spec),
-        **compiled.sizes(folder),
     }
-    write_json(folder / "report.json", report)
-    return report
 
 
 def _data(
@@ -49,7 +49,7 @@ def _data(
 ) -> tuple[str, str]:
     """cfem_data.h, cfem_data.c."""
     header = [
-        f"/* {meta['scene']}, kind {meta['kind']}, form {meta['form']}: written by cfem export. Units: mm, N, MPa. */\n",
+        f"/* {meta['scene']}, kind {meta['kind']}, form {meta['form']}: by cfem export. Units: mm, N, MPa. */\n",
         "#ifndef CFEM_DATA_H\n#define CFEM_DATA_H\n\n#include <stdint.h>\n\n",
         f"typedef {scalar} cfem_real;\n\n",
         c_text.defines({f"CFEM_OBSERVER_{name.upper()}": i for i, name in enumerate(OBSERVERS)}),
@@ -110,6 +110,7 @@ def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec) -> 
     strong = (lam > least + MARGIN * scale) & (lam < most - MARGIN * scale)
     found = {
         "s": s,
+        "delta_a": delta[rows.a],
         "lambda_a": lam,
         "W_aa": W[rows.a, rows.a].ravel(),
         "W_ea": W[rows.e, rows.a].ravel(),
@@ -141,7 +142,7 @@ def _vectors(vectors: list[dict], length: float, spec: CSpec) -> str:
         }
     )
     return (
-        "/* The Python model at states of its test set, and goals there that are within reach: written by cfem export. */\n"
+        "/* The Python model at states of its test set, and goals there that are within reach: by cfem export. */\n"
         f"{sizes}\ntypedef struct {{{fields} int reachable; }} cfem_vector;\n\n"
         f"static const cfem_vector cfem_vectors[CFEM_VECTORS] = {{\n" + ",\n".join(rows) + "};\n"
     )

@@ -23,7 +23,7 @@ def compiler() -> str | None:
     return next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
 
 
-def sizes(folder: Path) -> dict:
+def sizes(folder: Path) -> dict[str, dict[str, int] | None]:
     """Bytes of the compiled core by compiler: flash (code and constants), static_ram, stack (the sum of all its frames,
     more than any chain of calls needs); None for a compiler that is not here."""
     host, target = compiler(), shutil.which("arm-none-eabi-gcc")
@@ -31,7 +31,7 @@ def sizes(folder: Path) -> dict:
         "here": _size(folder, [host, "-Os"], "size") if host else None,
         "cortex-m7": _size(folder, [target, *CORTEX_M7], "arm-none-eabi-size") if target else None,
     }
-    return {"bytes": found}
+    return found
 
 
 def _size(folder: Path, command: list[str], size: str) -> dict[str, int] | None:
@@ -72,11 +72,11 @@ def library(folder: Path, flags: tuple[str, ...] = ("-O2",)) -> ctypes.CDLL:
 
 @dataclass(frozen=True)
 class Command:
-    """What a tick commands: delta_a (n_a,) mm, lambda_a (n_a,) N, x_e (n_e,) mm expected, status as in cfem.h."""
+    """What a tick commands: delta_a (n_a,) mm, lambda_a (n_a,) N, reference (n_e,) mm, status as in cfem.h."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
-    x_e: np.ndarray
+    reference: np.ndarray
     status: int
 
 
@@ -91,15 +91,12 @@ class CompiledController:
         a, e = self.n_a, self.n_e
         full = [("W_ee", e * e), ("energy", 1)] if int(defines["CFEM_FULL"]) else []
         model = [("delta_a", a), ("lambda_a", a), ("W_aa", a * a), ("W_ea", e * a), ("free_a", a), ("free_e", e), *full]
-        self._input = _struct(
-            [("goal", real * e), ("error", real * e), ("delta_a", real * a), ("measured", ctypes.c_int)]
-        )()
-        self._output = _struct(
-            [("delta_a", real * a), ("lambda_a", real * a), ("x_e", real * e), ("status", ctypes.c_uint)]
-        )()
+        inputs = [("goal", real * e), ("error", real * e), ("delta_a", real * a), ("measured", ctypes.c_int)]
+        outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e), ("status", ctypes.c_uint)]
+        self._input, self._output = _struct(inputs)(), _struct(outputs)()
         self._model = _struct([(name, ctypes.c_double * size) for name, size in model])()
         self._library = library(folder, flags)
-        self._state = (ctypes.c_double * (4 * a + 3 * e + a * a + e * a))()  # cfem_controller holds doubles only
+        self._state = (ctypes.c_double * (2 * a + 3 * e))()  # cfem_controller holds doubles only
         self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]
         self.reset()
 
@@ -107,8 +104,8 @@ class CompiledController:
         self._library.cfem_init(self._references[0])
 
     def step(self, goal: np.ndarray, error: np.ndarray | None = None, delta_a: np.ndarray | None = None) -> Command:
-        """goal (n_e,) mm absolute; error (n_e,) mm where the effectors were measured since the last tick; delta_a (n_a,) mm
-        for the observer that needs it."""
+        """goal (n_e,) mm absolute; error (n_e,) mm where the effectors were measured since the last tick; delta_a
+        (n_a,) mm for the observer that needs it."""
         self._input.goal[:] = goal.tolist()
         self._input.measured = error is not None
         if error is not None:
@@ -117,7 +114,7 @@ class CompiledController:
             self._input.delta_a[:] = delta_a.tolist()
         self._library.cfem_step(*self._references)
         out = self._output
-        return Command(np.array(out.delta_a), np.array(out.lambda_a), np.array(out.x_e), out.status)
+        return Command(np.array(out.delta_a), np.array(out.lambda_a), np.array(out.reference), out.status)
 
     def model(self, s: np.ndarray) -> dict[str, np.ndarray]:
         """The members of cfem_condensed at s (n_a,), flat, and 'status'."""

@@ -14,10 +14,10 @@ Format = Literal["arrays", "onnx", "torchscript", "c"]
 class ControllerSpec(Spec):
     """The controller around the model, on one robot.
 
-    command: what the drives take; observer: of where the actuators stand (measured by a sensor; previous_step: the last
-    linearisation, the paper's; equilibrium: the model under the last command, by Newton's method); iterations: model and
-    program within a tick; step: farthest that an actuator moves in a linearisation; rate, force_rate: by which the
-    command may change in a tick; unilateral: actuators pull and do not push; largest_force: of any actuator;
+    command: what the drives take; observer: of where the actuators stand (measured by a sensor; previous_step: the
+    last linearisation, the paper's; equilibrium: the model under the last command, by Newton's method); iterations:
+    model and program within a tick; step: farthest that an actuator moves in a linearisation; rate, force_rate: by
+    which the command may change in a tick; unilateral: actuators pull and do not push; largest_force: of any actuator;
     regularisation: what full course costs relative to missing by the robot's length; weights: of effector rows;
     K_P, K_I: gains on the measured error, per tick; integral_limit: longest that K_I sum(e) becomes; start: where the
     actuators stand at first, 0 unless given."""

@@ -68,9 +68,11 @@ def write_embedded(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str,
     """What its report.json says, and parity: of the blocks that control uses, in the compiled code, with the trained
     model at the scene's own parameters; None without a compiler, or with parameters of its own."""
     from cfem.export.c_export import write_c
-    from cfem.export.compiled import CompiledController, compiler
+    from cfem.export.compiled import CompiledController, compiler, sizes
 
     report = write_c(folder, meta, arrays, spec.c, vectors["s"])
+    report["bytes"] = sizes(folder)
+    write_json(folder / "report.json", report)
     if not compiler() or spec.c.parameters:
         return {**report, "parity": None}
     model, controller = build(meta, arrays), CompiledController(folder)

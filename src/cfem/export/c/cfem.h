@@ -38,8 +38,8 @@ enum {
 /* What the controller knows at a tick. */
 typedef struct {
     cfem_real goal[CFEM_NE];    /* mm, absolute: where the effectors should be */
-    cfem_real error[CFEM_NE];   /* mm: goal at the tick of the latest measurement of the effectors, minus that measurement;
-                                   read only where measured != 0 */
+    cfem_real error[CFEM_NE];   /* mm: cfem_output.reference of the tick that the latest measurement of the effectors
+                                   belongs to, minus that measurement; read only where measured != 0 */
     cfem_real delta_a[CFEM_NA]; /* mm: where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
     int measured;               /* 1: `error` is new since the last tick, and moves the goal by K_P e + K_I sum e; 0: the goal
                                    stays moved as it was (open loop, as long as it never was 1) */
@@ -49,20 +49,19 @@ typedef struct {
 typedef struct {
     cfem_real delta_a[CFEM_NA];  /* mm */
     cfem_real lambda_a[CFEM_NA]; /* N */
-    cfem_real x_e[CFEM_NE];      /* mm, absolute: where the linearised model expects the effectors */
-    unsigned status;             /* CFEM_OK, or an OR of the above */
+    cfem_real reference[CFEM_NE]; /* mm, absolute: where the effectors will be if the outer loop is right: the goal, or what
+                                     the limits leave of it. Errors are measured from here, so that nothing is added up that no
+                                     command can change (anti-windup) */
+    unsigned status;              /* CFEM_OK, or an OR of the above */
 } cfem_output;
 
 /* A robot's state. The caller owns it; its members are for reading. */
 typedef struct {
     double delta_a[CFEM_NA];     /* mm, of the last command, as linearised where forces are commanded */
     double lambda_a[CFEM_NA];    /* N, of the last command, as linearised where displacements are commanded */
-    double x_e[CFEM_NE];         /* mm, absolute, expected of the last command */
+    double reference[CFEM_NE];   /* mm, absolute: see cfem_output */
     double integral[CFEM_NE];    /* mm, K_I sum e */
     double moved[CFEM_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
-    double W_aa[CFEM_NA][CFEM_NA], W_ea[CFEM_NE][CFEM_NA]; /* mm/N, of the last command */
-    double held_lambda[CFEM_NA]; /* -1, 0, 1: at its low bound, free, at its high one, in the last command */
-    double held_delta[CFEM_NA];
 } cfem_controller;
 
 /* The condensed model at a state. */

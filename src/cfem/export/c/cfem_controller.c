@@ -52,10 +52,9 @@ static int nearest_to_course(const cfem_condensed *m, const limits *l, double *n
     return status;
 }
 
-/* The inverse step at the model m: lambda_a (NA,), delta_a (NA,) mm and which bounds hold them (2 NA,), forces first.
- * aim (NE,) mm from rest. */
+/* The inverse step at the model m: lambda_a (NA,), delta_a (NA,) mm. aim (NE,) mm from rest. */
 static unsigned inverse_step(const cfem_condensed *m, const double *aim, const limits *l, double *lambda_a,
-                             double *delta_a, double *held) {
+                             double *delta_a) {
     double M[NE + NA][NA], d[NE + NA], low[2 * NA], high[2 * NA];
     cfem_qp_answer answer;
     unsigned status = CFEM_OK;
@@ -85,10 +84,8 @@ static unsigned inverse_step(const cfem_condensed *m, const double *aim, const l
         solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &m->W_aa[0][0], low, high, &answer);
     }
     if (solved != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
-    for (int k = 0; k < 2 * NA; k++) {
-        held[k] = answer.multipliers[k] > 0.0 ? 1.0 : answer.multipliers[k] < 0.0 ? -1.0 : 0.0;
-        if (held[k] != 0.0) status |= CFEM_LIMITED;
-    }
+    for (int k = 0; k < 2 * NA; k++)
+        if (answer.multipliers[k] != 0.0) status |= CFEM_LIMITED;
     for (int i = 0; i < NA; i++) {
         lambda_a[i] = answer.x[i];
         delta_a[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
@@ -162,37 +159,12 @@ static int usable(const cfem_input *in) {
     return good;
 }
 
-/* within (NE,) mm: the part of an error (NE,) that the actuators can do something about, its projection on the moves of the
- * effectors that no bound forbids. The integral of the rest would grow without end (anti-windup). */
-static void correctable(const cfem_controller *c, const double *error, double *within) {
-    double M[NE + NA][NA], d[NE + NA], low[2 * NA], high[2 * NA], steepest = 0.0;
-    cfem_qp_answer answer;
-    for (int i = 0; i < NA; i++) {
-        double square = 0.0;
-        for (int e = 0; e < NE; e++) {
-            M[e][i] = cfem_effector_weight[e] * c->W_ea[e][i];
-            square += M[e][i] * M[e][i];
-        }
-        if (square > steepest) steepest = square;
-        low[i] = c->held_lambda[i] < 0.0 ? 0.0 : -HUGE_VAL, high[i] = c->held_lambda[i] > 0.0 ? 0.0 : HUGE_VAL;
-        low[NA + i] = c->held_delta[i] < 0.0 ? 0.0 : -HUGE_VAL, high[NA + i] = c->held_delta[i] > 0.0 ? 0.0 : HUGE_VAL;
-    }
-    for (int e = 0; e < NE; e++) d[e] = cfem_effector_weight[e] * error[e];
-    for (int i = 0; i < NA; i++) {
-        for (int j = 0; j < NA; j++) M[NE + i][j] = i == j ? sqrt(1e-9 * steepest) : 0.0;
-        d[NE + i] = 0.0;
-    }
-    const int solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &c->W_aa[0][0], low, high, &answer);
-    for (int e = 0; e < NE; e++) within[e] = solved == CFEM_QP_OPTIMAL ? cfem_dot(NA, c->W_ea[e], answer.x) : 0.0;
-}
-
 /* The PI term from a new error. */
 static void correct(cfem_controller *c, const cfem_input *in) {
-    double error[NE], within[NE], square = 0.0;
-    for (int e = 0; e < NE; e++) error[e] = cfem_effector_weight[e] > 0.0 ? (double)in->error[e] : 0.0;
-    correctable(c, error, within);
+    double error[NE], square = 0.0;
     for (int e = 0; e < NE; e++) {
-        c->integral[e] += CFEM_K_I * within[e];
+        error[e] = cfem_effector_weight[e] > 0.0 ? (double)in->error[e] : 0.0;
+        c->integral[e] += CFEM_K_I * error[e];
         square += c->integral[e] * c->integral[e];
     }
     const double length = sqrt(square);
@@ -207,31 +179,25 @@ static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *o
         out->delta_a[i] = (cfem_real)c->delta_a[i];
         out->lambda_a[i] = (cfem_real)c->lambda_a[i];
     }
-    for (int e = 0; e < NE; e++) out->x_e[e] = (cfem_real)c->x_e[e];
+    for (int e = 0; e < NE; e++) out->reference[e] = (cfem_real)c->reference[e];
     return out->status = status;
 }
 
 static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a) {
-    for (int i = 0; i < NA; i++) {
-        c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
-        for (int j = 0; j < NA; j++) c->W_aa[i][j] = m->W_aa[i][j];
-    }
-    for (int e = 0; e < NE; e++) {
-        c->x_e[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a);
-        for (int j = 0; j < NA; j++) c->W_ea[e][j] = m->W_ea[e][j];
-    }
+    for (int i = 0; i < NA; i++) c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
+    for (int e = 0; e < NE; e++)
+        c->reference[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - c->moved[e];
 }
 
 void cfem_init(cfem_controller *c) {
-    const cfem_controller fresh = {{0}, {0}, {0}, {0}, {0}, {{0}}, {{0}}, {0}, {0}};
     cfem_condensed m;
-    *c = fresh;
+    for (int e = 0; e < NE; e++) c->integral[e] = c->moved[e] = 0.0;
     cfem_model(cfem_home, &m);
     remember(c, &m, m.lambda_a, m.delta_a);
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
-    double aim[NE], s[NA], delta_a[NA], lambda_a[NA], held[2 * NA];
+    double aim[NE], s[NA], delta_a[NA], lambda_a[NA];
     cfem_condensed m;
     if (!usable(in)) return answer(c, CFEM_HELD | CFEM_BAD_INPUT, out);
     if (in->measured) correct(c, in);
@@ -239,20 +205,19 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
 
     unsigned found = observe(c, in, s, &m), status = CFEM_OK;
     if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
-    const limits l = of_this_tick(c, m.delta_a);
+    limits l;
     for (int iteration = 0;; iteration++) {
         found |= outside(&m);
-        status = inverse_step(&m, aim, &l, lambda_a, delta_a, held);
+        l = of_this_tick(c, m.delta_a);
+        status = inverse_step(&m, aim, &l, lambda_a, delta_a);
         if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = cfem_model(s, &m);
         if (there) return answer(c, CFEM_HELD | there | found, out);
     }
-    for (int i = 0; i < NA; i++) {
-        if (!CFEM_COMMAND_FORCE) delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]); /* also a softened course */
-        c->held_lambda[i] = held[i], c->held_delta[i] = held[NA + i];
-    }
+    if (!CFEM_COMMAND_FORCE) /* the command keeps the course, also where the program softened it */
+        for (int i = 0; i < NA; i++) delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]);
     remember(c, &m, lambda_a, delta_a);
     return answer(c, status | found, out);
 }

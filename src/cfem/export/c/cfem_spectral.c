@@ -6,19 +6,21 @@
 
 #define N CFEM_NZ
 
-/* T_k, T_k', T_k'', k = 0 ... CFEM_DEGREE, of one coordinate, by T_{k+1} = 2 z T_k - T_{k-1} and its derivatives. */
+/* T_k, T_k', T_k'', k = 0 ... CFEM_DEGREE, of one coordinate. */
 typedef struct {
     cfem_real value[CFEM_DEGREE + 1], first[CFEM_DEGREE + 1], second[CFEM_DEGREE + 1];
 } polynomials;
 
-static void evaluate(cfem_real z, polynomials *t) {
-    const cfem_real two = 2 * z;
-    t->value[0] = 1, t->first[0] = 0, t->second[0] = 0;
-    t->value[1] = z, t->first[1] = 1, t->second[1] = 0;
-    for (int k = 1; k < CFEM_DEGREE; k++) {
-        t->value[k + 1] = two * t->value[k] - t->value[k - 1];
-        t->first[k + 1] = 2 * t->value[k] + two * t->first[k] - t->first[k - 1];
-        t->second[k + 1] = 4 * t->first[k] + two * t->second[k] - t->second[k - 1];
+/* By T_{k+1} = 2 z T_k - T_{k-1} and its derivatives, in double: their rounding grows with the degree. */
+static void evaluate(double z, polynomials *t) {
+    double value[2] = {1.0, z}, first[2] = {0.0, 1.0}, second[2] = {0.0, 0.0};
+    for (int k = 0; k <= CFEM_DEGREE; k++) {
+        t->value[k] = (cfem_real)value[0], t->first[k] = (cfem_real)first[0], t->second[k] = (cfem_real)second[0];
+        const double next_second = 4.0 * first[1] + 2.0 * z * second[1] - second[0];
+        const double next_first = 2.0 * value[1] + 2.0 * z * first[1] - first[0];
+        const double next = 2.0 * z * value[1] - value[0];
+        value[0] = value[1], first[0] = first[1], second[0] = second[1];
+        value[1] = next, first[1] = next_first, second[1] = next_second;
     }
 }
 
@@ -31,11 +33,11 @@ void cfem_spectral(const double s[CFEM_NA], cfem_parts *parts) {
     for (int i = 0; i < N; i++) {
         double z = cfem_offset[i];
         for (int j = 0; j < CFEM_NA; j++) z += cfem_to_box[i][j] * s[j];
-        evaluate((cfem_real)z, &t[i]);
+        evaluate(z, &t[i]);
     }
     for (int m = 0; m < CFEM_TERMS; m++) {
         const cfem_real *c = cfem_series[m];
-        int on[N], count = 0;
+        int on[N] = {0}, count = 0;
         cfem_real value = 1, slope[N];
         for (int i = 0; i < N; i++)
             if (cfem_degrees[m][i]) on[count++] = i;

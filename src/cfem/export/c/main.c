@@ -28,7 +28,7 @@ int main(void) {
         wait_for_tick();
         input.measured = tick > 0 && measure_effectors(x_e); /* what the last command led to */
         if (input.measured)
-            for (int e = 0; e < CFEM_NE; e++) input.error[e] = input.goal[e] - x_e[e];
+            for (int e = 0; e < CFEM_NE; e++) input.error[e] = output.reference[e] - x_e[e];
         if (cfem_step(&controller, &input, &output) & CFEM_HELD) printf("held, status %u\n", output.status);
         command_actuators(output.delta_a);
         for (int i = 0; i < CFEM_NA; i++) input.delta_a[i] = output.delta_a[i]; /* yours: encoders, if the observer reads them */

@@ -1,0 +1,176 @@
+"""The compiled tick does what the control of Python does with the same model, and says so when it cannot."""
+
+import json
+
+import numpy as np
+import pytest
+from export.embedded import export, needs_compiler, spectral
+
+from cfem.control.closed_loop import Gains, Pace, run_loop
+from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.control.loop import Settings
+from cfem.control.observer import under_force
+from cfem.control.plant import ModelPlant
+from cfem.control.tick import Belief, Pilot, drive
+from cfem.export.compiled import CompiledController
+from cfem.predict.load import build
+
+pytestmark = needs_compiler
+LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT = 1, 2, 4, 8, 16, 32
+MEASURED_AT = np.array([6.0, 4.0])
+
+
+def compiled(folder, model=None, **controller) -> CompiledController:
+    export(folder, model or spectral(), controller=controller)
+    return CompiledController(folder)
+
+
+def curve(model, count: int, beyond: float = 1.0) -> np.ndarray:
+    """(count, 3) mm goals about what the model reaches; beyond: farther from its middle by this factor."""
+    angle = np.linspace(0, 2 * np.pi, count)
+    pulls = np.column_stack([8 + 4 * np.cos(angle), 8 + 4 * np.sin(angle)])
+    goals = model.rest_e + np.array([model.at_displacement(pull).delta_e for pull in pulls])
+    return goals.mean(axis=0) + beyond * (goals - goals.mean(axis=0))
+
+
+def limits_of(model, **more) -> Limits:
+    limits = Limits.of(model.reach, np.ones(model.rows.n_a, dtype=bool))
+    return Limits(more.get("lambda_a", limits.lambda_a), limits.delta_a)
+
+
+@pytest.mark.parametrize("beyond", [1.0, 3.0])
+@pytest.mark.parametrize("iterations", [1, 3])
+def test_the_published_tick(tmp_path, iterations, beyond):
+    """Forces, the last linearisation for where they lead: the same commands as Python's, in reach and out of it."""
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="force", observer="previous_step", iterations=iterations, step="3 mm")
+    ridge, settings = ridge_of(1e-10, model.reach, model.length), Settings(iterations=iterations, step=3.0)
+    pilot = Pilot(model, "force", "previous_step", limits_of(model), np.ones(3), ridge, settings)
+    belief = Belief.at(pilot, np.zeros(2))
+    for goal in curve(model, 12, beyond):
+        command, belief = controller.step(goal), drive(pilot, belief, goal - model.rest_e)
+        assert command.lambda_a == pytest.approx(belief.u, rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("form", ["displacement", "force"])
+@pytest.mark.parametrize(("command", "observer"), [("force", "equilibrium"), ("displacement", "measured")])
+def test_the_linearisation_is_where_the_observer_says(tmp_path, form, command, observer):
+    """Each tick is the inverse step at the model under the last forces, or where the actuators are measured."""
+    model = build(*spectral(form))
+    controller = compiled(tmp_path, spectral(form), command=command, observer=observer, start={"mm": [6.0, 6.0]})
+    aim_of = lambda goal: Aim(goal - model.rest_e, np.ones(3), ridge_of(1e-10, model.reach, model.length))  # noqa: E731
+    at = model.at_displacement(np.array([6.0, 6.0]))
+    for goal in curve(model, 8):
+        if observer == "measured":
+            at = model.at_displacement(MEASURED_AT)
+        step = inverse_step(at, aim_of(goal), limits_of(model).within(at.delta_a, 5.0))
+        found = controller.step(goal, delta_a=MEASURED_AT)
+        assert found.lambda_a == pytest.approx(step.lambda_a, rel=1e-8, abs=1e-8)
+        assert found.delta_a == pytest.approx(step.delta_a, rel=1e-8, abs=1e-8)
+        assert found.status & (HELD | NOT_FOUND) == 0
+        at = under_force(model, step.lambda_a, at)
+
+
+def test_the_outer_loop_is_that_of_python(tmp_path):
+    """PI on a plant that the model knows wrongly, with goals in and out of reach: the forces of Python's loop. Python
+    takes what the model expects where the linearisation leads, C the linearisation's own word: equal in the limit."""
+    model, push = build(*spectral()), np.array([0.0, 0.5, 0.2])
+    options = {"iterations": 4, "K_P": 0.3, "K_I": 0.2, "integral_limit": "6 mm"}
+    controller = compiled(tmp_path, command="force", **options)
+    ridge, settings = ridge_of(1e-10, model.reach, model.length), Settings(4, step=5.0)
+    pilot = Pilot(model, "force", "previous_step", limits_of(model), np.ones(3), ridge, settings)
+    goals = curve(model, 5, beyond=1.5)
+    plant = ModelPlant(model, model.rest_e, push=push)
+    moments = run_loop(goals, pilot, plant, model.rest_e, Pace(0.0, 1, ticks_a_goal=12), Gains(0.3, 0.2, 6.0))
+    plant, error = ModelPlant(model, model.rest_e, push=push), None
+    for moment in moments:
+        command = controller.step(moment.goal, error)
+        assert command.lambda_a == pytest.approx(moment.belief.u, rel=1e-3, abs=1e-3)
+        error = command.reference - plant.step(command.lambda_a, "force").x_e
+    assert command.lambda_a == pytest.approx(moment.belief.u, rel=1e-5, abs=1e-5)
+
+
+def test_the_integral_removes_what_the_model_does_not_know(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="force", observer="equilibrium", K_P=0.1, K_I=0.2)
+    plant, error = ModelPlant(model, model.rest_e, push=np.array([0.0, 0.3, 0.0])), None
+    goal, errors = model.rest_e + model.at_displacement(np.array([9.0, 8.6])).delta_e, []
+    for _ in range(100):
+        command = controller.step(goal, error)
+        x_e = plant.step(command.lambda_a, "force").x_e
+        error = command.reference - x_e
+        errors.append(goal - x_e)
+    W_ea = model.at_force(command.lambda_a).W_ea  # what is left, two cables cannot move
+    correctable = [np.linalg.norm(W_ea @ np.linalg.lstsq(W_ea, one, rcond=None)[0]) for one in errors]
+    assert correctable[0] > 1.0 and correctable[-1] < 1e-3 * correctable[0]
+
+
+def test_the_command_keeps_its_rate_and_its_bounds(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="displacement", rate="0.5 mm", largest_force="30 N")
+    before = np.zeros(2)
+    for goal in curve(model, 30, beyond=4.0):
+        command = controller.step(goal)
+        assert np.abs(command.delta_a - before).max() <= 0.5 + 1e-9
+        assert (command.delta_a >= model.reach[:, 0] - 1e-9).all() and (
+            command.delta_a <= model.reach[:, 1] + 1e-9
+        ).all()
+        assert (command.lambda_a >= 0).all() and (command.lambda_a <= 30 + 1e-9).all()
+        before = command.delta_a
+    assert command.status & LIMITED
+
+
+def test_a_course_that_forces_exclude_is_softened(tmp_path):
+    """So far pulled that no force of 1 N keeps it there: says so, keeps the forces, comes as near as they let it."""
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="force", observer="measured", largest_force="1 N", step="0.1 mm")
+    stand = np.array([12.0, 12.0])
+    command = controller.step(curve(model, 3)[0], delta_a=stand)
+    expected = inverse_step(
+        model.at_displacement(stand),
+        Aim(curve(model, 3)[0] - model.rest_e, np.ones(3), ridge_of(1e-10, model.reach, model.length)),
+        limits_of(model, lambda_a=np.array([[0.0, 1.0]] * 2)).within(stand, 0.1),
+    )
+    assert command.status & SOFTENED and expected.softened
+    assert (command.lambda_a >= 0).all() and (command.lambda_a <= 1).all()
+    assert command.delta_a == pytest.approx(expected.delta_a, abs=1e-4)
+
+
+def test_what_cannot_be_answered_holds_the_command(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, observer="measured")
+    goal = curve(model, 3)[0]
+    good = controller.step(goal, delta_a=np.array([5.0, 5.0]))
+    assert good.status & HELD == 0
+    for bad in (np.array([np.nan, 5.0]), np.array([np.inf, 5.0])):
+        held = controller.step(goal, delta_a=bad)
+        assert held.status == HELD | BAD_INPUT and (held.delta_a == good.delta_a).all()
+    assert controller.step(np.full(3, np.nan), delta_a=np.ones(2)).status == HELD | BAD_INPUT
+    far = controller.step(goal, delta_a=np.array([1e6, -1e6]))
+    assert far.status & HELD and np.isfinite(far.delta_a).all()
+    assert controller.step(goal, delta_a=np.array([5.0, 5.0])).delta_a == pytest.approx(good.delta_a)
+
+
+def test_a_state_outside_of_the_data_is_reported(tmp_path):
+    controller = compiled(tmp_path, observer="measured")
+    assert controller.step(np.zeros(3), delta_a=np.array([24.0, 24.0])).status & OUTSIDE
+
+
+def test_robots_do_not_share_state(tmp_path):
+    model = build(*spectral())
+    one, other = compiled(tmp_path), CompiledController(tmp_path)
+    goals = curve(model, 4)
+    alone = [one.step(goal).delta_a for goal in goals]
+    one.reset()
+    for goal, expected in zip(goals, alone, strict=True):
+        assert (one.step(goal).delta_a == expected).all()
+        other.step(goals[-1])
+
+
+def test_the_bound_on_operations_holds_every_query(tmp_path):
+    few = export(tmp_path / "few", spectral(), controller={"observer": "previous_step"})["operations"]
+    many = export(tmp_path / "many", spectral(), controller={"observer": "equilibrium", "command": "force"})[
+        "operations"
+    ]
+    assert few["queries"] == 1 and many["queries"] == 21 and many["tick"] - few["tick"] == 20 * few["model"]
+    json.dumps(many)
