@@ -92,6 +92,13 @@ def test_equilibrium_equals_the_measured_state():
     np.testing.assert_allclose(equilibrium, measured, atol=1e-9)
 
 
+def test_equilibrium_knows_where_a_command_leads_that_was_cut_down():
+    pilot, start = replace(PILOT, rate=0.1), np.array([4.0, 3.5])
+    moments = run_loop(swing(2), pilot, ModelPlant(ArcRobot(), REST_E), REST_E, Pace(0.5, 1, 10), start=start)
+    assert np.abs(np.diff([one.belief.u for one in moments], axis=0)).max() == pytest.approx(0.1)
+    assert astray(moments).max() < 1e-9
+
+
 def test_the_previous_step_is_off_by_the_square_of_the_step():
     off = {ticks: astray(follow("previous_step", swing(ticks)))[ticks // 2] for ticks in (9, 17, 33)}
     assert off[9] > 0.005
