@@ -45,8 +45,9 @@ class Robot:
 
     @property
     def facets(self) -> np.ndarray:
-        """Of the surface, as the mesh has them."""
-        return self.body.mesh.facets
+        """(k, 3 | 6) of the surface; quadrilaterals as two triangles each."""
+        facets = self.body.mesh.facets
+        return facets[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) if facets.shape[1] == 4 else facets
 
     @property
     def active(self) -> tuple[Constraint, ...]:
