@@ -51,3 +51,10 @@ def test_backends_agree():
     now = ArcRobot().at_displacement(np.array([5.0, 1.0]))
     steps = [inverse_step(now, aim_at([8.0, 30.0, 20.0]), PULLING, backend=backend) for backend in ("daqp", "osqp")]
     np.testing.assert_allclose(steps[0].delta_a, steps[1].delta_a, atol=1e-6)
+
+
+def test_where_the_effectors_do_not_matter_the_actuators_go_to_their_preload():
+    now = ArcRobot().at_displacement(np.array([6.0, 6.0]))
+    free = Limits(np.tile([-np.inf, np.inf], (2, 1)), np.tile([-np.inf, np.inf], (2, 1)))
+    step = inverse_step(now, Aim(np.zeros(3), np.zeros(3), np.full(2, 0.1), preload=1.5), free)
+    np.testing.assert_allclose(step.delta_a, 1.5, rtol=1e-9)

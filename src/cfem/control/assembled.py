@@ -8,12 +8,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.condensed import Rows
+from cfem.contact.obstacle import Box
 from cfem.control.coupled_plant import CoupledPlant
 from cfem.control.coupling import Coupled, Hold, RigidObject
 from cfem.control.fem_patch import FemPatch
+from cfem.control.grip_plant import GripPlant
 from cfem.control.loop import Model
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError
+from cfem.equilibrium.grip import Finger, Free
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.predict.protocol import Predictor
 
@@ -74,6 +78,24 @@ def assembled(
         len(points),
     )
     return facts, coupled, plant
+
+
+def touching(spec: ControlSpec, robot: Robot) -> GripPlant:
+    """The plant in which contact points open and slide. InputError where a point stands inside the object."""
+    n_a, places = robot.rows.n_a, [_place(one) for one in spec.robots]
+    fingers = [Finger(Problem(robot), turn, shift) for turn, shift in places]
+    shape = Box(spec.object.half_size, t=spec.object.centre)
+    force = np.zeros(3) if spec.object.force is None else spec.object.force
+    held = Free(shape, spec.object.centre, np.concatenate([force, np.zeros(3)]), spec.object.turns)
+    gap = np.concatenate([shape.distance(finger.points) for finger in fingers])
+    if gap.min() < -1e-6 or gap.max() > 1e-6:
+        raise InputError(
+            f"contact points are {gap.min():.3g} to {gap.max():.3g} mm away from the object's surface at rest",
+            do="choose object.half_size so that they touch it",
+        )
+    points, _ = box_surface(spec.object.centre, spec.object.half_size, robot.body.mesh.facets.shape[1])
+    law = spec.object.law
+    return GripPlant(fingers, n_a * np.arange(len(fingers) + 1), held, law, spec.object.friction, points)
 
 
 def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

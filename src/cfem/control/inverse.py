@@ -1,7 +1,7 @@
 """The inverse step: which actuation, by the condensed model at the present state, brings the effectors to
 their goal.
 
-    minimise over lambda   |w (W_ea lambda + delta_free_e - goal)|^2 / 2 + |r delta_a|^2 / 2
+    minimise over lambda   |w (W_ea lambda + delta_free_e - goal)|^2 / 2 + |r (delta_a - preload)|^2 / 2
                            + (delta_a - delta_now)^T S (delta_a - delta_now) / 2
     subject to             bounds of lambda, bounds of delta_a = W_aa lambda + delta_free_a
 
@@ -42,11 +42,12 @@ class Limits:
 @dataclass(frozen=True)
 class Aim:
     """What the effectors should do. goal: (n_e,) mm from rest; weights: (n_e,), 0 for rows that do not matter;
-    ridge: (n_a,) dimensionless, the regularisation r."""
+    ridge: (n_a,) dimensionless, the regularisation r; preload: mm, the course that it draws the actuators to."""
 
     goal: np.ndarray
     weights: np.ndarray
     ridge: np.ndarray
+    preload: float = 0.0
 
     def distance(self, delta_e: np.ndarray) -> float:
         """mm between effectors (n_e,) and goal over the rows that matter."""
@@ -54,7 +55,7 @@ class Aim:
 
     def cost(self, delta_e: np.ndarray, delta_a: np.ndarray) -> float:
         """mm^2, what the inverse step minimises, at a state."""
-        missing, effort = self.weights * (delta_e - self.goal), self.ridge * delta_a
+        missing, effort = self.weights * (delta_e - self.goal), self.ridge * (delta_a - self.preload)
         return 0.5 * float(missing @ missing + effort @ effort)
 
 
@@ -87,7 +88,7 @@ def inverse_step(
     pull = aim.weights[:, None] * now.W_ea
     missing = aim.weights * (now.delta_free[now.rows.e] - aim.goal)
     course = np.diag(aim.ridge**2)
-    f = pull.T @ missing + W_aa @ (course @ free_a)
+    f = pull.T @ missing + W_aa @ (course @ (free_a - aim.preload))
     if curvature is not None:
         course = course + curvature
         f += W_aa @ (curvature @ (free_a - now.delta_a))

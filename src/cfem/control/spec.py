@@ -64,26 +64,32 @@ TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Fie
 
 class SearchSpec(Spec):
     """iterations: inverse steps a goal; tolerance: a smaller move of every actuator ends them; step: largest
-    move in one; regularisation: what full course costs relative to missing by the robot's length; weights: of
-    effector rows."""
+    move in one; regularisation: what full course costs relative to missing by the robot's length; preload: course that
+    it counts from, to which actuators tend where the effectors leave them the choice; weights: of effector rows."""
 
     iterations: PositiveInt = 20
     tolerance: Length = 1e-5
     step: Length = 5.0
     regularisation: float = Field(1e-10, ge=0)
+    preload: Length = 0.0
     weights: list[Annotated[float, Field(ge=0)]] | None = None
     largest_force: Force | None = None
     qp: Literal["daqp", "osqp"] = "daqp"
 
 
 class ObjectSpec(Spec):
-    """A rigid box that robots hold by their contact points. half_size: for pictures; turns: whether it can turn, else
-    it is guided; force: constant, its weight for one."""
+    """A rigid box that robots hold by their contact points. half_size: for pictures, and where its faces are; turns:
+    whether it can turn, else it is guided; force: constant, its weight for one.
+
+    law: of its contact with the robots in the plant. `bilateral` glues the points to it; under the others they open,
+    and slide, `coulomb` with `friction`. Models go by glue whatever the law."""
 
     centre: Point
     half_size: Point
     turns: bool = True
     force: ForceVector | None = None
+    law: Literal["bilateral", "signorini", "coulomb"] = "bilateral"
+    friction: float = Field(0.0, ge=0)
 
 
 class RobotSpec(Spec):

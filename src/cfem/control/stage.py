@@ -52,10 +52,11 @@ def _work(
     robot = build_robot(*load_scene_and_mesh(base / spec.scene, mesh))
     predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
     if spec.object:
-        from cfem.control.assembled import assembled
+        from cfem.control.assembled import assembled, touching
 
+        touched = touching(spec, robot) if spec.object.law != "bilateral" else None
         robot, predictors, fem = assembled(spec, robot, predictors, models)
-        plant = fem
+        plant = touched or fem
     else:
         _demand_same_rows(robot, predictors, models)
         fem = FemPlant(robot) if spec.plant == "fem" else None
@@ -81,11 +82,16 @@ def _work(
     cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
     lines, held = headline(results), None
     if spec.object:
-        held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
-        lines.append(
-            f"object: forces and moments balance to {held['imbalance']:.1e} in every state of the plant; "
-            f"the softest direction in which it is held has {held['softest']:.1e} of the stiffest's stiffness"
-        )
+        held = {}
+        if fem.solves:
+            held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
+            lines.append(
+                f"object: forces and moments balance to {held['imbalance']:.1e} in every glued state; "
+                f"the softest direction in which it is held has {held['softest']:.1e} of the stiffest's stiffness"
+            )
+        if touched:
+            held |= touched.account()
+            lines.append(touched.sentence())
     return {
         "headline": lines,
         "object": held,
@@ -163,11 +169,12 @@ def _follow(
 
     def after(index: int) -> None:
         if fem and index in chosen:
-            shapes[index] = fem.x.copy()
+            shapes[index] = plant.x.copy()
         advance(1)
 
+    preload = spec.search.preload
     tracked = follow(
-        goals, reference, learned, plant, lambda one: Tracker(one, limits, weights, ridge, robot.rest_e), after
+        goals, reference, learned, plant, lambda one: Tracker(one, limits, weights, ridge, robot.rest_e, preload), after
     )
     fe = {one.index: one for one in tracked if one.controller == FE_BASED}
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]

@@ -1,0 +1,54 @@
+"""Two bars that carry a block which they only touch, as a plant."""
+
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.contact.obstacle import Box
+from cfem.control.grip_plant import GripPlant
+from cfem.equilibrium.grip import Finger, Free
+from cfem.equilibrium.problem import Problem
+
+REST = np.array([30.0, 5.0, 9.0])
+FLIP = np.diag([1.0, -1.0, -1.0])
+CENTRE = REST + [0, 0, 3.0]
+
+
+def plant(load=(0.0, 0.0, 0.0)):
+    problem = Problem(bar(element="hex8", cables=2, contact=True))
+    fingers = [Finger(problem, np.eye(3), np.zeros(3)), Finger(problem, FLIP, CENTRE - FLIP @ CENTRE)]
+    held = Free(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([*load, 0, 0, 0]), False)
+    return GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None])
+
+
+def squeeze(up, down):
+    return np.array([-up, up, -down, down])
+
+
+def test_a_long_command_goes_in_steps_and_ends_where_short_ones_do():
+    one, many = plant(), plant()
+    far = one.step(squeeze(1.8, 1.6))
+    for share in (0.5, 1.0):
+        near = many.step(share * squeeze(1.8, 1.6))
+    assert far.status == near.status == "converged" and one.steps >= 2
+    np.testing.assert_allclose(far.x_e, near.x_e, atol=1e-4)
+    assert far.x_e[2] > CENTRE[2] and one.worst <= 1e-8
+    assert one.account()["points"]["open"] == 0 and one.failures == 0
+    np.testing.assert_allclose(one.x[-1], far.x_e, atol=1e-12)
+
+
+def test_what_cannot_be_held_ends_where_it_could_and_says_so():
+    weak = plant(load=(0.0, 1e-3, 0.0))
+    held = weak.step(squeeze(0.3, 0.3))
+    assert held.status == "converged"
+    dropped = weak.step(squeeze(-0.3, -0.3))
+    assert "of the way" in dropped.status and weak.failures == 1
+    assert np.isfinite(dropped.x_e).all()
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_the_picture_has_the_block_last(share):
+    shown = plant()
+    if share:
+        shown.step(squeeze(0.3, 0.3))
+    assert shown.x.shape[1] == 3 and np.abs(shown.x[-1] - CENTRE).max() < 0.2
