@@ -28,18 +28,20 @@ class Layer:
 @dataclass(frozen=True)
 class Surrogate:
     """defines: names and values; arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees;
-    layers: of a network; reference: the predictor in double precision that the C code is compared with."""
+    layers: of a network; groups: of a series' terms, where each ends and the degrees that its terms share; reference:
+    the predictor in double precision that the C code is compared with."""
 
     defines: dict[str, int]
     arrays: dict[str, np.ndarray]
     layers: list[Layer]
+    groups: list[tuple[int, list[int]]]
     reference: Predictor
 
     @property
     def coefficient_bytes(self) -> int:
         """What the model's numbers take in flash."""
         arrays = [*self.arrays.values(), *(a for one in self.layers for a in (one.weight, one.step, one.bias))]
-        return sum(a.nbytes for a in arrays if a is not None)
+        return sum(a.nbytes for a in arrays if a is not None) + sum(2 + len(degrees) for _, degrees in self.groups)
 
 
 def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
@@ -84,12 +86,12 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
         to_box = to_box * softer
     value = np.vstack([potential, effector])
     kept = (value != 0).any(axis=0) | (spec.full & (compliance != 0).any(axis=0))
-    of_effector = (effector != 0).any(axis=0)
-    order = np.concatenate([np.flatnonzero(kept & of_effector), np.flatnonzero(kept & ~of_effector)])
+    order, axes, ends = _grouped(indices, np.flatnonzero(kept))
+    degrees = indices[order][:, axes]
     constants = {
-        "cfem_to_box": to_box,
-        "cfem_offset": offset,
-        "cfem_degrees": indices[order].astype(np.uint8),
+        "cfem_to_box": to_box[axes],
+        "cfem_offset": offset[axes],
+        "cfem_degrees": degrees[:, -1].astype(np.uint8),
         "cfem_series": np.ascontiguousarray(value[:, order].T).astype(scalar),
     }
     if spec.full:
@@ -97,12 +99,29 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
     sizes = {
         "CFEM_SPECTRAL": 1,
         "CFEM_MLP": 0,
-        "CFEM_NZ": len(to_box),
+        "CFEM_NZ": len(axes),
         "CFEM_TERMS": len(order),
-        "CFEM_EFFECTOR_TERMS": int(of_effector[order].sum()),
-        "CFEM_DEGREE": max(int(indices[order].max(initial=1)), 1),
+        "CFEM_GROUPS": len(ends),
+        "CFEM_DEGREE": max(int(degrees.max(initial=1)), 1),
     }
-    return Surrogate(sizes, constants, [], predictor)
+    groups = [(int(end), degrees[end - 1, :-1].tolist()) for end in ends]
+    return Surrogate(sizes, constants, [], groups, predictor)
+
+
+def _grouped(indices: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Terms (M,) in an order in which those that differ in one coordinate only follow each other; the coordinates (n,),
+    that one last; where each group ends. The one that makes the fewest groups is taken."""
+    n = indices.shape[1]
+    best = None
+    for last in range(n):
+        axes = np.array([*(i for i in range(n) if i != last), last])
+        degrees = indices[kept][:, axes]
+        order = np.lexsort(degrees.T[::-1])  # by the first coordinate, then the second, ...
+        others = degrees[order][:, :-1]
+        ends = np.append(np.flatnonzero((others[1:] != others[:-1]).any(axis=1)) + 1, len(order))
+        if best is None or len(ends) < len(best[2]):
+            best = kept[order], axes, ends
+    return best
 
 
 def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
@@ -139,7 +158,7 @@ def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spe
         "CFEM_MLP_OUTPUTS": len(chosen),
         "CFEM_ACTIVATION": ACTIVATIONS.index(predictor.meta["activation"]),
     }
-    return Surrogate(sizes, {}, layers, reference)
+    return Surrogate(sizes, {}, layers, [], reference)
 
 
 def _as(values: np.ndarray, scalar: str) -> np.ndarray:

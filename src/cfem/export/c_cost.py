@@ -36,12 +36,13 @@ def _searches(model: Surrogate, spec: CSpec) -> bool:
 
 
 def _spectral(model: Surrogate, n_a: int, n_e: int) -> int:
-    degrees = model.arrays["cfem_degrees"]
-    active = (degrees > 0).sum(axis=1)
-    count = 3 * 3 * degrees.shape[1] * model.defines["CFEM_DEGREE"]  # polynomials and their derivatives
-    count += int((active + active * (active + 2) + active * (active - 1) // 2 * (active + 1)).sum())
-    count += int((n_e * (1 + active[: model.defines["CFEM_EFFECTOR_TERMS"]])).sum())
-    return count + 2 * n_a * degrees.shape[1] ** 2 + n_e * n_a * degrees.shape[1]
+    n, terms = model.defines["CFEM_NZ"], model.defines["CFEM_TERMS"]
+    count = n * n_a + 6 * n * (model.defines["CFEM_DEGREE"] + 1)  # polynomials and their derivatives
+    count += (3 + 2 * n_e) * terms
+    for _, degrees in model.groups:
+        active = sum(degree > 0 for degree in degrees)
+        count += active**2 + 5 * active + active * (active - 1) // 2 * (active + 1) + 2 + n_e * (2 + active)
+    return count + 2 * n_a * n**2 + n_e * n_a * n
 
 
 def _network(model: Surrogate) -> int:

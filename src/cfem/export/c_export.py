@@ -72,6 +72,15 @@ def _data(
         else:
             folded = name in ("cfem_to_box", "cfem_offset")  # these stay double: they act on the double input
             add(name, values, "double" if folded else "cfem_real")
+    if model.groups:
+        n = max(len(model.groups[0][1]), 1)
+        header.append(
+            "\n/* Terms that share the degrees of all coordinates but the last. */\n"
+            f"typedef struct {{\n    uint16_t end;\n    uint8_t degrees[{n}];\n}} cfem_group;\n\n"
+            "extern const cfem_group cfem_groups[CFEM_GROUPS];\n"
+        )
+        rows = [f"{{{end}, {{{', '.join(map(str, degrees or [0]))}}}}}" for end, degrees in model.groups]
+        body.append("const cfem_group cfem_groups[CFEM_GROUPS] = {" + ",\n".join(rows) + "};\n")
     if model.layers:
         header.append(
             "\ntypedef struct {\n    int inputs, outputs;\n    const cfem_real *weight; /* (inputs, outputs), or: */\n"
