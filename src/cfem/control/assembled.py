@@ -95,7 +95,8 @@ def touching(spec: ControlSpec, robot: Robot) -> GripPlant:
         )
     points, _ = box_surface(spec.object.centre, spec.object.half_size, robot.body.mesh.facets.shape[1])
     law = spec.object.law
-    return GripPlant(fingers, n_a * np.arange(len(fingers) + 1), held, law, spec.object.friction, points)
+    ends, grasp = n_a * np.arange(len(fingers) + 1), np.full(n_a * len(fingers), spec.search.preload)
+    return GripPlant(fingers, ends, held, law, spec.object.friction, points, grasp)
 
 
 def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

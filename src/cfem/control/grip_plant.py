@@ -16,16 +16,23 @@ SHORTEST = 1 / 64  # of a command: a way that is cut further than this ends
 
 class GripPlant:
     """`Plant`. ends: where each robot's actuators begin and end; object_points (k, 3) mm of the object at rest, which
-    `x` shows behind the robots' nodes.
+    `x` shows behind the robots' nodes; grasp: (n_a,) mm, how the first command begins, so that something is held.
 
     counts: how many contact points were open, stuck and slipped at the end of each command so far; steps, iterations,
     failures: quasi-static steps, rounds of FE solves that they took, commands that ended before their goal"""
 
     def __init__(
-        self, fingers: Sequence[Finger], ends: np.ndarray, held: Free, law: Law, mu: float, object_points: np.ndarray
+        self,
+        fingers: Sequence[Finger],
+        ends: np.ndarray,
+        held: Free,
+        law: Law,
+        mu: float,
+        object_points: np.ndarray,
+        grasp: np.ndarray | None = None,
     ):
         self._fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
-        self._object_points = object_points
+        self._object_points, self._grasp = object_points, grasp
         self._at, self._last, self._t = np.zeros(int(ends[-1])), None, 0
         self.counts: list[dict[str, int]] = []
         self.steps, self.iterations, self.failures, self.worst = 0, 0, 0, 0.0
@@ -46,21 +53,11 @@ class GripPlant:
         """Displacements (n_a,) mm, in quasi-static steps; where a step fails it is halved, and where the shortest fails
         the state is the last one that was found, and the status says why."""
         self._t += 1
-        begin, share, status = self._at, 0.0, "converged"
-        way = np.asarray(u, float) - begin
-        size = min(1.0, LONGEST / max(float(np.abs(way).max()), LONGEST))
-        while share < 1.0:
-            there = min(1.0, share + size)
-            found = self._go(begin + there * way)
-            if found.converged:
-                share, self._last, self._at = there, found, begin + there * way
-                size *= 2 if size < LONGEST / max(float(np.abs(way).max()), LONGEST) else 1
-            elif size > SHORTEST:
-                size /= 2
-            else:
-                status = f"{found.status.value}, at {100 * share:.0f} % of the way"
-                self.failures += 1
-                break
+        if self._last is None and self._grasp is not None:
+            self._towards(self._grasp)
+        status = self._towards(np.asarray(u, float))
+        if status != "converged":
+            self.failures += 1
         last = self._last
         if last is None or kind != "displacement":
             nothing = np.full(len(self._at), np.nan)
@@ -71,6 +68,23 @@ class GripPlant:
             np.concatenate([getattr(one, key) for one in last.solved]) for key in ("delta_a", "lambda_a")
         )
         return Measurement(self._held.centre + last.x, delta_a, lambda_a, self._t, status)
+
+    def _towards(self, u: np.ndarray) -> str:
+        """How it ended."""
+        begin, share = self._at, 0.0
+        way = u - begin
+        size = min(1.0, LONGEST / max(float(np.abs(way).max()), LONGEST))
+        while share < 1.0:
+            there = min(1.0, share + size)
+            found = self._go(begin + there * way)
+            if found.converged:
+                share, self._last, self._at = there, found, begin + there * way
+                size *= 2 if size < LONGEST / max(float(np.abs(way).max()), LONGEST) else 1
+            elif size > SHORTEST:
+                size /= 2
+            else:
+                return f"{found.status.value}, at {100 * share:.0f} % of the way"
+        return "converged"
 
     def _go(self, u: np.ndarray) -> Grip:
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
