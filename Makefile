@@ -2,10 +2,10 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
-SCENES := $(filter-out surrogates soft-gripper,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
+SCENES := $(filter-out surrogates soft-gripper stiff-flop,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean soft-gripper $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean soft-gripper stiff-flop $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -44,6 +44,18 @@ soft-gripper: .venv/all
 	$(CFEM) simulate-sample pipelines/$@/sample.yaml
 	$(CFEM) train pipelines/$@/train.yaml
 	$(CFEM) export pipelines/$@/export.yaml
+	$(CFEM) control pipelines/$@/control.yaml
+	$(CFEM) report pipelines/$@/report.yaml
+
+# A model of one module, two of which in a row are compared with a model of the whole.
+stiff-flop: .venv/all
+	for scene in $@-module $@; do \
+	  $(CFEM) mesh pipelines/$$scene/scene.yaml && \
+	  $(CFEM) simulate-sample pipelines/$$scene/sample.yaml && \
+	  $(CFEM) train pipelines/$$scene/train.yaml || exit; \
+	done
+	$(CFEM) train pipelines/$@/train-serial.yaml
+	for model in export export-serial; do $(CFEM) export pipelines/$@/$$model.yaml || exit; done
 	$(CFEM) control pipelines/$@/control.yaml
 	$(CFEM) report pipelines/$@/report.yaml
 

@@ -12,9 +12,15 @@ from cfem.core.stage import artefact_file
 from cfem.predict.energy_net import EnergyNetPredictor
 from cfem.predict.mlp import MlpPredictor
 from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor
 from cfem.predict.spectral import SpectralPredictor
 
-KINDS = {"spectral": SpectralPredictor, "energy_net": EnergyNetPredictor, "mlp": MlpPredictor}
+KINDS = {
+    "spectral": SpectralPredictor,
+    "energy_net": EnergyNetPredictor,
+    "mlp": MlpPredictor,
+    "serial": SerialPredictor,
+}
 FORMAT = 2
 Runtime = Literal["arrays", "onnx"]
 

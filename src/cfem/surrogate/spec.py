@@ -92,7 +92,17 @@ class EnergyNetSpec(Spec):
     seed: NonNegativeInt = 0
 
 
-ModelSpec = Annotated[SpectralSpec | EnergyNetSpec | MlpSpec, Field(discriminator="kind")]
+class SerialSpec(Spec):
+    """Equal modules in a row, without external load, from the model of one: of form displacement, its effector the
+    module's end with its orientation. module: folder of that model; softer: how compliant each module is relative to
+    it, from the base on: its Young's modulus over theirs. The dataset, of the whole robot, only judges."""
+
+    kind: Literal["serial"]
+    module: Path
+    softer: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
+
+
+ModelSpec = Annotated[SpectralSpec | EnergyNetSpec | MlpSpec | SerialSpec, Field(discriminator="kind")]
 
 
 class TrainSpec(Spec):

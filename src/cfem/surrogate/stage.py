@@ -20,7 +20,7 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
-from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SpectralSpec, TrainSpec
+from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 
 QUERIES = 100_000  # at which W has to be positive definite
 
@@ -29,15 +29,19 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
     """The model's manifest."""
     spec = load_spec(spec_path, TrainSpec, overrides)
     folder = spec_path.parent / spec.dataset
+    inputs, found = {"dataset": folder}, spec
+    if isinstance(spec.model, SerialSpec):
+        inputs["module"] = spec_path.parent / spec.model.module
+        found = spec.model_copy(update={"model": spec.model.model_copy(update={"module": inputs["module"]})})
     stage = Stage(
         name="train",
         version=2,
         spec=spec,
-        inputs={"dataset": folder},
+        inputs=inputs,
         out=out or spec_path.parent / spec.out,
         paths=("dataset", "out"),
     )
-    return run_stage(stage, partial(work, spec=spec, dataset_folder=folder), options)
+    return run_stage(stage, partial(work, spec=found, dataset_folder=folder), options)
 
 
 def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
@@ -137,10 +141,17 @@ def fit_mlp(training: Any, spec: MlpSpec, folder: Path | None) -> Fitted:
     return fit(training, spec, folder)
 
 
+def fit_serial(training: Any, spec: SerialSpec, folder: Path | None) -> Fitted:
+    from cfem.surrogate.serial import compose
+
+    return compose(training, spec, spec.module)
+
+
 FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {
     SpectralSpec: fit_spectral,
     EnergyNetSpec: fit_energy_net,
     MlpSpec: fit_mlp,
+    SerialSpec: fit_serial,
 }
 
 

@@ -163,6 +163,11 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
         from cfem.surrogate.energy_net_module import EnergyNet  # which builds on this module
 
         model = EnergyNet(meta["form"], rows, arrays)
+    elif meta["kind"] == "serial":
+        from cfem.surrogate.serial_module import Serial
+
+        module = module_of(meta["module"], arrays)
+        model = Serial(module, meta["softer"], np.array(meta["module"]["rest_e"][:3]), np.array(meta["rest_e"]))
     else:
         model = mlp_from_arrays(rows, arrays, meta["activation"])
     return (Parametric(model, meta["form"], parameters) if parameters else model).eval()
