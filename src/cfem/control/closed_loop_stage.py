@@ -17,7 +17,7 @@ from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.pipe_plant import PipePlant
 from cfem.control.plant import ModelPlant, Plant
-from cfem.control.spec import ControlSpec
+from cfem.control.spec import ControlSpec, SearchSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.core.progress import progress
@@ -50,7 +50,7 @@ def run_controllers(
             results[trajectory] = {}
             for name, controller in loop.controllers.items():
                 model, gains = predictors[controller.model or next(iter(predictors))], _gains(controller, loop)
-                flown = _pilot(controller, loop, model, robot, *pilot, spec.search.regularisation)
+                flown = _pilot(controller, loop, model, robot, *pilot, spec.search)
                 runs = []
                 for seed in _seeds(controller, loop):
                     with plant_of(seed) as plant:
@@ -94,7 +94,7 @@ def _pilot(
     limits: Limits,
     weights: np.ndarray,
     settings: Settings,
-    regularisation: float,
+    search: SearchSpec,
 ) -> Pilot:
     command = loop.command
     if command.kind == "force" and command.largest is not None:
@@ -105,9 +105,10 @@ def _pilot(
         controller.observer,
         limits,
         weights,
-        ridge_of(regularisation, robot.reach, robot.length),
+        ridge_of(search.regularisation, robot.reach, robot.length),
         replace(settings, iterations=controller.iterations),
         np.inf if command.step is None else command.step,
+        search.preload,
     )
 
 
