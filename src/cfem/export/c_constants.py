@@ -226,6 +226,8 @@ def controller(predictor: Predictor, p: np.ndarray, spec: ControllerSpec, scalar
         "CFEM_OBSERVER_TOLERANCE": 1e-5 if scalar == "float" else 1e-11,
         "CFEM_COMMAND_FORCE": int(spec.command == "force"),
         "CFEM_ITERATIONS": spec.iterations,
+        "CFEM_HALVINGS": spec.halvings,
+        "CFEM_TOLERANCE": repr(spec.tolerance),
         "CFEM_K_P": repr(spec.K_P),
         "CFEM_K_I": repr(spec.K_I),
         "CFEM_INTEGRAL_LIMIT": repr(spec.integral_limit),

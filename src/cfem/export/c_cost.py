@@ -18,12 +18,13 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
     softened = _program(2 * n_a, 3 * n_a, 0, steps) + program
     observer = 1 + (defines["CFEM_OBSERVER_ITERATIONS"] if _searches(model, spec) else 0)
     iterations = spec.controller.iterations
-    tick = (observer + iterations - 1) * query + iterations * (program + softened)
+    queries = observer + (iterations * spec.controller.halvings or iterations - 1)
+    tick = queries * query + iterations * (program + softened)
     return {
         "model": query,
         "program": program,
         "program_steps": steps,
-        "queries": observer + iterations - 1,
+        "queries": queries,
         "tick": tick,
     }
 

@@ -96,7 +96,8 @@ class CompiledController:
         self._input, self._output = _struct(inputs)(), _struct(outputs)()
         self._model = _struct([(name, ctypes.c_double * size) for name, size in model])()
         self._library = library(folder, flags)
-        self._state = (ctypes.c_double * (2 * a + 3 * e))()  # cfem_controller holds doubles only
+        # cfem_controller, or more: its vectors, the model at the last command, a flag
+        self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 1))()
         self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]
         self.reset()
 

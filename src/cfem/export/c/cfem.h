@@ -55,15 +55,6 @@ typedef struct {
     unsigned status;              /* CFEM_OK, or an OR of the above */
 } cfem_output;
 
-/* A robot's state. The caller owns it; its members are for reading. */
-typedef struct {
-    double delta_a[CFEM_NA];     /* mm, of the last command, as linearised where forces are commanded */
-    double lambda_a[CFEM_NA];    /* N, of the last command, as linearised where displacements are commanded */
-    double reference[CFEM_NE];   /* mm, absolute: see cfem_output */
-    double integral[CFEM_NE];    /* mm, K_I sum e */
-    double moved[CFEM_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
-} cfem_controller;
-
 /* The condensed model at a state. */
 typedef struct {
     double delta_a[CFEM_NA];         /* mm */
@@ -77,6 +68,19 @@ typedef struct {
     double energy;                   /* N mm: condensed energy, or its dual in the force form; 0 where none was learned */
 #endif
 } cfem_condensed;
+
+/* A robot's state. The caller owns it; its members are for reading. */
+typedef struct {
+    double delta_a[CFEM_NA];     /* mm, of the last command, as linearised where forces are commanded */
+    double lambda_a[CFEM_NA];    /* N, of the last command, as linearised where displacements are commanded */
+    double reference[CFEM_NE];   /* mm, absolute: see cfem_output */
+    double integral[CFEM_NE];    /* mm, K_I sum e */
+    double moved[CFEM_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
+#if CFEM_HALVINGS
+    cfem_condensed at;           /* the model at the last command */
+    int stands;                  /* whether that is the command, not cut down since */
+#endif
+} cfem_controller;
 
 /* Puts the robot where control starts: CFEM_HOME, no integral. */
 void cfem_init(cfem_controller *controller);

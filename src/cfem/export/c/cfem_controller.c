@@ -52,9 +52,10 @@ static int nearest_to_course(const cfem_condensed *m, const limits *l, double *n
     return status;
 }
 
-/* The inverse step at the model m: lambda_a (NA,), delta_a (NA,) mm. aim (NE,) mm from rest. */
+/* The inverse step at the model m: lambda_a (NA,), delta_a (NA,) mm, and the strongest multiplier of a force's bound.
+ * aim (NE,) mm from rest. */
 static unsigned inverse_step(const cfem_condensed *m, const double *aim, const limits *l, double *lambda_a,
-                             double *delta_a) {
+                             double *delta_a, double *strongest) {
     double M[NE + NA][NA], d[NE + NA], low[2 * NA], high[2 * NA];
     cfem_qp_answer answer;
     unsigned status = CFEM_OK;
@@ -84,14 +85,55 @@ static unsigned inverse_step(const cfem_condensed *m, const double *aim, const l
         solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &m->W_aa[0][0], low, high, &answer);
     }
     if (solved != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
-    for (int k = 0; k < 2 * NA; k++)
+    *strongest = 0.0;
+    for (int k = 0; k < 2 * NA; k++) {
         if (answer.multipliers[k] != 0.0) status |= CFEM_LIMITED;
+        if (k < NA && fabs(answer.multipliers[k]) > *strongest) *strongest = fabs(answer.multipliers[k]);
+    }
     for (int i = 0; i < NA; i++) {
         lambda_a[i] = answer.x[i];
         delta_a[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
     }
     return status;
 }
+
+#if CFEM_HALVINGS
+/* mm^2, what the inverse step minimises, at a state of the model, with an exact penalty on forces outside their bounds. */
+static double merit(const cfem_condensed *m, const double *aim, double penalty) {
+    double cost = 0.0, outside = 0.0;
+    for (int e = 0; e < NE; e++) {
+        const double missing = m->free_e[e] + cfem_dot(NA, m->W_ea[e], m->lambda_a) - aim[e];
+        cost += cfem_effector_weight[e] * missing * cfem_effector_weight[e] * missing;
+    }
+    for (int i = 0; i < NA; i++) {
+        const double lambda = m->lambda_a[i], least = cfem_lambda_low[i], most = cfem_lambda_high[i];
+        cost += cfem_ridge[i] * m->delta_a[i] * cfem_ridge[i] * m->delta_a[i];
+        outside += lambda < least ? least - lambda : lambda > most ? lambda - most : 0.0;
+    }
+    return 0.5 * cost + penalty * outside;
+}
+
+/* m becomes the model at the first of the target, half way to it, ... that is better; it stays where none is, or where the
+ * target is nearer than CFEM_TOLERANCE. lambda_a (NA,), delta_a (NA,): the target. 1: it moved. */
+static int descend(cfem_condensed *m, const double *aim, const double *lambda_a, const double *delta_a, double penalty) {
+    const double *const here = CFEM_FORM_DISPLACEMENT ? m->delta_a : m->lambda_a;
+    const double *const target = CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a;
+    const double now = merit(m, aim, penalty);
+    double share = 1.0, farthest = 0.0;
+    for (int i = 0; i < NA; i++)
+        if (fabs(delta_a[i] - m->delta_a[i]) > farthest) farthest = fabs(delta_a[i] - m->delta_a[i]);
+    if (farthest <= CFEM_TOLERANCE) return 0;
+    for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
+        double s[NA];
+        cfem_condensed trial;
+        for (int i = 0; i < NA; i++) s[i] = here[i] + share * (target[i] - here[i]);
+        if (cfem_model(s, &trial) || !(merit(&trial, aim, penalty) < now)) continue;
+        *m = trial;
+        return 1;
+    }
+    return 0;
+}
+#endif
 
 /* The model where what is not its input, lambda_a (displacement form) or delta_a (force form), takes the value `wanted`:
  * Newton's method from s, which is moved there; m is the model at s. W_aa is d delta_a / d lambda_a. */
@@ -127,6 +169,12 @@ static unsigned find(const double *wanted, double *s, cfem_condensed *m) {
 /* Where the robot stands, by the observer of cfem_data.h: the model there, and its input s. */
 static unsigned observe(const cfem_controller *c, const cfem_input *in, double *s, cfem_condensed *m) {
     double wanted[NA];
+#if CFEM_HALVINGS
+    if (CFEM_OBSERVER != CFEM_OBSERVER_MEASURED && c->stands) {
+        *m = c->at;
+        return CFEM_OK;
+    }
+#endif
     for (int i = 0; i < NA; i++) {
         s[i] = CFEM_FORM_DISPLACEMENT ? c->delta_a[i] : c->lambda_a[i];
         wanted[i] = CFEM_OBSERVER == CFEM_OBSERVER_MEASURED ? (double)in->delta_a[i]
@@ -187,6 +235,11 @@ static void remember(cfem_controller *c, const cfem_condensed *m, const double *
     for (int i = 0; i < NA; i++) c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
     for (int e = 0; e < NE; e++)
         c->reference[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - c->moved[e];
+#if CFEM_HALVINGS
+    c->at = *m, c->stands = 1;
+    for (int i = 0; i < NA; i++)
+        if ((CFEM_COMMAND_FORCE ? lambda_a[i] != m->lambda_a[i] : delta_a[i] != m->delta_a[i])) c->stands = 0;
+#endif
 }
 
 void cfem_init(cfem_controller *c) {
@@ -197,27 +250,36 @@ void cfem_init(cfem_controller *c) {
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
-    double aim[NE], s[NA], delta_a[NA], lambda_a[NA];
+    double aim[NE], s[NA], delta_a[NA], lambda_a[NA], strongest;
     cfem_condensed m;
+    limits l;
     if (!usable(in)) return answer(c, CFEM_HELD | CFEM_BAD_INPUT, out);
     if (in->measured) correct(c, in);
     for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->moved[e] - cfem_rest_e[e]; /* the goal shift */
 
     unsigned found = observe(c, in, s, &m), status = CFEM_OK;
     if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
-    limits l;
     for (int iteration = 0;; iteration++) {
         found |= outside(&m);
         l = of_this_tick(c, m.delta_a);
-        status = inverse_step(&m, aim, &l, lambda_a, delta_a);
+        status = inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
         if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+#if CFEM_HALVINGS
+        if (!descend(&m, aim, lambda_a, delta_a, 2.0 * strongest) || iteration == CFEM_ITERATIONS - 1) break;
+#else
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = cfem_model(s, &m);
         if (there) return answer(c, CFEM_HELD | there | found, out);
+#endif
     }
-    if (!CFEM_COMMAND_FORCE) /* the command keeps the course, also where the program softened it */
-        for (int i = 0; i < NA; i++) delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]);
+    for (int i = 0; i < NA; i++) { /* the command keeps its bounds, also where the program softened them */
+        if (CFEM_HALVINGS) delta_a[i] = m.delta_a[i], lambda_a[i] = m.lambda_a[i];
+        if (CFEM_COMMAND_FORCE)
+            lambda_a[i] = clip(lambda_a[i], l.lambda_low[i], l.lambda_high[i]);
+        else
+            delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]);
+    }
     remember(c, &m, lambda_a, delta_a);
     return answer(c, status | found, out);
 }

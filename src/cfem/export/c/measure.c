@@ -1,0 +1,102 @@
+/* What a tick costs: runs the controller along its test goals, on the PC or on an emulated Cortex-M, and prints the cost of a
+ * tick and the commands. `make measure`, `make emulate`. */
+#if !defined(__arm__)
+#define _POSIX_C_SOURCE 199309L
+#include <time.h>
+#endif
+
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cfem.h"
+#include "cfem_vectors.h"
+
+#define TICKS_A_GOAL 20
+#define TICKS (CFEM_VECTORS * TICKS_A_GOAL)
+
+#if defined(__arm__)
+/* MPS2: a timer of 25 MHz that counts down. Under qemu -icount shift=0 an instruction takes 1 ns, so a count is 40 of them. */
+#define UNIT "instructions"
+#define PER_COUNT 40
+#define TIMER ((volatile uint32_t *)0x40000000u)
+static uint64_t now(void) { return (uint64_t)(0xffffffffu - TIMER[1]) * PER_COUNT; }
+static void start(void) { TIMER[1] = TIMER[2] = 0xffffffffu, TIMER[0] = 1u; }
+
+/* The stack below this program, painted; how much of it was written to since. */
+#define PAINTED 16384
+static volatile uint32_t *from, *to;
+static void paint(void) {
+    to = (volatile uint32_t *)((uintptr_t)__builtin_frame_address(0) - 256);
+    from = to - PAINTED / 4;
+    for (volatile uint32_t *p = from; p < to; p++) *p = 0xc0ffee00u;
+}
+static int written(void) {
+    volatile uint32_t *p = from;
+    while (p < to && *p == 0xc0ffee00u) p++;
+    return (int)(4 * (to - p)) + 256;
+}
+#else
+#define UNIT "ns"
+static uint64_t now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
+}
+static void start(void) {}
+static void paint(void) {}
+static int written(void) { return 0; }
+#endif
+
+static uint32_t cost[TICKS];
+static cfem_controller controller;
+
+static int by_size(const void *a, const void *b) {
+    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* From each reachable goal to the next at constant speed; 1: prints the command at each. Ticks done. */
+static int follow(int print) {
+    cfem_input in;
+    cfem_output out;
+    double from[CFEM_NE];
+    int ticks = 0;
+    memset(&in, 0, sizeof in);
+    cfem_init(&controller);
+    for (int i = 0; i < CFEM_NA; i++) in.delta_a[i] = (cfem_real)controller.delta_a[i];
+    for (int e = 0; e < CFEM_NE; e++) from[e] = controller.reference[e];
+    for (int v = 0; v < CFEM_VECTORS; v++) {
+        if (!cfem_vectors[v].reachable) continue;
+        for (int tick = 0; tick < TICKS_A_GOAL; tick++) {
+            const double share = (tick + 1.0) / TICKS_A_GOAL;
+            for (int e = 0; e < CFEM_NE; e++)
+                in.goal[e] = (cfem_real)(from[e] + share * (cfem_vectors[v].goal[e] - from[e]));
+            const uint64_t begin = now();
+            cfem_step(&controller, &in, &out);
+            cost[ticks++] = (uint32_t)(now() - begin);
+            for (int i = 0; i < CFEM_NA; i++) in.delta_a[i] = out.delta_a[i];
+        }
+        for (int e = 0; e < CFEM_NE; e++) from[e] = cfem_vectors[v].goal[e];
+        if (!print) continue;
+        printf("command %u", out.status);
+        for (int i = 0; i < CFEM_NA; i++) printf(" %.17g", (double)out.delta_a[i]);
+        for (int i = 0; i < CFEM_NA; i++) printf(" %.17g", (double)out.lambda_a[i]);
+        printf("\n");
+    }
+    return ticks;
+}
+
+int main(void) {
+    start();
+    follow(1);
+    paint();
+    const int ticks = follow(0), stack = written();
+    if (!ticks) return 1;
+    qsort(cost, (size_t)ticks, sizeof *cost, by_size);
+    printf("tick median %u p99 %u max %u %s, %d ticks\n", (unsigned)cost[ticks / 2], (unsigned)cost[ticks * 99 / 100],
+           (unsigned)cost[ticks - 1], UNIT, ticks);
+    printf("state %u bytes, stack %d bytes\n", (unsigned)sizeof controller, stack);
+    return 0;
+}
