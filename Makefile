@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean soft-gripper stiff-flop $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded soft-gripper stiff-flop $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -69,6 +69,14 @@ soft-finger-paper: .venv/all
 	done
 	$(CFEM) control pipelines/soft-finger/control-large.yaml
 	$(CFEM) report pipelines/soft-finger/report-large.yaml
+
+# The finger's controller in C, compiled and tested here; docs/embedded.md has the rest.
+embedded: .venv/all
+	$(CFEM) mesh pipelines/soft-finger/scene.yaml
+	$(CFEM) simulate-sample pipelines/soft-finger/sample-large.yaml
+	$(CFEM) train pipelines/soft-finger/train-large.yaml
+	$(CFEM) export pipelines/soft-finger/export-c.yaml
+	$(MAKE) -C models/soft-finger/embedded/c test measure size
 
 figures: soft-finger-paper
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml

@@ -1,6 +1,7 @@
 """A controller as a process of its own: loads an exported model, runs predict + QP, prints time and memory.
 
 python benchmarks/control_process.py models/soft-finger/spectral-export [--steps 20000] [--runtime arrays|onnx]
+[--rate HZ]
 
 A step is what a control loop does each tick: the condensed model where the actuators stand, then the inverse step
 towards the next goal. Prints one JSON object; exits 1 where a package that control does not need was imported."""
@@ -20,16 +21,19 @@ from cfem.predict.load import load_model
 NOT_NEEDED = ("torch", "numba", "pyarrow", "pandas", "scipy", "matplotlib", "gmsh")
 
 
-def run(folder: Path, runtime: str, steps: int) -> dict:
-    """Times in us, peak memory in MiB."""
+def run(folder: Path, runtime: str, steps: int, rate: float | None = None) -> dict:
+    """Times in us, peak memory in MiB; rate: steps a second, with sleep between them, which leaves caches cold."""
     model = load_model(folder, runtime)
     limits = Limits.of(model.reach, np.ones(model.rows.n_a, dtype=bool))
     ridge, weights = ridge_of(1e-10, model.reach, model.length), np.ones(model.rows.n_e)
     middle = model.reach @ [0.7, 0.3]
     goals = [model.at_displacement(middle * (1 + 0.3 * np.sin(angle))).delta_e for angle in np.linspace(0, 6.28, 200)]
     delta_a, times, worst = middle, np.empty(steps), 0.0
+    start = time.perf_counter()
     for tick in range(steps):
         aim = Aim(goals[tick % len(goals)], weights, ridge)
+        if rate:
+            time.sleep(max(0.0, start + tick / rate - time.perf_counter()))
         begin = time.perf_counter()
         step = inverse_step(model.at_displacement(delta_a), aim, limits)
         times[tick] = time.perf_counter() - begin
@@ -38,6 +42,7 @@ def run(folder: Path, runtime: str, steps: int) -> dict:
         "steps": steps,
         "median_us": round(1e6 * float(np.median(times)), 1),
         "p99_us": round(1e6 * float(np.percentile(times, 99)), 1),
+        "p99_9_us": round(1e6 * float(np.percentile(times, 99.9)), 1),
         "kkt_max": worst,
         "peak_rss_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
         "not_needed_but_imported": [name for name in NOT_NEEDED if name in sys.modules],
@@ -49,7 +54,8 @@ if __name__ == "__main__":
     parser.add_argument("model", type=Path)
     parser.add_argument("--steps", type=int, default=20_000)
     parser.add_argument("--runtime", choices=["arrays", "onnx"], default="arrays")
+    parser.add_argument("--rate", type=float, help="steps a second; as fast as they go unless given")
     arguments = parser.parse_args()
-    result = run(arguments.model, arguments.runtime, arguments.steps)
+    result = run(arguments.model, arguments.runtime, arguments.steps, arguments.rate)
     print(json.dumps(result))
     sys.exit(1 if result["not_needed_but_imported"] else 0)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.files import write_json, write_whole
+from cfem.core.files import file_sha256, write_json, write_whole
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.spec import ExportSpec
@@ -29,8 +29,16 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
         inputs={"model": model},
         out=out or spec_path.parent / spec.out,
         paths=("model", "out"),
+        extra={"c": _sources()} if "c" in spec.formats else {},
     )
     return run_stage(stage, partial(work, spec=spec, model_folder=model), options)
+
+
+def _sources() -> dict[str, str]:
+    """Content hashes of the C code that an export copies."""
+    from cfem.export.c_export import SOURCES
+
+    return {path.name: file_sha256(path) for path in sorted(SOURCES.iterdir())}
 
 
 def work(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, Any]:
