@@ -46,7 +46,6 @@ def test_young_modulus_is_exact_where_nothing_but_one_material_resists_the_actua
 @pytest.mark.parametrize(
     ("key", "range_", "message"),
     [
-        ("geometry.height", ["5 mm", "6 mm"], "changes the mesh"),
         ("mesh.size", ["5 mm", "6 mm"], "changes the mesh"),
         ("materials.0.region.radius", ["3 mm", "4 mm"], "changes the mesh"),
         ("material.poison", [0.3, 0.4], "no number at 'material.poison'"),

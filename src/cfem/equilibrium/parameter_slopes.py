@@ -3,7 +3,7 @@
 With R, delta and the Lagrangian L = U - f_ext . u - lambda . delta of robots on either side differenced at the fixed
 state (x, lambda), element pressures eliminated in each:
 
-    dPsi/dq = dL/dq        dlambda/dq = -W_aa^-1 (ddelta/dq - H_a^T y)        dx/dq = -y + A^-1 H_a dlambda/dq,
+    dPsi/dq = dL/dq        dlambda/dq = -W_aa^-1 (ddelta/dq - H_a^T y)        du/dq = -y + A^-1 H_a dlambda/dq,
 
 y = A^-1 dR/dq; the first because L is stationary in the state (envelope theorem). Contacts stay free of force."""
 
@@ -34,12 +34,13 @@ class Differences:
     lagrangian: np.ndarray
 
 
-def differences(at: Evaluation, lam: np.ndarray, sides: Sequence[Sides]) -> Differences:
-    """By central differences of the robots on either side."""
+def differences(problem: Problem, at: Evaluation, lam: np.ndarray, sides: Sequence[Sides]) -> Differences:
+    """By central differences of the robots on either side, at the same displacements of the nodes from their rest."""
 
-    def parts(problem: Problem) -> tuple[np.ndarray, np.ndarray, float]:
-        there = problem.evaluate(at.x, np.empty(0), at.load)
-        return there.residual(lam), there.delta, problem.potential(there) - float(lam @ there.delta)
+    def parts(side: Problem) -> tuple[np.ndarray, np.ndarray, float]:
+        x = at.x if side.rest is problem.rest else at.x + (side.rest - problem.rest)
+        there = side.evaluate(x, np.empty(0), at.load)
+        return there.residual(lam), there.delta, side.potential(there) - float(lam @ there.delta)
 
     pairs = [(parts(side.behind), parts(side.ahead), side.width) for side in sides]
     columns = [

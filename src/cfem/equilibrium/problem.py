@@ -4,7 +4,7 @@ R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C de
 
 on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,9 +66,9 @@ class Tangent:
 class Problem:
     """Sparsity pattern and symbolic factorisation of a robot, found once; all else is recomputed from arguments.
 
-    like: the problem of a robot that differs in its materials and loads only, whose pattern and symbolic factorisation
-    then serve again (its factors must not be used any more once this one has made its own); to be evaluated only, of
-    one that differs in anything but its mesh and what is held or rigid.
+    like: the problem of a robot that differs in its materials, loads and places of nodes only, whose pattern and
+    symbolic factorisation then serve again (its factors must not be used any more once this one has made its own); to
+    be evaluated only, of one that differs in anything but its mesh and what is held or rigid.
     loads: (n, 3) N of the robot, None without any; finite: whether they are numbers (they count as none where not)"""
 
     def __init__(self, robot: Robot, like: "Problem | None" = None):
@@ -88,6 +88,8 @@ class Problem:
             self._factor = analyze(self.pattern)
         else:
             self.kinematics, self._factor = like.kinematics, like._factor
+            if self.rest is not like.rest and not robot.rigid:
+                self.kinematics = replace(like.kinematics, X=self.rest)
         if self.body.beam is not None:
             self._joined = self.kinematics.unknowns(joints).reshape(-1, 12)
         # whether anything acts on nodes: where a rod and its chambers are all, there is nothing to gather from them

@@ -216,7 +216,7 @@ def _answer(
     status, condensed, response_a, dW, slopes = result.status, None, None, None, None
     if status is Status.CONVERGED and condense:
         try:
-            by_q = differences(result.at, result.lam, sides) if sides else None
+            by_q = differences(problem, result.at, result.lam, sides) if sides else None
             others = by_q.residual if sides else np.zeros((problem.pattern.n_dof, 0))
             found = condensation(problem, result.at, result.lam, result.tangent, cost, others)
             condensed, response_a = found.condensed, response(problem, result.at, found.Z)

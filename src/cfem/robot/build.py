@@ -22,7 +22,7 @@ from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
-from cfem.robot import constraints, spec, stiff_flop
+from cfem.robot import constraints, soft_finger, spec, stiff_flop
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
@@ -42,7 +42,7 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         body=body,
         fixed=fixed,
         actuators=tuple(_actuator(scene, mesh, body, item, sections) for item in scene.actuators),
-        effectors=tuple(_effector(mesh, item, sections) for item in scene.effectors),
+        effectors=tuple(_effector(scene, mesh, item, sections) for item in scene.effectors),
         rows=Rows(
             effectors=tuple(f"{item.name}.{axis}" for item in scene.effectors for axis in item.axes),
             actuators=tuple(item.name for item in scene.actuators),
@@ -56,6 +56,11 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         loads=_loads(scene, body, regions, sections),
         forces=_forces(scene),
     )
+
+
+def body_of(scene: spec.SceneSpec, mesh: Mesh) -> Body:
+    """The body of a scene of one material."""
+    return _body(scene, mesh, [], [])
 
 
 def as_material(material: MaterialSpec) -> Material:
@@ -109,9 +114,14 @@ def _actuator(
     cells = _cells(mesh, item.body, label)
     points = [
         _attach(mesh, point, item.radius, f"{label} point {index + 1}", cells, sections)
-        for index, point in enumerate(item.points)
+        for index, point in enumerate(cable_points(scene, item))
     ]
     return make_cable(points, item.pull_point, item.name)
+
+
+def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
+    """(k, 3) mm."""
+    return item.points if item.route is None else soft_finger.route(scene.geometry, item.route.x, item.route.y)
 
 
 def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraints.Chambers) -> Cavity | RodChambers:
@@ -132,12 +142,19 @@ def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
     return make_cavity(mesh.X, facets, item.name)
 
 
-def _effector(mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:
-    points = item.point if item.points is None else item.points
+def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:
+    points = effector_points(scene, item)
     if sections:
         return make_section_effector(mesh.X, sections, points, item.name, item.orientation)
     cells = _cells(mesh, item.body, f"effector '{item.name}'")
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
+
+
+def effector_points(scene: spec.SceneSpec, item: constraints.Effector) -> np.ndarray:
+    """(3,) or (k, 3) mm."""
+    if item.at:
+        return soft_finger.tip(scene.geometry)
+    return item.point if item.points is None else item.points
 
 
 def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) -> ContactPoint:

@@ -15,14 +15,24 @@ def _either(one: str, other: str) -> ConfigDict:
     return ConfigDict(json_schema_extra={"oneOf": [{"required": [one]}, {"required": [other]}]})
 
 
-class Cable(Spec):
-    """A cable through points of the body, from a fixed pull point where one is given. reach: its smallest and largest
-    shortening. radius: of the region through which each point acts, 0 for a mathematical point. unilateral: it can
-    pull and cannot push. body: the part, or named group of cells, that all its points belong to."""
+class Route(Spec):
+    """A straight way along a soft finger, at x and y: through its segments, seen at their sloped faces."""
 
+    x: Length
+    y: Length
+
+
+class Cable(Spec):
+    """A cable through points of the body, from a fixed pull point where one is given. points; or route, along a soft
+    finger, whose points then move with its design. reach: its smallest and largest shortening. radius: of the region
+    through which each point acts, 0 for a mathematical point. unilateral: it can pull and cannot push. body: the part,
+    or named group of cells, that all its points belong to."""
+
+    model_config = _either("points", "route")
     kind: Literal["cable"]
     name: Name
-    points: Points
+    points: Points | None = None
+    route: Route | None = None
     pull_point: Point | None = None
     radius: Length = Field(default=2.0, ge=0)
     reach: LengthRange
@@ -31,6 +41,7 @@ class Cable(Spec):
 
     @model_validator(mode="after")
     def _ordered(self):
+        _demand_one(f"cable '{self.name}'", points=self.points, route=self.route)
         _demand_order(f"cable '{self.name}'", self.reach)
         return self
 
@@ -94,14 +105,15 @@ class Contact(Spec):
 
 
 class Effector(Spec):
-    """A watched point, or the mean of several `points`. One that lies outside the body is carried by the best-fit rigid
+    """A watched point, or the mean of several `points`, or the point `at` a place that the geometry names: the tip of a
+    soft finger, which moves with its design. One that lies outside the body is carried by the best-fit rigid
     motion of what lies within carrier_radius of it. orientation: its rotation vector is watched too, rows rx, ry, rz.
     body: the part, or named group of cells, that it belongs to."""
 
-    model_config = _either("point", "points")
     name: Name
     point: Point | None = None
     points: Points | None = None
+    at: Literal["tip"] | None = None
     radius: Length = Field(default=2.0, ge=0)
     carrier_radius: Length = Field(default=10.0, gt=0)
     orientation: bool = False
@@ -109,7 +121,7 @@ class Effector(Spec):
 
     @model_validator(mode="after")
     def _placed(self):
-        _demand_one(f"effector '{self.name}'", point=self.point, points=self.points)
+        _demand_one(f"effector '{self.name}'", point=self.point, points=self.points, at=self.at)
         return self
 
     @property

@@ -12,7 +12,9 @@ from cfem.robot.selection import Direction
 
 
 class SoftFinger(Spec):
-    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025); defaults are the paper's."""
+    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025); defaults are the paper's.
+    plateau: length over which a bellow has its largest radius; wall: of a bellow around its cavity; centre_wall:
+    between its two halves, 0 for one cavity; cork: what fills it from y = 0 up."""
 
     kind: Literal["soft-finger"]
     segment_length: Length = Field(default=40.0, gt=0)
@@ -20,6 +22,10 @@ class SoftFinger(Spec):
     joint_height: Length = Field(default=6.0, gt=0)
     thickness: Length = Field(default=17.5, gt=0)
     slope: Angle = Field(default=pi / 4, gt=0, lt=pi / 2)
+    plateau: Length = Field(default=0.0, ge=0, lt=8)
+    wall: Length = Field(default=3.5, gt=0)
+    centre_wall: Length = Field(default=3.0, ge=0)
+    cork: Length = Field(default=4.0, ge=0)
 
 
 class Bar(Spec):

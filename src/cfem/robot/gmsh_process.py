@@ -27,6 +27,8 @@ def build(occ, node: dict) -> list[tuple[int, int]]:
         swept = occ.extrude([(2, face)], node["x_high"] - node["x_low"], 0, 0)
         return [entity for entity in swept if entity[0] == 3]
     if kind == "Frustum":
+        if node["r0"] == node["r1"]:
+            return [(3, occ.addCylinder(*node["base"], *node["axis"], node["r0"]))]
         return [(3, occ.addCone(*node["base"], *node["axis"], node["r0"], node["r1"]))]
     if kind == "Loft":
         return [(3, loft(occ, node["first"], node["second"]))]

@@ -2,15 +2,14 @@
 
 from math import tan
 
+import numpy as np
+
 from cfem.robot.cad import Box, Difference, Frustum, Prism, Solid, Union
 from cfem.robot.geometry import SoftFinger
 
 # mm; not design parameters of the paper
 BELLOW_OVERHANG = 6.0
 BELLOW_HALF_LENGTH = 4.0
-BELLOW_WALL = 3.5
-CENTRE_WALL = 1.5
-CORK = 4.0
 FLANGE = 3.0
 
 
@@ -21,17 +20,30 @@ def soft_finger(spec: SoftFinger) -> Solid:
     base = Box((-half, 0.0, -L / 2), (half, spec.height, 0.0))
     flange = Box((-half - FLANGE, 0.0, -FLANGE), (half + FLANGE, spec.height + FLANGE, 0.0))
     segments = tuple(_segment(spec, shift) for shift in (0.0, *joints))
-    bellows = tuple(_bellow(half, z, wall=0.0) for z in joints)
+    bellows = tuple(_bellow(spec, z, wall=0.0) for z in joints)
     return Difference(Union((*segments, base, flange, *bellows)), tuple(cavity(spec, z) for z in joints))
 
 
 def cavity(spec: SoftFinger, z: float) -> Solid:
-    """The two chambers of the joint at z, either side of the centre wall."""
-    whole = _bellow(spec.thickness / 2, z, wall=BELLOW_WALL)
-    reach = spec.thickness
-    walls = Box((-CENTRE_WALL, -reach, z - reach), (CENTRE_WALL, 2 * reach, z + reach))
-    cork = Box((-2 * reach, -2 * reach, z - reach), (2 * reach, CORK, z + reach))
-    return Difference(whole, (walls, cork))
+    """What is hollow in the joint at z, either side of the centre wall if there is one."""
+    whole, reach = _bellow(spec, z, spec.wall), spec.thickness
+    cork = Box((-2 * reach, -2 * reach, z - reach), (2 * reach, spec.cork, z + reach))
+    if not spec.centre_wall:
+        return Difference(whole, (cork,))
+    half = spec.centre_wall / 2
+    return Difference(whole, (Box((-half, -reach, z - reach), (half, 2 * reach, z + reach)), cork))
+
+
+def route(spec: SoftFinger, x: float, y: float) -> np.ndarray:
+    """(6, 3) mm where the line at x and y meets the sloped faces, from the base to the tip."""
+    s = (y - spec.joint_height) * tan(spec.slope)
+    L = spec.segment_length
+    return np.array([(x, y, -z) for i in range(3) for z in (L * i + s, L * (i + 1) - s)])
+
+
+def tip(spec: SoftFinger) -> np.ndarray:
+    """(3,) mm."""
+    return np.array([0.0, spec.height / 2, -3 * spec.segment_length])
 
 
 def _segment(spec: SoftFinger, z: float) -> Solid:
@@ -41,11 +53,15 @@ def _segment(spec: SoftFinger, z: float) -> Solid:
     return Prism(tuple((y, along + z) for y, along in outline), -spec.thickness / 2, spec.thickness / 2)
 
 
-def _bellow(half: float, z: float, wall: float) -> Solid:
-    """A double cone about the z axis, widest in the joint's plane, its half y >= 0."""
+def _bellow(spec: SoftFinger, z: float, wall: float) -> Solid:
+    """Around the z axis, widest about the joint's plane, its half y >= 0."""
+    half, flat = spec.thickness / 2, spec.plateau / 2
     middle, end, reach = half + BELLOW_OVERHANG - wall, half - wall, 2 * (half + BELLOW_OVERHANG)
-    cones = tuple(
-        Frustum((0.0, 0.0, z), (0.0, 0.0, side), middle, end) for side in (BELLOW_HALF_LENGTH, -BELLOW_HALF_LENGTH)
-    )
+    parts = [
+        Frustum((0.0, 0.0, z + side * flat), (0.0, 0.0, side * (BELLOW_HALF_LENGTH - flat)), middle, end)
+        for side in (1.0, -1.0)
+    ]
+    if flat:
+        parts.append(Frustum((0.0, 0.0, z - flat), (0.0, 0.0, 2 * flat), middle, middle))
     behind = Box((-reach, -reach, z - reach), (reach, 0.0, z + reach))
-    return Difference(Union(cones), (behind,))
+    return Difference(Union(tuple(parts)), (behind,))

@@ -10,7 +10,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 
@@ -62,6 +62,14 @@ class SceneSpec(Spec):
         ):
             if max(Counter(names).values()) > 1:
                 raise ValueError(f"names must differ, got {names}")
+        return self
+
+    @model_validator(mode="after")
+    def _places(self):
+        asked = [f"route of cable '{one.name}'" for one in self.actuators if getattr(one, "route", None)]
+        asked += [f"place `at` of effector '{one.name}'" for one in self.effectors if one.at]
+        if asked and not isinstance(self.geometry, SoftFinger):
+            raise ValueError(f"the {asked[0]} needs a geometry of kind soft-finger")
         return self
 
     @model_validator(mode="after")

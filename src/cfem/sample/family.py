@@ -10,6 +10,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import as_material, build_robot
+from cfem.robot.designs import Designs
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import range_coordinates, with_values
 
@@ -17,14 +18,18 @@ from cfem.sample.parameters import range_coordinates, with_values
 class RobotFamily:
     """The robots of one scene and mesh, one for each p; what p leaves alone is built once.
 
-    parameters: the sampled ones; robot: the scene's own; material_only: whether only moduli vary from robot to robot"""
+    parameters: the sampled ones; robot: the scene's own; alike: whether all have the same pattern of unknowns, as only
+    moduli vary from robot to robot, or places of nodes"""
 
     def __init__(self, scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter]):
         self.parameters = sampled(parameters)
-        self.robot = build_robot(scene, mesh)
-        self.material_only = all(
+        geometry = any(one.key.startswith("geometry") for one in self.parameters)
+        self._designs = Designs(scene, mesh) if geometry else None
+        self.robot = self._designs.reference if geometry else build_robot(scene, mesh)
+        self._material_only = all(
             one.key.startswith("material") and not one.key.endswith("density") for one in self.parameters
         )
+        self.alike = geometry or self._material_only
         self._scene, self._mesh = scene, mesh
 
     def at(self, p: np.ndarray) -> Robot:
@@ -32,7 +37,9 @@ class RobotFamily:
         if not self.parameters:
             return self.robot
         scene = with_values(self._scene, [one.key for one in self.parameters], p)
-        if not self.material_only:
+        if self._designs:
+            return self._designs.robot(scene)
+        if not self._material_only:
             return build_robot(scene, self._mesh)
         materials = [scene.material, *(item.material for item in scene.materials)]
         return replace(self.robot, body=with_materials(self.robot.body, [as_material(one) for one in materials]))

@@ -14,7 +14,7 @@ from cfem.robot.spec import SceneSpec
 from cfem.sample.spec import ParameterSpec
 
 # The rest of a scene makes the mesh, as regions do, or names things.
-_FREE = ("material", "materials", "gravity", "loads", "actuators", "contacts", "effectors")
+_FREE = ("geometry", "material", "materials", "gravity", "loads", "actuators", "contacts", "effectors")
 Key = tuple[str | int, ...]
 
 
@@ -28,7 +28,7 @@ def scene_parameters(asked: Mapping[str, ParameterSpec], path: Path) -> tuple[Pa
 def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> Parameter:
     key, where = _split(spec.key), f"parameters.{name}"
     if key[0] not in _FREE or "region" in key:
-        what = f"key: '{spec.key}' changes the mesh, or nothing; designs with meshes of their own are not there yet"
+        what = f"key: '{spec.key}' changes the mesh, or nothing"
         raise SpecError(what, where=where, do=f"use a number under one of {', '.join(_FREE)}")
     reference, unit = _number(scene, key, where)
     ends = []

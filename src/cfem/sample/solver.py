@@ -117,13 +117,19 @@ class _FiniteElementSolver:
 
         problem, sides = self.problem, ()
         if len(p):
-            problem = Problem(self.family.at(p), like=self.problem if self.family.material_only else None)
+            problem = Problem(self.family.at(p), like=self.problem if self.family.alike else None)
             around = (self.family.around(p, index, _STEP) for index in range(len(p)))
             sides = [
                 Sides(Problem(behind, like=problem), Problem(ahead, like=problem), width)
                 for behind, ahead, width in around
             ]
-        return solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
+        # states of other shapes are told by how far nodes are from their rest, put upon the reference's rest
+        shift = problem.rest - self.problem.rest
+        if not shift.any():
+            return solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
+        start = None if start is None else replace(start, x=start.x + shift)
+        found = solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
+        return replace(found, state=replace(found.state, x=found.state.x - shift))
 
 
 def row_units(robot: Any, turns: bool | None = None) -> tuple[tuple[str, str], ...]:

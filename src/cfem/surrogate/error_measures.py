@@ -32,8 +32,8 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
 
 
 def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
-    """Where a patch holds the robot in states in which it would buckle under the same wrench, how many these are and the
-    loss of the others. W is unbounded where a robot begins to buckle; its compliance is indefinite beyond."""
+    """Where a patch holds the robot in states in which it would buckle under the same wrench, how many these are and
+    the loss of the others. W is unbounded where a robot begins to buckle, and indefinite beyond."""
     if not dataset.n_c:
         return {}
     active = dataset.rows.active

@@ -86,8 +86,8 @@ def headline(results: dict[str, Any]) -> list[str]:
         )
     if errors.get("buckled_states"):
         lines.append(
-            f"{errors['buckled_states']} of {errors['states']} test states would buckle were they not held; the loss of "
-            f"the others is {errors['loss_of_stable']:.2e}"
+            f"{errors['buckled_states']} of {errors['states']} test states would buckle were they not held; "
+            f"the loss of the others is {errors['loss_of_stable']:.2e}"
         )
     return lines
 

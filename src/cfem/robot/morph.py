@@ -1,0 +1,172 @@
+"""One mesh for all designs of a catalogue robot: the reference mesh with its nodes moved, its connectivity kept.
+
+Every boundary node stays on the surfaces of the CAD tree that it lies on at the reference; where attached points are
+to go is prescribed; everything else follows as an elastic body does (linear elasticity on the reference mesh; the
+stiffness of a cell is the inverse of its volume, so that small cells keep their shape; Stein, Tezduyar, Benney, J.
+Appl. Mech. 70, 2003). With u the displacements of the corners and J the gradients of surfaces and points at the
+reference,
+
+    K u + J^T mu = 0        J u = what is missing,
+
+repeated with the same factor until nothing is missing: planes that only shift are met at once. X is a smooth
+function of the design, so that what is computed on the mesh is too: there is no scatter from meshing anew."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from cfem.constraint.attachment import Attachment
+from cfem.core.errors import NumericalError, SpecError
+from cfem.mechanics.element import barycentric_gradients
+from cfem.mechanics.mesh import TET_EDGES, Mesh, tet_volumes
+from cfem.robot.cad import Solid
+from cfem.robot.surfaces import Surface, surfaces
+
+POISSON = 0.3
+_ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
+_INDEPENDENT = 1e-3  # sine of the angle below which a surface says what others have said
+_ITERATIONS, _TOLERANCE = 60, 1e-10  # mm
+THINNEST = 0.1  # of a cell's reference volume that must be left
+
+
+@dataclass(frozen=True)
+class _Bound:
+    """Surface number `surface` keeps the nodes (k,)."""
+
+    surface: int
+    nodes: np.ndarray
+
+
+class Morph:
+    """mesh: the reference, tetrahedra; solid: its CAD tree; points: attached at the reference, whose places a design
+    prescribes. SpecError where a part of the boundary is on no surface of the tree."""
+
+    def __init__(self, mesh: Mesh, solid: Solid, points: Sequence[Attachment] = ()):
+        self.mesh, self._points = mesh, tuple(points)
+        self._corners = np.unique(mesh.cells[:, :4])
+        self._edges = _middles(mesh)
+        self._bounds = _bounds(mesh, surfaces(solid))
+        J, self._kept = self._constraints(surfaces(solid))
+        K = _stiffness(mesh)
+        n, m = K.shape[0], J.shape[0]
+        scale = float(abs(K).max())
+        saddle = sp.bmat([[K, scale * J.T], [scale * J, -1e-12 * scale * sp.eye(m)]], format="csc")
+        self._factor, self._n, self._scale = splu(saddle), n, scale
+
+    def __call__(self, solid: Solid, places: np.ndarray) -> Mesh:
+        """The mesh of another design: its tree, and where the points (k, 3) mm go. NumericalError where it cannot be
+        reached or a cell is left too thin."""
+        now = surfaces(solid)
+        X = self.mesh.X.copy()
+        for _ in range(_ITERATIONS):
+            missing = self._missing(now, places, X)
+            if np.abs(missing).max(initial=0.0) <= _TOLERANCE:
+                break
+            right = np.concatenate([np.zeros(self._n), self._scale * missing[self._kept]])
+            u = self._factor.solve(right)[: self._n].reshape(-1, 3)
+            X[self._corners] += u
+            X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
+        else:
+            raise NumericalError(
+                f"the mesh does not follow the design: {np.abs(missing).max():.2g} mm are missing",
+                do="keep nearer to the reference design, or mesh this one anew",
+            )
+        left = tet_volumes(X, self.mesh.cells) / self.mesh.volumes
+        if not left.min() > THINNEST:
+            raise NumericalError(
+                f"the morphed mesh has a cell with {left.min():.2g} of its volume left",
+                do="keep nearer to the reference design, or mesh this one anew",
+            )
+        return replace(self.mesh, X=X)
+
+    def _missing(self, now: Sequence[Surface], places: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """(m,) mm of every constraint, before dependent ones are left out."""
+        on = [-now[one.surface].value(X[one.nodes]) for one in self._bounds]
+        at = [place - point.position(X) for place, point in zip(places, self._points, strict=True)]
+        return np.concatenate([*on, *at])
+
+    def _constraints(self, now: Sequence[Surface]) -> tuple[sp.csr_matrix, np.ndarray]:
+        """J (m, 3 corners) of the independent constraints, and which of all they are."""
+        X, place = self.mesh.X, np.full(len(self.mesh.X), -1)
+        place[self._corners] = np.arange(len(self._corners))
+        nodes = np.concatenate([one.nodes for one in self._bounds])
+        normals = np.concatenate([now[one.surface].gradient(X[one.nodes]) for one in self._bounds])
+        kept = _independent(nodes, normals)
+        rows = np.repeat(np.arange(len(kept)), 3)
+        columns = (3 * place[nodes[kept], None] + np.arange(3)).ravel()
+        bound = sp.csr_matrix((normals[kept].ravel(), (rows, columns)), (len(kept), 3 * len(self._corners)))
+        # a middle node follows its two corners
+        corner = sp.lil_matrix((len(X), len(self._corners)))
+        corner[self._corners, np.arange(len(self._corners))] = 1.0
+        for side in (1, 2):
+            corner[self._edges[:, 0], place[self._edges[:, side]]] = 0.5
+        weights = sp.lil_matrix((len(self._points), len(X)))
+        for row, point in enumerate(self._points):
+            weights[row, point.nodes] = point.weights
+        led = sp.kron(weights.tocsr() @ corner.tocsr(), sp.eye(3))
+        kept = np.concatenate([kept, len(nodes) + np.arange(3 * len(self._points))])
+        return sp.vstack([bound, led]).tocsr(), kept
+
+
+def moved(attachment: Attachment, mesh: Mesh) -> Attachment:
+    """The attachment on another mesh of the same connectivity."""
+    return replace(attachment, point=attachment.position(mesh.X))
+
+
+def _middles(mesh: Mesh) -> np.ndarray:
+    """(k, 3) nodes at the middle of an edge, and its two ends; none of linear tetrahedra."""
+    if mesh.order == 1:
+        return np.empty((0, 3), dtype=int)
+    ends = mesh.cells[:, :4][:, TET_EDGES].reshape(-1, 2)
+    middle, first = np.unique(mesh.cells[:, 4:].ravel(), return_index=True)
+    return np.column_stack([middle, ends[first]])
+
+
+def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
+    """Which nodes keep to which surface: those of facets whose corners all lie on it, and which face along it."""
+    facets = mesh.facets[:, :3]
+    a, b, c = (mesh.X[facets[:, i]] for i in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    centre = (a + b + c) / 3
+    found, covered = [], np.zeros(len(facets), dtype=bool)
+    for number, surface in enumerate(now):
+        on = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
+        along = np.abs(np.einsum("ij,ij->i", surface.gradient(centre), normal))
+        mine = on & (along > _ALONG)
+        if (mine & ~covered).any():  # a surface that says nothing new is another's twin
+            found.append(_Bound(number, np.unique(facets[mine])))
+        covered |= mine
+    if not covered.all():
+        raise SpecError(f"{(~covered).sum()} of {len(facets)} facets of the mesh lie on no surface of its geometry")
+    return found
+
+
+def _independent(nodes: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Indices of constraints (node, normal (3,)) that say something new, at most three a node."""
+    kept, known = [], {}
+    for index, (node, normal) in enumerate(zip(nodes.tolist(), normals, strict=True)):
+        basis = known.setdefault(node, [])
+        rest = normal - sum((normal @ one) * one for one in basis)
+        size = np.linalg.norm(rest)
+        if size > _INDEPENDENT * np.linalg.norm(normal):
+            basis.append(rest / size)
+            kept.append(index)
+    return np.array(kept)
+
+
+def _stiffness(mesh: Mesh) -> sp.csc_matrix:
+    """(3 corners, 3 corners) of linear elasticity with Young's modulus 1 / volume of each cell."""
+    cells = np.searchsorted(np.unique(mesh.cells[:, :4]), mesh.cells[:, :4])
+    gradients = barycentric_gradients(mesh.X, mesh.cells)  # (m, 4, 3), constant in a straight cell
+    lam, mu = POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), 1 / (2 * (1 + POISSON))
+    blocks = lam * np.einsum("mai,mbj->maibj", gradients, gradients)
+    blocks += mu * np.einsum("maj,mbi->maibj", gradients, gradients)
+    blocks += mu * np.einsum("mak,mbk,ij->maibj", gradients, gradients, np.eye(3))
+    dofs = (3 * cells[:, :, None] + np.arange(3)).reshape(len(cells), 12)
+    rows, columns = np.repeat(dofs, 12, axis=1).ravel(), np.tile(dofs, (1, 12)).ravel()
+    n = 3 * (cells.max() + 1)
+    return sp.csc_matrix((blocks.reshape(-1), (rows, columns)), (n, n))

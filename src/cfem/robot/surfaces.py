@@ -1,0 +1,84 @@
+"""The surfaces of a CAD tree as functions that vanish on them, in an order that depends on the tree's shape alone.
+
+Two designs of one catalogue robot have the same tree with other numbers, so that a surface of one is known in the
+other by its place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.robot.cad import Box, Difference, Frustum, Loft, Prism, Solid, Union
+
+
+@dataclass(frozen=True)
+class Plane:
+    """normal (3,) unit; x . normal = offset mm."""
+
+    normal: np.ndarray
+    offset: float
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        """(k,) mm of x (k, 3)."""
+        return x @ self.normal - self.offset
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        """(k, 3)."""
+        return np.broadcast_to(self.normal, x.shape)
+
+
+@dataclass(frozen=True)
+class Cone:
+    """About a line through `base` (3,) mm along `axis` (3,) unit: its radius there plus slope times the way along."""
+
+    base: np.ndarray
+    axis: np.ndarray
+    radius: float
+    slope: float
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        along = (x - self.base) @ self.axis
+        across = x - self.base - along[:, None] * self.axis
+        return (np.linalg.norm(across, axis=1) - self.radius - self.slope * along) / np.hypot(1.0, self.slope)
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        along = (x - self.base) @ self.axis
+        across = x - self.base - along[:, None] * self.axis
+        away = np.linalg.norm(across, axis=1)[:, None]
+        return (across / np.where(away > 0, away, 1.0) - self.slope * self.axis) / np.hypot(1.0, self.slope)
+
+
+Surface = Plane | Cone
+
+
+def surfaces(solid: Solid) -> list[Surface]:
+    """Of all primitives of the tree. ValueError where one has surfaces that are not known: of a file, or placed."""
+    match solid:
+        case Union(parts):
+            return [one for part in parts for one in surfaces(part)]
+        case Difference(whole, parts):
+            return [one for part in (whole, *parts) for one in surfaces(part)]
+        case Box(low, high):
+            return [Plane(axis, end[i]) for i, axis in enumerate(np.eye(3)) for end in (low, high)]
+        case Prism(polygon, x_low, x_high):
+            corners = np.array([(0.0, *corner) for corner in polygon])
+            ends = np.roll(corners, -1, axis=0)
+            sides = [_through(a, b, b + [1.0, 0, 0]) for a, b in zip(corners, ends, strict=True)]
+            return [*sides, Plane(np.eye(3)[0], x_low), Plane(np.eye(3)[0], x_high)]
+        case Frustum(base, axis, r0, r1):
+            length = float(np.linalg.norm(axis))
+            unit, at = np.array(axis) / length, np.array(base, float)
+            ends = [Plane(unit, float(at @ unit)), Plane(unit, float(at @ unit) + length)]
+            return [Cone(at, unit, r0, (r1 - r0) / length), *ends]
+        case Loft(first, second):
+            one, other = np.array(first, float), np.array(second, float)
+            following = np.roll(one, -1, axis=0)
+            sides = [_through(a, b, c) for a, b, c in zip(one, following, other, strict=True)]
+            return [*sides, _through(*one[:3]), _through(*other[:3])]
+    raise ValueError(f"the surfaces of a {type(solid).__name__} are not known")
+
+
+def _through(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Plane:
+    """The plane of three points (3,)."""
+    normal = np.cross(b - a, c - a)
+    normal = normal / np.linalg.norm(normal)
+    return Plane(normal, float(normal @ a))
