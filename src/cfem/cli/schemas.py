@@ -15,6 +15,7 @@ SPECS = {
     "train": ("cfem.surrogate.spec", "TrainSpec"),
     "export": ("cfem.export.spec", "ExportSpec"),
     "control": ("cfem.control.spec", "ControlSpec"),
+    "calibrate": ("cfem.calibrate.spec", "CalibrateSpec"),
     "report": ("cfem.report.spec", "ReportSpec"),
 }
 

@@ -1,0 +1,1 @@
+"""From measurements to the parameters of the robot that was measured."""

@@ -1,0 +1,180 @@
+"""What was measured on the robot: a table with units, or the states of a dataset.
+
+A table has a row a state and columns named after the rows of W: `cable.displacement`, `cable.force` of an actuator,
+`tip.x` the position of an effector, `tip.x.displacement` from where it rests. In .csv and .parquet the unit stands
+behind the name, `tip.x [mm]`; in .yaml every number has its own. An empty cell was not measured."""
+
+import csv
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.core.errors import InputError
+from cfem.core.stage import artefact_file
+from cfem.core.units import parse_quantity
+
+# Units that a displacement or a position, and a force, may have: of cables and points, chambers, rotations.
+_UNITS = {"displacement": ("mm", "mm^3", "rad"), "force": ("N", "MPa")}
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """m states. kind: what drove the actuators; u (m, n_a): by how much, taken for exact; measured, nan where not: x_e
+    and delta_e (m, n_e) mm positions and displacements of the effectors, dual (m, n_a) the actuators' forces where
+    displacements drove them, else their displacements."""
+
+    kind: Literal["displacement", "force"]
+    u: np.ndarray
+    x_e: np.ndarray
+    delta_e: np.ndarray
+    dual: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def of(self, sources: Iterable[str]) -> "Measurements":
+        """With only the effectors, the actuators, or both."""
+        e, a = ("effectors" in sources, "actuators" in sources)
+        hide = np.full_like
+        return Measurements(
+            self.kind,
+            self.u,
+            self.x_e if e else hide(self.x_e, np.nan),
+            self.delta_e if e else hide(self.delta_e, np.nan),
+            self.dual if a else hide(self.dual, np.nan),
+        )
+
+
+def read_measurements(
+    path: Path, rows: Rows, kind: str, split: str = "train", chosen: Sequence[int] | None = None
+) -> Measurements:
+    """InputError naming the file, the row and the column of what cannot be read."""
+    if path.is_dir():
+        found = _of_dataset(artefact_file(path, f"{split}.parquet"), rows, kind)
+    else:
+        found = _of_table(_READERS[_suffix(path)](path), rows, kind, path)
+    if chosen is not None:
+        if max(chosen) >= len(found):
+            raise InputError(f"has {len(found)} rows, number {max(chosen)} was asked for", where=str(path))
+        index = list(chosen)
+        found = Measurements(kind, *(getattr(found, name)[index] for name in ("u", "x_e", "delta_e", "dual")))
+    return found
+
+
+def _suffix(path: Path) -> str:
+    if path.suffix not in _READERS:
+        raise InputError(f"is no table: expected {', '.join(_READERS)}, or a dataset's folder", where=str(path))
+    if not path.exists():
+        raise InputError("no such file", where=str(path))
+    return path.suffix
+
+
+def _of_dataset(path: Path, rows: Rows, kind: str) -> Measurements:
+    from cfem.dataset.reader import read_dataset
+
+    data = read_dataset(path)
+    if data.rows != rows:
+        raise InputError(f"has rows {data.rows.names}, the model {rows.names}", where=str(path))
+    u, dual = (data.delta_a, data.lambda_a) if kind == "displacement" else (data.lambda_a, data.delta_a)
+    return Measurements(kind, u, np.full_like(data.delta_e, np.nan), data.delta_e, dual)
+
+
+def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path) -> Measurements:
+    count = len(next(iter(columns.values()), ()))
+    if not count:
+        raise InputError("holds no measurements", where=str(path))
+    other = "force" if kind == "displacement" else "displacement"
+    names = {
+        "u": [f"{name}.{kind}" for name in rows.actuators],
+        "x_e": list(rows.effectors),
+        "delta_e": [f"{name}.displacement" for name in rows.effectors],
+        "dual": [f"{name}.{other}" for name in rows.actuators],
+    }
+    known = [name for group in names.values() for name in group]
+    for name in columns:
+        if name not in known:
+            raise InputError(f"column '{name}': expected one of {', '.join(known)}", where=str(path))
+    for name in names["u"]:
+        missing = np.flatnonzero(np.isnan(columns.get(name, np.full(count, np.nan))))
+        if len(missing):
+            what = f"row {missing[0] + 1} has no '{name}', by which the robot was driven"
+            raise InputError(what, where=str(path), do="measure it, or say `driven:` otherwise")
+    nothing = np.full(count, np.nan)
+    groups = {key: np.stack([columns.get(name, nothing) for name in group], axis=1) for key, group in names.items()}
+    return Measurements(kind, **groups)
+
+
+def _read_yaml(path: Path) -> dict[str, np.ndarray]:
+    from ruamel.yaml import YAML, YAMLError
+
+    try:
+        records = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"is no YAML: {str(error).splitlines()[0]}", where=str(path)) from None
+    if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
+        raise InputError("expected a list of states, such as `- {cable.displacement: 5 mm, ...}`", where=str(path))
+    names = list(dict.fromkeys(name for record in records for name in record))
+    return {
+        name: np.array([_number(record.get(name), name, f"{path}: state {i + 1}") for i, record in enumerate(records)])
+        for name in names
+    }
+
+
+def _read_csv(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            header, *records = [record for record in csv.reader(file, skipinitialspace=True) if record]
+    except (ValueError, UnicodeDecodeError, csv.Error):
+        raise InputError("is no table of comma-separated values", where=str(path)) from None
+    wrong = next((i for i, record in enumerate(records) if len(record) != len(header)), None)
+    if wrong is not None:
+        raise InputError(f"row {wrong + 1}: {len(records[wrong])} cells, the header has {len(header)}", where=str(path))
+    return _with_units(path, header, zip(*records, strict=True) if records else [[]] * len(header))
+
+
+def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"is damaged: {str(error).splitlines()[0]}", where=str(path)) from None
+    return _with_units(path, table.column_names, [table[name].to_pylist() for name in table.column_names])
+
+
+def _with_units(path: Path, header: Sequence[str], columns: Iterable[Sequence[Any]]) -> dict[str, np.ndarray]:
+    """Header cells are 'name [unit]'."""
+    found = {}
+    for title, cells in zip(header, columns, strict=True):
+        match = re.fullmatch(r"\s*(\S+)\s*\[(.+)\]\s*", title)
+        if not match:
+            raise InputError(f"column '{title}': expected a name and its unit, 'tip.x [mm]'", where=str(path))
+        name, unit = match.groups()
+        empty = [cell is None or cell == "" or cell != cell for cell in cells]
+        texts = [None if hole else f"{cell} {unit}" for cell, hole in zip(cells, empty, strict=True)]
+        found[name] = np.array(
+            [_number(text, name, f"{path}: row {i + 1}") for i, text in enumerate(texts)], dtype=float
+        )
+    return found
+
+
+def _number(text: Any, name: str, where: str) -> float:
+    """nan for None."""
+    if text is None:
+        return np.nan
+    complaint = ""
+    for unit in _UNITS["force" if name.endswith(".force") else "displacement"]:
+        try:
+            return parse_quantity(text, unit)
+        except ValueError as error:
+            complaint = complaint or str(error)
+    raise InputError(f"'{name}': {complaint}", where=where)
+
+
+_READERS = {".yaml": _read_yaml, ".yml": _read_yaml, ".csv": _read_csv, ".parquet": _read_parquet}

@@ -1,0 +1,259 @@
+"""`cfem calibrate`: measurements to parameters, with their intervals, fit, and what cannot be found."""
+
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.calibrate.spec import CalibrateSpec
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import SpecError
+from cfem.core.files import write_json, write_whole
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, run_stage
+
+TABLE, RESULT, FIGURE = "predicted.parquet", "calibration.json", "calibration.png"
+
+
+def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The manifest; results: value and interval by parameter, what cannot be found, the fit."""
+    spec = load_spec(spec_path, CalibrateSpec, overrides)
+    base = spec_path.parent
+    paths = {
+        name: base / getattr(spec, name) for name in ("measurements", "model", "scene", "mesh") if _used(spec, name)
+    }
+    stage = Stage(
+        name="calibrate",
+        version=1,
+        spec=spec,
+        inputs=paths,
+        out=out or base / spec.out,
+        paths=("measurements", "model", "scene", "mesh", "out"),
+    )
+    return run_stage(stage, partial(_work, spec=spec, paths=paths), options)
+
+
+def _used(spec: CalibrateSpec, name: str) -> bool:
+    return getattr(spec, name) is not None and (spec.fe or name not in ("scene", "mesh"))
+
+
+def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str, Any]:
+    from cfem.calibrate.calibration import calibrate
+    from cfem.calibrate.measurements import read_measurements
+    from cfem.calibrate.residuals import Noise
+    from cfem.parametric.given import demand_known, vector
+
+    family = family_of(spec, paths)
+    parameters = family.parameters
+    measured = read_measurements(paths["measurements"], family.rows, spec.driven, spec.split, spec.rows).of(spec.use)
+    names = [one.name for one in parameters]
+    wanted = spec.find if spec.find is not None else [name for name in names if name not in spec.fixed]
+    demand_known(parameters, wanted, "find")
+    demand_known(parameters, spec.truth, "truth")
+    both = set(wanted) & set(spec.fixed)
+    if both:
+        raise SpecError(f"{sorted(both)} are both to find and fixed", where="fixed")
+    if not wanted:
+        raise SpecError("all parameters are fixed: nothing is to be found", where="find")
+    find = [names.index(name) for name in wanted]
+    p0 = vector(parameters, spec.fixed, "fixed")
+    noise = None
+    if spec.noise:
+        dual = spec.noise.forces if spec.driven == "displacement" else spec.noise.actuator_displacements
+        if dual is None and np.isfinite(measured.dual).any():
+            what = "forces" if spec.driven == "displacement" else "actuator_displacements"
+            raise SpecError(f"the noise of the actuators' {what} is missing", where=f"noise.{what}")
+        noise = Noise(spec.noise.effectors, dual or 1.0, known=True)
+    with_profile = spec.profile if spec.profile is not None else not spec.fe
+    found = calibrate(
+        family, measured, find, p0, _starts(spec, parameters, find, p0), noise, spec.confidence, with_profile
+    )
+    results = summary(found, spec)
+    if not spec.fe:
+        results["outside"] = family.outside(found.states)
+        if results["outside"]:
+            results["headline"].append(f"states {results['outside']} lie outside what the model was trained on")
+    else:
+        results["solves"] = family.solves
+    write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
+    _write_table(folder / TABLE, found)
+    if spec.figure:
+        results["figure"] = _draw(folder, found)
+    return results
+
+
+def family_of(spec: Any, paths: dict[str, Path]) -> Any:
+    """The learned robots, or those of finite elements with the same parameters."""
+    from cfem.parametric.family import FiniteElements, Learned
+    from cfem.predict.load import load_model
+
+    predictor = load_model(paths["model"]) if spec.model is not None else None
+    if not spec.fe:
+        return Learned(predictor)
+    from cfem.robot.load import load_scene_and_mesh
+    from cfem.sample.parameters import scene_parameters
+
+    parameters = predictor.parameters if predictor else scene_parameters(spec.parameters, paths["scene"])
+    return FiniteElements(*load_scene_and_mesh(paths["scene"], paths["mesh"]), parameters)
+
+
+def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:
+    """(k, n_p)."""
+    from cfem.calibrate.fit import spread
+    from cfem.parametric.family import from_shares
+    from cfem.parametric.given import vector
+
+    if isinstance(spec.starts, list):
+        given = [vector(parameters, start, f"starts.{i}") for i, start in enumerate(spec.starts)]
+        named = {name for start in spec.starts for name in start}
+        strange = named - {parameters[i].name for i in find}
+        if strange:
+            raise SpecError(f"{sorted(strange)} are not among those to find", where="starts")
+        return np.array(given)
+    starts = np.tile(p0, (spec.starts, 1))
+    starts[:, find] = from_shares([parameters[i] for i in find], spread(spec.starts, len(find)))
+    return starts
+
+
+def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
+    """All that the manifest says."""
+    from cfem.parametric.given import value_of
+
+    parameters = {one.name: one for one in found.problem.family.parameters}
+    truth = {name: value_of(parameters[name], given, f"truth.{name}") for name, given in spec.truth.items()}
+    estimates, headline = {}, []
+    for one in found.estimates:
+        entry = {
+            "value": one.value,
+            "unit": one.unit,
+            "interval": list(one.interval),
+            "profile": None if one.profile is None else list(one.profile),
+            "at_end_of_range": one.at_end,
+        }
+        line = f"{one.name} {one.value:.6g}{_unit(one.unit)}, {_interval(one.interval, spec.confidence)}"
+        if one.name in truth:
+            entry["truth"], entry["error"] = truth[one.name], one.value - truth[one.name]
+            line += f", off by {abs(entry['error']):.1e}"
+        if one.at_end:
+            line += "; it lies at an end of its range"
+        estimates[one.name] = entry
+        headline.append(line)
+    spread, known = found.spread, found.identifiability
+    headline += known.sentences
+    if spread is not None and spread.chance is not None and spread.scale != 1.0:
+        headline.append(
+            f"the residuals are {spread.scale:.2g} times the noise stated (chance {spread.chance:.0e}): "
+            "the model or the noise is wrong; intervals widened by as much"
+        )
+    if spread is not None and spread.covariance is None:
+        headline.append("as many parameters as measurements: no intervals without a stated noise")
+    rms = {}
+    for name in dict.fromkeys(label for _, label in found.problem.labels):
+        picked = [i for i, (_, label) in enumerate(found.problem.labels) if label == name]
+        rms[name] = float(np.sqrt((found.residuals[picked] ** 2).mean()))
+    starts = _account(found)
+    headline.append(
+        f"{len(found.problem.measured)} states, {len(found.problem.target)} numbers, {len(found.fits)} starts, "
+        f"{1e3 * found.seconds:.1f} ms"
+    )
+    return {
+        "headline": headline,
+        "estimates": estimates,
+        "p": dict(zip(parameters, found.p, strict=True)),
+        "unseen": list(found.unseen),
+        "identifiability": {
+            "singular_values": known.singular_values,
+            "rank": known.rank,
+            "sentences": known.sentences,
+        },
+        "correlation": None if spread is None else spread.correlation,
+        "residual_rms": rms,
+        "noise": None if found.noise is None else {"effectors": found.noise.effectors, "actuators": found.noise.dual},
+        "chance": None if spread is None else spread.chance,
+        "degrees_of_freedom": None if spread is None else spread.degrees,
+        "confidence": spec.confidence,
+        "starts": starts,
+        "evaluations": found.evaluations,
+        "search_seconds": found.seconds,
+        "profile_seconds": found.profile_seconds,
+    }
+
+
+def _account(found: Any) -> list[dict[str, Any]]:
+    """What each start led to."""
+    best = min((one.cost for one in found.fits if one.failure is None), default=None)
+
+    def named(z: np.ndarray) -> dict[str, float]:
+        p = found.problem.p(z)[list(found.problem.free)]
+        return dict(zip([one.name for one in found.problem.parameters], p, strict=True))
+
+    return [
+        {
+            "start": named(one.start),
+            "found": named(one.z),
+            "cost": one.cost if np.isfinite(one.cost) else None,
+            "evaluations": len(one.costs),
+            "seconds": one.seconds,
+            "failure": one.failure,
+            "best": one.failure is None and one.cost <= best * (1 + 1e-6) + 1e-18,
+        }
+        for one in found.fits
+    ]
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
+
+
+def _interval(interval: tuple[float | None, float | None], confidence: float) -> str:
+    if None in interval:
+        return "no interval"
+    return f"{100 * confidence:g} % interval [{interval[0]:.6g}, {interval[1]:.6g}]"
+
+
+def _write_table(path: Path, found: Any) -> None:
+    """A row a state: what drove it, where it went, what was measured."""
+    import json
+
+    import pyarrow as pa
+
+    from cfem.condensed.packing import pack_upper
+    from cfem.dataset.writer import write_table
+
+    measured, states = found.problem.measured, found.states
+    vectors = {
+        "delta_a": states.delta_a,
+        "lambda_a": states.lam,
+        "delta_e": states.delta_e,
+        "x_e": states.x_e,
+        "measured_x_e": measured.x_e,
+        "measured_delta_e": measured.delta_e,
+        "measured_dual": measured.dual,
+        "delta_free": states.delta_free,
+        "W": pack_upper(states.W),
+    }
+    columns = {
+        name: pa.FixedSizeListArray.from_arrays(pa.array(np.ascontiguousarray(array).ravel()), array.shape[1])
+        for name, array in vectors.items()
+    }
+    units = {"delta_a": "mm", "lambda_a": "N", "delta_e": "mm", "x_e": "mm", "measured_x_e": "mm"}
+    units |= {"measured_delta_e": "mm", "delta_free": "mm", "W": "mm/N"}
+    units["measured_dual"] = "N" if measured.kind == "displacement" else "mm"
+    meta = {
+        "rows": list(states.rows.names),
+        "driven": measured.kind,
+        "p": dict(zip([one.name for one in found.problem.family.parameters], found.p.tolist(), strict=True)),
+        "units": units,
+    }
+    write_table(path, pa.table(columns).replace_schema_metadata({"cfem": json.dumps(meta)}))
+
+
+def _draw(folder: Path, found: Any) -> str | None:
+    try:
+        from cfem.calibrate.figure import calibration_figure
+    except ImportError:
+        return None  # matplotlib comes with cfem[report]
+    write_whole(folder / FIGURE, calibration_figure(found))
+    return FIGURE

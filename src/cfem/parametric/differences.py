@@ -1,0 +1,38 @@
+"""Derivatives of functions that are evaluated in batches, by central differences of high order.
+
+Where a response is analytic, as those of the learned energy models are, order 6 with 1 % of a parameter's range as step
+errs by some 1e-10 of the response: truncation h^6 f^(7) / 140, rounding 1e-16 / h (Fornberg, Math. Comp. 51, 1988,
+table 1, has the weights)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+_WEIGHTS = {2: [1 / 2], 4: [2 / 3, -1 / 12], 6: [3 / 4, -3 / 20, 1 / 60]}
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """order: 2, 4 or 6; step: as a share of each coordinate's scale."""
+
+    order: int
+    step: float
+
+    def points(self, z: np.ndarray) -> np.ndarray:
+        """(n,) -> (1 + order n, n): z, then for each coordinate the points ahead, in order, and behind it."""
+        shifts = self.step * np.arange(1, self.order // 2 + 1)
+        along = np.concatenate([shifts, -shifts])
+        return np.concatenate([z[None], *(z + along[:, None] * unit for unit in np.eye(len(z)))])
+
+    def slopes(self, values: np.ndarray) -> np.ndarray:
+        """(1 + order n, ...) values at `points` -> (..., n) derivatives at z."""
+        ahead, behind = np.split(values[1:].reshape(-1, self.order, *values.shape[1:]), 2, axis=1)
+        weights = np.array(_WEIGHTS[self.order]) / self.step
+        return np.moveaxis(np.tensordot(weights, ahead - behind, (0, 1)), 0, -1)
+
+
+def with_slopes(of: Callable[[np.ndarray], np.ndarray], z: np.ndarray, stencil: Stencil) -> tuple[np.ndarray, ...]:
+    """of: (k, n) -> (k, ...), called once. Value (...) and derivatives (..., n) at z (n,)."""
+    values = of(stencil.points(z))
+    return values[0], stencil.slopes(values)

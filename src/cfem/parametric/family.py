@@ -1,0 +1,159 @@
+"""One interface to robots that differ in p: a learned model that takes parameters, or finite elements built anew."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from cfem.condensed import Condensed, Rows
+from cfem.condensed.parameters import Parameter, coordinates, values
+from cfem.core.errors import InputError, NumericalError
+from cfem.parametric.differences import Stencil
+from cfem.parametric.states import States
+from cfem.predict.protocol import Predictor
+
+Kind = Literal["displacement", "force"]
+
+
+class Family(Protocol):
+    """stencil: how its responses are differenced by the parameters' coordinates, in shares of their ranges."""
+
+    rows: Rows
+    parameters: tuple[Parameter, ...]
+    reach: np.ndarray
+    length: float
+    stencil: Stencil
+
+    def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
+        """States of robots p (m, n_p) whose actuators stand at u (m, n_a) mm, or pull by u N. NumericalError where
+        there is none."""
+        ...
+
+
+class Learned:
+    """Robots as a model has learned them."""
+
+    def __init__(self, predictor: Predictor):
+        if not predictor.parameters:
+            do = "sample with `parameters:` and train anew"
+            raise InputError("the model has no parameters: it knows one robot only", do=do)
+        self.predictor = predictor
+        self.rows, self.parameters = predictor.rows, predictor.parameters
+        self.reach, self.length = predictor.reach, predictor.length
+        # a network in float32 is rough at 1e-7: a longer step and a lower order
+        self.stencil = Stencil(4, 0.05) if predictor.meta["kind"] == "mlp" else Stencil(6, 0.01)
+
+    def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
+        model, a = self.predictor, self.rows.a
+        u, p = np.broadcast_to(u, (len(p), self.rows.n_a)), np.asarray(p, float)
+        if kind == model.form:
+            W, free = model.evaluate(u, p)
+            lam = u if kind == "force" else np.linalg.solve(W[:, a, a], (u - free[:, a])[..., None])[..., 0]
+        else:
+            find = model.at_displacement if kind == "displacement" else model.at_force
+            found = [find(one, at) for one, at in zip(u, p, strict=True)]
+            W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
+        return States(self.rows, p, W, free, lam, np.broadcast_to(model.rest_e, (len(p), self.rows.n_e)))
+
+    def outside(self, states: States) -> list[int]:
+        """Which of the states are unlike those that the model was trained on."""
+        return [i for i in range(len(states)) if not self.predictor.inside(states.condensed(i), states.p[i])]
+
+
+class FiniteElements:
+    """Robots as finite elements, solved one by one, each from the nearest solved before. Exact parameters scale the
+    answer of their reference (`Parameter.exact`).
+
+    solves: how many there were"""
+
+    stencil = Stencil(2, 1e-3)
+
+    def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter]):
+        from cfem.sample.family import RobotFamily
+
+        self.parameters = tuple(parameters)
+        self._family = RobotFamily(scene, mesh, self.parameters)
+        robot = self._family.robot
+        if robot.rows.n_c:
+            raise InputError("a scene with contact points cannot be calibrated or designed yet", where=robot.name)
+        self.rows, self.reach, self.length = robot.rows, robot.reach, robot.length
+        self._exact = np.array([one.exact for one in self.parameters], dtype=bool)
+        self._reference = np.array([one.reference for one in self.parameters])
+        self._built: dict[bytes, Any] = {}
+        self._solved: list[tuple[np.ndarray, Any, np.ndarray]] = []
+        self.solves = 0
+
+    def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
+        p = np.asarray(p, float)
+        u = np.broadcast_to(u, (len(p), self.rows.n_a))
+        softer = np.prod((self._reference / p)[:, self._exact], axis=1)
+        found, rest = [], []
+        for one, design, soft in zip(u, p, softer, strict=True):
+            answer, rest_e = self._solve(kind, one * soft if kind == "force" else one, design[~self._exact])
+            found.append(answer)
+            rest.append(rest_e)
+        W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
+        return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
+
+    def _solve(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> tuple[Condensed, np.ndarray]:
+        from cfem.equilibrium import actuation
+        from cfem.equilibrium.solution import State
+        from cfem.equilibrium.solve import solve
+
+        problem = self._problem(p)
+        X = problem.rest
+        place = self._place(kind, u, p)
+        start = None
+        if self._solved:
+            _, state, X_there = min(self._solved, key=lambda known: float(np.abs(known[0] - place).max()))
+            start = State(X + (state.x - X_there), state.pressure, state.lam, state.load)
+        found = solve(problem, getattr(actuation, kind)(u), start, slack=False)
+        self.solves += 1
+        if not found.converged:
+            named = {one.name: float(value) for one, value in zip(self._learned, p, strict=True)}
+            raise NumericalError(f"finite elements at {named}, {kind} {u.tolist()}: {found.status.value}")
+        self._solved = [*self._solved[-60:], (place, found.state, X)]
+        return found.condensed, problem.robot.rest_e
+
+    def _problem(self, p: np.ndarray) -> Any:
+        from cfem.equilibrium.problem import Problem
+
+        key = p.tobytes()
+        if key not in self._built:
+            like = next(iter(self._built.values()), None) if self._family.alike else None
+            if len(self._built) > 8:
+                self._built.pop(list(self._built)[1])
+            self._built[key] = Problem(self._family.at(p), like=like)
+        return self._built[key]
+
+    @property
+    def _learned(self) -> list[Parameter]:
+        return [one for one in self.parameters if not one.exact]
+
+    def _place(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Actuation and design in shares of their ranges."""
+        scale = np.abs(self.reach).max(axis=1) if kind == "displacement" else max(float(np.abs(u).max()), 1e-12)
+        return np.concatenate([u / scale, shares(self._learned, p)])
+
+
+def shares(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
+    """(..., n_p) values -> (..., n_p) in [0, 1]: place of their coordinates between those of the ends of the range."""
+    if not parameters:
+        return np.asarray(p, float)[..., :0]
+    low, high = ends(parameters)
+    return (coordinates(parameters, p) - low) / (high - low)
+
+
+def from_shares(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
+    """The inverse of `shares`."""
+    if not parameters:
+        return np.asarray(z, float)[..., :0]
+    low, high = ends(parameters)
+    return values(parameters, low + z * (high - low))
+
+
+def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """(n_p,) coordinates of the lower and of the higher end of each range."""
+    return tuple(
+        coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
+    )

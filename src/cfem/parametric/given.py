@@ -1,0 +1,44 @@
+"""Values of parameters as the user writes them, each in its unit."""
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import WithJsonSchema
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import SpecError
+from cfem.core.units import parse_quantity
+
+# "3000 kPa", or a number where the parameter has no unit
+Value = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
+
+
+def value_of(parameter: Parameter, given: Any, where: str) -> float:
+    """In the parameter's unit. SpecError where it is none, or out of the parameter's range."""
+    try:
+        value = float(given) if parameter.unit == "1" else parse_quantity(given, parameter.unit)
+    except (TypeError, ValueError) as error:
+        raise SpecError(str(error), where=where) from None
+    if not parameter.low <= value <= parameter.high:
+        what = f"{value:g} is out of the range [{parameter.low:g}, {parameter.high:g}] {parameter.unit}"
+        raise SpecError(what, where=where, do="stay within what the model knows")
+    return value
+
+
+def vector(parameters: Sequence[Parameter], given: Mapping[str, Any], where: str) -> np.ndarray:
+    """(n_p,) the reference, with the values given. SpecError where a name is unknown."""
+    demand_known(parameters, given, where)
+    return np.array(
+        [
+            value_of(one, given[one.name], f"{where}.{one.name}") if one.name in given else one.reference
+            for one in parameters
+        ]
+    )
+
+
+def demand_known(parameters: Sequence[Parameter], names: Any, where: str) -> None:
+    known = [one.name for one in parameters]
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise SpecError(f"unknown parameter {unknown[0]!r}", where=where, do=f"known are {', '.join(known) or 'none'}")

@@ -1,0 +1,101 @@
+"""Learned robots and finite elements answer alike; finite elements against robots that are built on their own."""
+
+import numpy as np
+import pytest
+from parametric.synthetic import LENGTH, POISSON, YOUNG, Arc
+from robot.scenes import scene
+from surrogate.synthetic import dataset
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import InputError, NumericalError
+from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+from cfem.parametric.family import FiniteElements, Learned, from_shares, shares
+from cfem.predict.energy import FORMS
+from cfem.predict.load import build
+from cfem.robot.build import build_robot
+from cfem.robot.meshing import make_mesh
+from cfem.surrogate.model_card import model_card
+from cfem.surrogate.spectral import fit
+
+NU = Parameter("poisson", "material.poisson", "1", 0.2, 0.45, 0.3, "log(1-2p)")
+E = Parameter("young", "material.young", "MPa", 0.5, 4.0, 1.0, "log", exact=True)
+
+
+@pytest.fixture(scope="module", params=FORMS)
+def learned(request):
+    training = dataset(40, 1, parameters=True)
+    card = model_card("spectral", training, request.param)
+    return Learned(build(card, fit(training, request.param, max_degree=4).arrays))
+
+
+@pytest.mark.parametrize("kind", FORMS)
+def test_learned_robots_are_the_models_own_answers(learned, kind):
+    u, p = np.array([[4.0, 5.0]]), np.array([[0.42, 2.0], [0.35, 7.0]])
+    states = learned.at(kind, u, p)
+    for i, one in enumerate(p):
+        model = learned.predictor
+        alone = model.at_displacement(u[0], one) if kind == "displacement" else model.at_force(u[0], one)
+        assert states.W[i] == pytest.approx(alone.W) and states.lam[i] == pytest.approx(alone.lam)
+        assert states.delta[i] == pytest.approx(alone.delta, abs=1e-9)
+        assert states.x_e[i] == pytest.approx(model.rest_e + alone.delta_e, abs=1e-9)
+    assert learned.outside(learned.at("displacement", u, np.array([[0.42, 2.0], [0.1, 2.0]]))) == [1]
+
+
+def test_shares_span_the_ranges_whatever_the_coordinate():
+    parameters = (LENGTH, POISSON, YOUNG)
+    p = np.array([[30.0, 0.40, 1.0], [50.0, 0.499, 10.0]])
+    assert shares(parameters, p) == pytest.approx(np.array([[0.0] * 3, [1.0] * 3]))
+    z = np.random.default_rng(0).random((5, 3))
+    assert shares(parameters, from_shares(parameters, z)) == pytest.approx(z, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def fe(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fe")
+    spec = scene(folder)
+    mesh = make_mesh(spec, folder)[0]
+    return spec, mesh, FiniteElements(spec, mesh, (NU, E))
+
+
+def robot_of(spec, mesh, nu, young):
+    material = spec.material.model_copy(update={"young": young, "poisson": nu})
+    return Problem(build_robot(spec.model_copy(update={"material": material}), mesh))
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_finite_elements_are_the_robots_built_one_by_one(fe, kind):
+    spec, mesh, family = fe
+    p = np.array([[0.25, 2.0], [0.42, 0.6]])
+    u = np.array([[1.5]]) if kind == "displacement" else np.array([[0.8]])
+    states = family.at(kind, u, p)
+    for i, (nu, young) in enumerate(p):
+        alone = solve(robot_of(spec, mesh, nu, young), {"displacement": displacement, "force": force}[kind](u[0]))
+        assert states.W[i] == pytest.approx(alone.condensed.W, rel=1e-6, abs=1e-9)
+        assert states.delta_e[i] == pytest.approx(alone.delta_e, abs=1e-7)
+        assert states.lam[i] == pytest.approx(alone.lambda_a, rel=1e-7)
+        assert states.x_e[i] == pytest.approx(states.rest_e[i] + alone.delta_e, abs=1e-7)
+
+
+def test_finite_elements_out_of_reach_say_where(fe):
+    with pytest.raises(NumericalError, match=r"poisson.*displacement"):
+        fe[2].at("displacement", np.array([[400.0]]), np.array([[0.3, 1.0]]))
+
+
+def test_a_model_without_parameters_is_refused(tmp_path):
+    class Plain:
+        parameters = ()
+
+    with pytest.raises(InputError, match="no parameters"):
+        Learned(Plain())
+
+
+def test_batched_condensed_states_agree_with_single_ones():
+    states = Arc().at("force", np.array([[4.0]]), np.array([[40.0, 0.45, 3.0], [35.0, 0.42, 2.0]]))
+    for i in range(2):
+        one = states.condensed(i)
+        assert states.delta[i] == pytest.approx(one.delta)
+        K = np.linalg.inv(one.W_aa)
+        locked = one.W[:3, :3] - one.W_ea @ K @ one.W_ea.T
+        assert states.locked_compliance[i] == pytest.approx(locked)
