@@ -4,7 +4,8 @@ Usage: embedded.py loop | tick | python | osqp, with the artefacts of `make embe
   loop    both close the loop on the FE plant along the closed curve
   tick    bytes, time of a tick here and instructions on emulated Cortex-M4 and M7, scalar by scalar and kind by kind
   python  a process without torch: memory and time of a tick, free running and paced at 1 kHz
-  osqp    the same inverse steps by OSQP as firmware has it (no polish), at three tolerances, and by the C active set"""
+  osqp    the same inverse steps on an emulated Cortex-M7 by OSQP's generated code, at three tolerances, and by the C
+          active set"""
 
 import argparse
 import json
@@ -62,13 +63,15 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     result["open"]["commands_apart_mm"] = apart
 
     once = Settings(iterations=1, step=5.0)
+    plants = {name: FemPlant(robot) for name in missed}  # a fresh one each: ticks are counted from its first
     pilot = Pilot(model, "displacement", "previous_step", limits, weights, ridge, once)
-    moments = run_loop(goals, pilot, plant, robot.rest_e, Pace(0.0, 1, ticks_a_goal=ticks), Gains(0.01, 0.002, 10.0))
+    pace, gains = Pace(0.0, 1, ticks_a_goal=ticks), Gains(0.01, 0.002, 10.0)
+    moments = run_loop(goals, pilot, plants["python"], robot.rest_e, pace, gains)
     compiled.reset()
     error, mine = None, []
     for moment in moments:
         command = compiled.step(moment.goal, error)
-        x_e = plant.step(command.delta_a).x_e
+        x_e = plants["c"].step(command.delta_a).x_e
         error = command.reference - x_e
         mine.append(np.linalg.norm(x_e - moment.goal))
     last = slice(ticks - 1, None, ticks)
@@ -80,7 +83,8 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
         "python": _errors(python[after_the_first]),
         "largest_difference": float(np.abs(np.array(mine[last]) - python[last]).max()),
     }
-    return result | {"fe_solves": plant.solves, "fe_seconds": plant.seconds}
+    result["fe_solves"] = plant.solves + sum(one.solves for one in plants.values())
+    return result
 
 
 def _errors(values) -> dict[str, float]:
@@ -111,7 +115,7 @@ def _variant(model: Path, overrides: list[str]) -> dict:
         here = make(folder, "test", "measure")
         found = {"parity": results["parity"]["c"], **{key: results["c"][key] for key in ("bytes", "coefficient_bytes")}}
         found["operations"] = results["c"]["operations"]
-        found["here"] = {**read(here), **memory([str(folder / "measured")])}
+        found["here"] = read(here) | {"peak_rss_kib": int(re.search(r"peak memory (\d+) KiB", here)[1])}
         for cpu in ("m7", "m4"):
             said = make(folder, "emulate", f"CPU={cpu}")
             off = np.abs(commands(said) - commands(here)).max() / np.abs(commands(here)).max()
@@ -138,17 +142,6 @@ def commands(said: str) -> np.ndarray:
     return np.array([line.split()[2:] for line in said.splitlines() if line.startswith("command")], float)
 
 
-def memory(command: list[str]) -> dict[str, float]:
-    """Peak memory of a process, MiB, counted by the system."""
-    script = "import resource,subprocess,sys; subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, check=True); "
-    script += "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
-    # -S: the parent's own pages are counted in the child before it starts the program
-    done = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", script, *command], capture_output=True, text=True, check=True
-    )
-    return {"peak_rss_mib": round(int(done.stdout) / 1024, 1)}
-
-
 def python(steps: int = 20_000) -> dict:
     """benchmarks/control_process.py on the exported arrays, free running and paced, and the C step through ctypes."""
     script, model = str(ROOT / "benchmarks/control_process.py"), str(ROOT / "models/soft-finger/spectral-large-export")
@@ -171,49 +164,79 @@ def python(steps: int = 20_000) -> dict:
 
 
 def osqp() -> dict:
-    """Largest error of lambda, as a share of its range, and iterations, on inverse steps along the closed curve."""
+    """Instructions on an emulated Cortex-M7, and how far lambda is from the active set's, as a share of its largest."""
     import osqp as solver
     from scipy.sparse import csc_matrix, triu
 
+    problems = inverse_steps()
+    names = ("P", "q", "G", "M", "d", "A", "l", "u")
+    sizes = dict(zip(names, (3, 2, 8, 4, 2, 4, 4, 4), strict=True))
+    with tempfile.TemporaryDirectory() as place:
+        fields = "".join(f" double {name}[{size}];" for name, size in sizes.items())
+        rows = [
+            "{" + ",".join("{" + ",".join(map(repr, one[name].tolist())) + "}" for name in names) + "}"
+            for one in problems
+        ]
+        text = f"#define PROBLEMS {len(problems)}\nstatic const struct {{{fields}}} problems[PROBLEMS] = {{"
+        Path(place, "problems.h").write_text((text + ",\n".join(rows) + "};\n").replace("inf", "HUGE_VAL"))
+        found = {"active set": emulated(Path(place), ["-I", str(FOLDER)], [FOLDER / "cfem_qp.c"])}
+        one = problems[0]
+        for tolerance in (1e-3, 1e-6, 1e-9):
+            generated, full = Path(place, f"{tolerance:g}"), csc_matrix(np.ones((4, 2)))
+            full.data = one["G"].copy()  # with its zeros, so that any values fit
+            P = np.array([[one["P"][0], one["P"][1]], [one["P"][1], one["P"][2]]])
+            program = solver.OSQP()
+            problem = triu(csc_matrix(P), format="csc"), one["q"], full, one["l"], np.minimum(one["u"], 1e30)
+            program.setup(*problem, eps_abs=tolerance, eps_rel=tolerance, polishing=False, verbose=False)
+            program.codegen(str(generated), parameters="matrices", force_rewrite=True)
+            include = [f"-I{generated / part}" for part in (".", "inc/public", "inc/private")]
+            sources = [generated / "workspace.c", *(generated / "src").glob("*.c")]
+            found[f"osqp {tolerance:g}"] = emulated(Path(place), ["-DOSQP", *include], sources)
+    exact = np.array(found["active set"]["x"])
+    for one in found.values():
+        one["lambda_off"] = float(np.abs(np.array(one.pop("x")) - exact).max() / np.abs(exact).max())
+    return found
+
+
+def inverse_steps() -> list[dict[str, np.ndarray]]:
+    """Along a closed curve of the finger: OSQP's P (upper triangle), q, G (by columns), bounds; M, d, A of the same."""
     from cfem.control.inverse import Limits, ridge_of
-    from cfem.control.qp import solve_qp
     from cfem.predict.load import load_model
 
     model = load_model(MODEL)
     limits, ridge = Limits.of(model.reach, np.ones(2, bool)), ridge_of(1e-10, model.reach, model.length)
-    problems = []
+    found = []
     for angle in np.linspace(0, 2 * np.pi, 40, endpoint=False):
-        pulls = [9 + 5 * np.cos(angle + shift) for shift in (0.0, 0.15)]
-        others = [9 + 5 * np.sin(angle + shift) for shift in (0.0, 0.15)]
-        at, to = (model.at_displacement(np.array(pair)) for pair in zip(pulls, others, strict=True))
-        now = limits.within(at.delta_a, 5.0)
+        pulls = [np.array([9 + 5 * np.cos(t), 9 + 5 * np.sin(t)]) for t in (angle, angle + 0.15)]
+        at, to = map(model.at_displacement, pulls)
         free_a, free_e = at.delta_free[at.rows.a], at.delta_free[at.rows.e]
-        course = np.diag(ridge**2)
-        H = at.W_ea.T @ at.W_ea + at.W_aa @ course @ at.W_aa
-        f = at.W_ea.T @ (free_e - to.delta_e) + at.W_aa @ course @ free_a
-        problems.append((H, f, at.W_aa, now.delta_a[:, 0] - free_a, now.delta_a[:, 1] - free_a, now.lambda_a))
-    exact = [solve_qp(*one).x for one in problems]
-    size = np.abs(exact).max()
-    found = {}
-    for tolerance in (1e-3, 1e-6, 1e-9):
-        worst, iterations, solved = 0.0, [], 0
-        for (H, f, A, low, high, box), x in zip(problems, exact, strict=True):
-            one = solver.OSQP()
-            rows, bounds = (
-                csc_matrix(np.vstack([np.eye(2), A])),
-                (np.append(box[:, 0], low), np.append(box[:, 1], high)),
-            )
-            one.setup(triu(csc_matrix(H), format="csc"), f, rows, *bounds, eps_abs=tolerance, eps_rel=tolerance,
-                      polishing=False, max_iter=4000, verbose=False)  # fmt: skip
-            result = one.solve(raise_error=False)
-            worst = max(worst, float(np.abs(result.x - x).max() / size))
-            iterations.append(int(result.info.iter))
-            solved += result.info.status == "solved"
-        found[f"osqp {tolerance:g}"] = {
-            "lambda_off": worst, "iterations_mean": float(np.mean(iterations)), "iterations_max": max(iterations),
-            "says_solved": solved, "of": len(problems),
-        }  # fmt: skip
+        rows = np.vstack([at.W_ea, ridge[:, None] * at.W_aa])
+        aim = np.concatenate([to.delta_e - free_e, -ridge * free_a])
+        H, f, (low, high) = rows.T @ rows, -rows.T @ aim, (limits.within(at.delta_a, 5.0).delta_a - free_a[:, None]).T
+        L = np.linalg.cholesky(H)
+        box = limits.lambda_a
+        one = {"P": H[np.triu_indices(2)], "q": f, "G": np.vstack([np.eye(2), at.W_aa]).T.ravel(), "M": L.T.ravel()}
+        one |= {"d": -np.linalg.solve(L, f), "A": at.W_aa.ravel()}
+        found.append(one | {"l": np.append(box[:, 0], low), "u": np.append(box[:, 1], high)})
     return found
+
+
+def emulated(place: Path, options: list[str], sources: list[Path]) -> dict:
+    program = str(place / "qp.elf")
+    target = ["-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb"]
+    board = ["--specs=rdimon.specs", "-nostartfiles", "-T", str(FOLDER / "mps2.ld"), str(FOLDER / "mps2_startup.c")]
+    files = [str(Path(__file__).with_name("embedded_qp.c")), *map(str, sources)]
+    compiler = ["arm-none-eabi-gcc", "-std=gnu99", "-O2", *target, "-ffunction-sections", "-Wl,--gc-sections", "-w"]
+    subprocess.run([*compiler, f"-I{place}", *options, *board, *files, "-lm", "-o", program], check=True)
+    machine = ["qemu-system-arm", "-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none"]
+    machine += ["-icount", "shift=0", "-semihosting-config", "enable=on,target=native", "-kernel", program]
+    lines = [
+        line.split() for line in subprocess.run(machine, check=True, capture_output=True, text=True).stdout.splitlines()
+    ]
+    rows, cost = [line[1:] for line in lines if line[0] == "x"], next(line for line in lines if line[0] == "cost")
+    iterations = [int(row[2]) for row in rows]
+    found = {"instructions_median": int(cost[1]), "instructions_max": int(cost[2]), "iterations_max": max(iterations)}
+    return found | {"x": [[float(row[0]), float(row[1])] for row in rows]}
 
 
 if __name__ == "__main__":

@@ -98,5 +98,13 @@ int main(void) {
     printf("tick median %u p99 %u max %u %s, %d ticks\n", (unsigned)cost[ticks / 2], (unsigned)cost[ticks * 99 / 100],
            (unsigned)cost[ticks - 1], UNIT, ticks);
     printf("state %u bytes, stack %d bytes\n", (unsigned)sizeof controller, stack);
+#if defined(__linux__)
+    char line[128];
+    int peak;
+    FILE *status = fopen("/proc/self/status", "r");
+    while (status && fgets(line, sizeof line, status))
+        if (sscanf(line, "VmHWM: %d", &peak) == 1) printf("peak memory %d KiB\n", peak);
+    if (status) fclose(status);
+#endif
     return 0;
 }
