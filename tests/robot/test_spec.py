@@ -74,7 +74,7 @@ def test_editors_and_the_program_accept_the_same(parts):
             {"actuators": CAVITY.replace("cavity", "cavty")},
             "expected one of cable, cavity, chambers; got 'cavty', did you mean",
         ),
-        ({"effectors": "[{name: tip}]"}, "effector 'tip': give one of point and points, got neither"),
+        ({"effectors": "[{name: tip}]"}, "effector 'tip': give one of point, points and at, got none"),
         ({"contacts": "[{name: tip, point: {mm: [20, 5, 0]}}]"}, "names must differ, got ['tip', 'tip']"),
         ({"mesh": "{size: 5 mm, element: hex20}"}, "'hex8'"),
         ({**FULL, "mesh": "{size: 5 mm, refine: [{corners: {mm: [[0, 0, 0], [1, 1, 1]]}, size: 1 mm}]}"}, "each part"),

@@ -148,5 +148,6 @@ def _demand_order(what: str, ends, name: str = "reach") -> None:
 def _demand_one(what: str, **choices: object) -> None:
     given = [name for name, value in choices.items() if value is not None]
     if len(given) != 1:
-        both = " and ".join(given)
-        raise ValueError(f"{what}: give one of {' and '.join(choices)}, got {both + ' both' if both else 'neither'}")
+        *names, last = choices
+        got = f"{' and '.join(given)} both" if given else "none"
+        raise ValueError(f"{what}: give one of {', '.join(names)} and {last}, got {got}")
