@@ -14,6 +14,7 @@ arrays run over the m elements."""
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.spatial.transform import Rotation
 from scipy.special import zeta
 
@@ -37,7 +38,7 @@ _SERIES = np.stack(
 @dataclass(frozen=True)
 class Stretch:
     """e (m, 6): mm, rad; gradient (m, 6, 12) by the motions of both sections; the rest is what `curvature` needs: Ra,
-    Rb, theta, p, and c, c', c''."""
+    Rb, theta, p, and c, c', c'' (m, 3)."""
 
     e: np.ndarray
     gradient: np.ndarray
@@ -50,25 +51,22 @@ class Stretch:
 
 def stretch(ca: np.ndarray, Ra: np.ndarray, cb: np.ndarray, Rb: np.ndarray, h: np.ndarray) -> Stretch:
     """Of sections at ca, cb (m, 3) mm with rotations Ra, Rb (m, 3, 3), h (m,) mm apart at rest."""
-    Rat = Ra.swapaxes(1, 2)
-    p = (Rat @ (cb - ca)[:, :, None])[:, :, 0]
-    theta = _log(Rat @ Rb)
-    c = (theta**2).sum(axis=1)[:, None] ** _POWERS @ _SERIES
-    turn = _cross(theta)
-    twice = c[:, :1, None] * (turn @ turn)
-    left = np.eye(3) - turn / 2 + twice  # J_l^-1 = V^-1
-    right = np.eye(3) + turn / 2 + twice
-    G = _slope(theta, p, c, 0.5)
-    e = np.concatenate([(left @ p[:, :, None])[:, :, 0], theta], axis=1)
-    e[:, 0] -= h
-    gradient = np.zeros((len(h), 6, 12))
-    gradient[:, :3, 6:9] = left @ Rat
-    gradient[:, :3, :3] = -gradient[:, :3, 6:9]
-    gradient[:, :3, 3:6] = (left @ _cross(p) - G @ left) @ Rat
-    gradient[:, 3:, 3:6] = -left @ Rat
-    gradient[:, 3:, 9:] = right @ Rb.swapaxes(1, 2)
-    gradient[:, :3, 9:] = G @ gradient[:, 3:, 9:]
+    m = len(h)
+    e, gradient = np.empty((m, 6)), np.zeros((m, 6, 12))
+    theta, p, c = np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3))
+    _stretch(ca, Ra, cb, Rb, h, _SERIES, e, gradient, theta, p, c)
     return Stretch(e, gradient, Ra, Rb, theta, p, c)
+
+
+def curvature(at: Stretch, weights: np.ndarray) -> np.ndarray:
+    """(m, 12, 12) second derivative of weights . e, weights (m, 6), by the motions of both sections: of straight lines
+    (dc, omega), R -> exp[omega] R. With (alpha, beta) = (Ra^T omega_a, Rb^T omega_b) and tau = Ra^T (dcb - dca),
+
+        theta' = Jr^-1 beta - Jl^-1 alpha            theta'' = Jr^-1' beta - Jl^-1' alpha
+        p' = tau - alpha x p                         p'' = alpha x (alpha x p) - 2 alpha x tau"""
+    out = np.empty((len(weights), 12, 12))
+    _curvature(at.Ra, at.Rb, at.theta, at.p, at.c, weights, out)
+    return out
 
 
 def screw(e: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -88,75 +86,200 @@ def screw(e: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (V @ u[:, :, None])[:, :, 0], turn
 
 
-def curvature(at: Stretch, weights: np.ndarray) -> np.ndarray:
-    """(m, 12, 12) second derivative of weights . e, weights (m, 6), by the motions of both sections: of straight lines
-    (dc, omega), R -> exp[omega] R. With (alpha, beta) = (Ra^T omega_a, Rb^T omega_b) and tau = Ra^T (dcb - dca),
-
-        theta' = Jr^-1 beta - Jl^-1 alpha            theta'' = Jr^-1' beta - Jl^-1' alpha
-        p' = tau - alpha x p                         p'' = alpha x (alpha x p) - 2 alpha x tau"""
-    theta, p, c, n = at.theta, at.p, at.c, weights[:, :3]
-    m = len(theta)
-    turn = _cross(theta)
-    twice = c[:, :1, None] * (turn @ turn)
-    left, right = np.eye(3) - turn / 2 + twice, np.eye(3) + turn / 2 + twice
-    by_p = (right @ n[:, :, None])[:, :, 0]  # V^-T n
-    by_theta = weights[:, 3:] + (n[:, None] @ _slope(theta, p, c, 0.5))[:, 0]
-    to_theta = np.zeros((m, 3, 9))
-    to_theta[:, :, 3:6], to_theta[:, :, 6:] = -left, right
-    to_p = np.zeros((m, 3, 9))
-    to_p[:, :, :3], to_p[:, :, 3:6] = np.eye(3), _cross(p)
-    H = to_p.swapaxes(1, 2) @ _slope(theta, n, c, -0.5) @ to_theta
-    H[:, 6:] += _slope(theta, by_theta, c, 0.5) @ to_theta / 2
-    H[:, 3:6] -= _slope(theta, by_theta, c, -0.5) @ to_theta / 2
-    H += H.swapaxes(1, 2)
-    H += to_theta.swapaxes(1, 2) @ _second(theta, n, p, c) @ to_theta
-    outer = by_p[:, :, None] * p[:, None]
-    H[:, 3:6, 3:6] += (outer + outer.swapaxes(1, 2)) / 2 - np.trace(outer, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    across = _cross(by_p)
-    H[:, :3, 3:6] -= across
-    H[:, 3:6, :3] += across
-    Rat, Rbt = at.Ra.swapaxes(1, 2), at.Rb.swapaxes(1, 2)
-    T = np.zeros((m, 9, 12))
-    T[:, :3, :3], T[:, :3, 6:9] = -Rat, Rat
-    T[:, 3:6, 3:6], T[:, 6:, 9:] = Rat, Rbt
-    return T.swapaxes(1, 2) @ H @ T
+@njit(cache=True)
+def _cross_into(v, scale, out):
+    """Adds scale [v] to out (3, 3)."""
+    out[2, 1] += scale * v[0]
+    out[1, 2] -= scale * v[0]
+    out[0, 2] += scale * v[1]
+    out[2, 0] -= scale * v[1]
+    out[1, 0] += scale * v[2]
+    out[0, 1] -= scale * v[2]
 
 
-def _slope(theta: np.ndarray, v: np.ndarray, c: np.ndarray, half: float) -> np.ndarray:
-    """(m, 3, 3) derivative by theta of -half theta x v + c theta x (theta x v)."""
-    along = (theta * v).sum(axis=1)
-    twice = theta * along[:, None] - v * (theta**2).sum(axis=1)[:, None]
-    out = half * _cross(v)
-    out += c[:, :1, None] * (theta[:, :, None] * v[:, None] - 2 * v[:, :, None] * theta[:, None])
-    out += 2 * c[:, 1:2, None] * (twice[:, :, None] * theta[:, None])
-    out += (c[:, 0] * along)[:, None, None] * np.eye(3)
-    return out
+@njit(cache=True)
+def _inverse_jacobian(theta, c, side, out):
+    """out (3, 3) = 1 + side [theta] / 2 + c [theta]^2: side -1 the left one, +1 the right one."""
+    s = theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = c[0] * theta[i] * theta[j]
+        out[i, i] += 1.0 - c[0] * s
+    _cross_into(theta, side / 2, out)
 
 
-def _second(theta: np.ndarray, n: np.ndarray, p: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """(m, 3, 3) second derivative by theta of n . V^-1 p, of c Q with Q = n . (theta x (theta x p))."""
-
-    def dot(a, b):
-        return (a * b).sum(axis=1)[:, None]
-
-    def symmetric(a, b):
-        outer = a[:, :, None] * b[:, None]
-        return outer + outer.swapaxes(1, 2)
-
-    c0, c1, c2 = (c[:, k : k + 1] for k in range(3))
-    Q = dot(n, theta) * dot(theta, p) - dot(theta, theta) * dot(n, p)
-    first = n * dot(p, theta) + p * dot(n, theta) - 2 * theta * dot(n, p)
-    out = c0[:, :, None] * symmetric(n, p) + symmetric(2 * c1 * theta, first) + symmetric(2 * c2 * Q * theta, theta)
-    return out + (2 * c1 * Q - 2 * c0 * dot(n, p))[:, :, None] * np.eye(3)
+@njit(cache=True)
+def _slope(theta, v, c, half, out):
+    """out (3, 3): derivative by theta of -half theta x v + c theta x (theta x v)."""
+    s, along = 0.0, 0.0
+    for i in range(3):
+        s += theta[i] * theta[i]
+        along += theta[i] * v[i]
+    for i in range(3):
+        twice = theta[i] * along - v[i] * s
+        for j in range(3):
+            out[i, j] = c[0] * (theta[i] * v[j] - 2 * v[i] * theta[j]) + 2 * c[1] * twice * theta[j]
+        out[i, i] += c[0] * along
+    _cross_into(v, half, out)
 
 
-def _log(R: np.ndarray) -> np.ndarray:
-    """(m, 3) rotation vectors of R (m, 3, 3), shorter than pi."""
-    axial = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
-    sine = np.sqrt((axial**2).sum(axis=1))
-    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
-    factor = np.where(sine > 1e-8, angle / np.where(sine > 1e-8, sine, 1.0), 1.0)
-    return axial * factor[:, None]
+@njit(cache=True)
+def _second(theta, n, p, c, out):
+    """out (3, 3): second derivative by theta of n . V^-1 p, which is that of c Q, Q = n . (theta x (theta x p))."""
+    s, n_theta, p_theta, n_p = 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        s += theta[i] * theta[i]
+        n_theta += n[i] * theta[i]
+        p_theta += p[i] * theta[i]
+        n_p += n[i] * p[i]
+    Q = n_theta * p_theta - s * n_p
+    for i in range(3):
+        first_i = n[i] * p_theta + p[i] * n_theta - 2 * theta[i] * n_p
+        for j in range(3):
+            first_j = n[j] * p_theta + p[j] * n_theta - 2 * theta[j] * n_p
+            out[i, j] = c[0] * (n[i] * p[j] + p[i] * n[j]) + 2 * c[1] * (theta[i] * first_j + first_i * theta[j])
+            out[i, j] += 4 * c[2] * Q * theta[i] * theta[j]
+        out[i, i] += 2 * c[1] * Q - 2 * c[0] * n_p
+
+
+@njit(cache=True)
+def _stretch(ca, Ra, cb, Rb, h, series, e, gradient, theta, p, c):
+    Q, left, right = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    G, by_turn = np.empty((3, 3)), np.empty((3, 3))
+    for k in range(len(h)):
+        A, B = Ra[k], Rb[k]
+        for i in range(3):
+            p[k, i] = 0.0
+            for a in range(3):
+                p[k, i] += A[a, i] * (cb[k, a] - ca[k, a])
+            for j in range(3):
+                Q[i, j] = A[0, i] * B[0, j] + A[1, i] * B[1, j] + A[2, i] * B[2, j]
+        # the logarithm of Q
+        theta[k, 0], theta[k, 1], theta[k, 2] = (
+            (Q[2, 1] - Q[1, 2]) / 2,
+            (Q[0, 2] - Q[2, 0]) / 2,
+            (Q[1, 0] - Q[0, 1]) / 2,
+        )
+        sine = np.sqrt(theta[k, 0] ** 2 + theta[k, 1] ** 2 + theta[k, 2] ** 2)
+        if sine > 1e-8:
+            factor = np.arctan2(sine, (Q[0, 0] + Q[1, 1] + Q[2, 2] - 1) / 2) / sine
+            for i in range(3):
+                theta[k, i] *= factor
+        s = theta[k, 0] ** 2 + theta[k, 1] ** 2 + theta[k, 2] ** 2
+        for order in range(3):
+            c[k, order] = 0.0
+            for term in range(len(series) - 1, -1, -1):
+                c[k, order] = c[k, order] * s + series[term, order]
+        _inverse_jacobian(theta[k], c[k], -1.0, left)
+        _inverse_jacobian(theta[k], c[k], 1.0, right)
+        _slope(theta[k], p[k], c[k], 0.5, G)
+        # V^-1 [p] - G Jl^-1, by alpha
+        for i in range(3):
+            by_turn[i, 0] = left[i, 1] * p[k, 2] - left[i, 2] * p[k, 1]
+            by_turn[i, 1] = left[i, 2] * p[k, 0] - left[i, 0] * p[k, 2]
+            by_turn[i, 2] = left[i, 0] * p[k, 1] - left[i, 1] * p[k, 0]
+            for j in range(3):
+                by_turn[i, j] -= G[i, 0] * left[0, j] + G[i, 1] * left[1, j] + G[i, 2] * left[2, j]
+        g = gradient[k]
+        for i in range(3):
+            e[k, i] = left[i, 0] * p[k, 0] + left[i, 1] * p[k, 1] + left[i, 2] * p[k, 2]
+            e[k, 3 + i] = theta[k, i]
+            for j in range(3):
+                for a in range(3):
+                    g[i, 6 + j] += left[i, a] * A[j, a]
+                    g[i, 3 + j] += by_turn[i, a] * A[j, a]
+                    g[3 + i, 9 + j] += right[i, a] * B[j, a]
+                g[i, j] = -g[i, 6 + j]
+                g[3 + i, 3 + j] = g[i, j]
+        for i in range(3):
+            for j in range(3):
+                g[i, 9 + j] = G[i, 0] * g[3, 9 + j] + G[i, 1] * g[4, 9 + j] + G[i, 2] * g[5, 9 + j]
+        e[k, 0] -= h[k]
+
+
+@njit(cache=True)
+def _curvature(Ra, Rb, theta, p, c, weights, out):
+    left, right, G, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    early, late = np.empty((3, 3)), np.empty((3, 3))
+    by_p, by_theta = np.empty(3), np.empty(3)
+    to_theta, to_p, half = np.zeros((3, 9)), np.zeros((3, 9)), np.empty((3, 9))
+    H, L = np.empty((9, 9)), np.zeros((9, 9))
+    for k in range(len(weights)):
+        t, n = theta[k], weights[k]
+        _inverse_jacobian(t, c[k], -1.0, left)
+        _inverse_jacobian(t, c[k], 1.0, right)
+        _slope(t, p[k], c[k], 0.5, G)
+        for i in range(3):
+            by_p[i] = right[i, 0] * n[0] + right[i, 1] * n[1] + right[i, 2] * n[2]  # V^-T n
+            by_theta[i] = n[3 + i] + n[0] * G[0, i] + n[1] * G[1, i] + n[2] * G[2, i]
+        to_p[:] = 0.0
+        _cross_into(p[k], 1.0, to_p[:, 3:6])
+        for i in range(3):
+            to_p[i, i] = 1.0
+            for j in range(3):
+                to_theta[i, 3 + j], to_theta[i, 6 + j] = -left[i, j], right[i, j]
+        # mixed terms: of p and theta, and of theta''; half of each, made symmetric
+        _slope(t, n[:3], c[k], -0.5, G)
+        _slope(t, by_theta, c[k], 0.5, late)
+        _slope(t, by_theta, c[k], -0.5, early)
+        _second(t, n[:3], p[k], c[k], S)
+        for i in range(3):
+            for j in range(9):
+                half[i, j] = 0.0
+                for a in range(3):
+                    half[i, j] += G[i, a] * to_theta[a, j]
+        for i in range(9):
+            for j in range(9):
+                H[i, j] = to_p[0, i] * half[0, j] + to_p[1, i] * half[1, j] + to_p[2, i] * half[2, j]
+        for i in range(3):
+            for j in range(9):
+                for a in range(3):
+                    H[6 + i, j] += late[i, a] * to_theta[a, j] / 2
+                    H[3 + i, j] -= early[i, a] * to_theta[a, j] / 2
+        for i in range(3):
+            for j in range(9):
+                half[i, j] = S[i, 0] * to_theta[0, j] + S[i, 1] * to_theta[1, j] + S[i, 2] * to_theta[2, j]
+        for i in range(9):
+            for j in range(i + 1):
+                both = H[i, j] + H[j, i]
+                both += to_theta[0, i] * half[0, j] + to_theta[1, i] * half[1, j] + to_theta[2, i] * half[2, j]
+                H[i, j] = both
+                H[j, i] = both
+        # p''
+        along = by_p[0] * p[k, 0] + by_p[1] * p[k, 1] + by_p[2] * p[k, 2]
+        for i in range(3):
+            for j in range(3):
+                H[3 + i, 3 + j] += (by_p[i] * p[k, j] + p[k, i] * by_p[j]) / 2
+            H[3 + i, 3 + i] -= along
+        _cross_into(by_p, -1.0, H[:3, 3:6])
+        _cross_into(by_p, 1.0, H[3:6, :3])
+        # from (tau, alpha, beta) to the motions in the axes at rest
+        for i in range(9):
+            for block in range(3):
+                R = Rb[k] if block == 2 else Ra[k]
+                for j in range(3):
+                    L[i, 3 * block + j] = 0.0
+                    for a in range(3):
+                        L[i, 3 * block + j] += H[i, 3 * block + a] * R[j, a]
+        for block in range(3):
+            R = Rb[k] if block == 2 else Ra[k]
+            for i in range(3):
+                for j in range(9):
+                    total = 0.0
+                    for a in range(3):
+                        total += R[i, a] * L[3 * block + a, j]
+                    H[3 * block + i, j] = total
+        for i in range(9):
+            for j in range(9):
+                # rows and columns tau stand for cb - ca
+                row, column = (6 + i if i < 3 else i if i < 6 else 3 + i), (6 + j if j < 3 else j if j < 6 else 3 + j)
+                out[k, row, column] = H[i, j]
+                if i < 3:
+                    out[k, i, column] = -H[i, j]
+                if j < 3:
+                    out[k, row, j] = -H[i, j]
+                if i < 3 and j < 3:
+                    out[k, i, j] = H[i, j]
 
 
 def _cross(v: np.ndarray) -> np.ndarray:
