@@ -60,6 +60,11 @@ def test_the_bar_is_controlled_over_time_though_it_is_stiffer_than_its_model(bar
     assert found.exit_code == 0, found.stderr
     swing = json.loads(found.stdout)["results"]["loop"]["swing"]
     assert swing["closed"]["reached"]["min"] == 6 and swing["open"]["reached"]["max"] < 6
+    (bar / "loops.yaml").write_text("loops: {stiffer: over-time}\nout: page\n")
+    page = CliRunner().invoke(app, ["report", str(bar / "loops.yaml"), "--json"])
+    assert page.exit_code == 0 and "loop-stiffer-swing" in json.loads(page.stdout)["results"]["pictures"]
+    mistaken = cfem(bar, "report", "--set", "control=over-time", "--out", str(bar / "mistaken"))
+    assert mistaken.exit_code != 0 and "under `loops`" in mistaken.stderr
 
 
 def test_the_page_is_whole_and_stands_alone(bar, outcomes):

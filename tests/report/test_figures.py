@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from cfem.report.forces_figure import forces_figure
+from cfem.report.loop_figure import loop_figure
 from cfem.report.robot_figure import robot_figure
 from cfem.report.tracking_figure import effort_figure, tracking_figure
 
@@ -30,6 +31,12 @@ def test_tracking_draws_exact_failed_and_ordinary_results(error):
 def test_forces_are_drawn_with_and_without_an_object(robots):
     carried = {"lambda_a": np.full((8, 2), 0.03)} | ({"contact": np.ones((8, 3 * robots))} if robots else {})
     assert forces_figure(rows([0.1] * 8) | carried, ["a.left", "b.left"], "t").startswith(PNG)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.1, np.nan])
+def test_a_loop_is_drawn_whatever_its_errors(error):
+    over_time = {"seed": np.zeros(8, int), "seconds": np.tile(np.arange(4) / 90, 2)}
+    assert loop_figure(rows([error] * 8) | over_time, "t").startswith(PNG)
 
 
 def test_effort_draws_trajectories_with_and_without_reachable_goals():

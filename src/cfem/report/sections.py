@@ -38,6 +38,16 @@ def tracking_parts(pictures: dict[str, Picture], effort: Picture, control: Mappi
     ]
 
 
+def loop_part(name: str, pictures: dict[str, Picture], control: Mapping[str, Any]) -> Part:
+    """control: results of `cfem control` with a loop."""
+    text = (
+        "Tick by tick: what the sensor last said, the state that the controller believes in, one inverse step, one "
+        "command. Distances are of the true position."
+    )
+    shown = (tables.loop_table(control["loop"]), *pictures.values())
+    return Part(Section(f"Over time: {name}", text, shown), pictures, {f"loop {name}": control["loop"]})
+
+
 def samples_part(coverage: Picture, results: Mapping[str, Any]) -> Part:
     """results: of `cfem simulate-sample`."""
     rows = ", ".join(f"{count} {split}" for split, count in results["rows"].items())

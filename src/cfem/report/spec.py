@@ -79,7 +79,7 @@ class ReportSpec(Spec):
     """scene: what the page is about; mesh, samples, control: artefacts of the stages; models: folders of `cfem train`
     by name; discretisation: a study of meshes. surrogates: models of several robots by the robots' names; sampling:
     folders of `cfem train` by method of sampling and model, to compare methods; meshes: models and control of one robot
-    by mesh. A page holds what is given."""
+    by mesh. loops: artefacts of `cfem control` with a loop, by a name. A page holds what is given."""
 
     scene: Path | None = None
     mesh: Path | None = None
@@ -92,6 +92,7 @@ class ReportSpec(Spec):
     surrogates: dict[str, SurrogateScene] = {}
     sampling: dict[str, dict[str, list[Path]]] = {}
     meshes: dict[str, SizedMesh] = {}
+    loops: dict[str, Path] = {}
 
     @model_validator(mode="after")
     def _whole(self):
@@ -101,6 +102,6 @@ class ReportSpec(Spec):
             raise ValueError(f"a page on a learned model needs {', '.join(artefacts)}; {', '.join(lacking)} lacks")
         if self.scene is None and (self.discretisation or not lacking):
             raise ValueError("missing key 'scene': whose artefacts are these?")
-        if lacking and not (self.discretisation or self.surrogates or self.sampling or self.meshes):
-            raise ValueError("nothing to report: give artefacts, a discretisation, surrogates or a study")
+        if lacking and not (self.discretisation or self.surrogates or self.sampling or self.meshes or self.loops):
+            raise ValueError("nothing to report: give artefacts, a discretisation, surrogates, a study or loops")
         return self

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cfem.core.errors import InputError
 from cfem.core.files import write_json, write_whole
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_stage
@@ -11,7 +12,7 @@ from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec
 
 VERSION = 4
-PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes")
+PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes", "loops")
 FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
 Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
 
@@ -52,6 +53,7 @@ def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
         found |= {f"{method}: {name}, {i + 1}": path for name, paths in models.items() for i, path in enumerate(paths)}
     for name, one in spec.meshes.items():
         found |= {f"mesh {name}: {part}": getattr(one, part) for part in FOLDERS["meshes"]}
+    found |= {f"loop {name}": path for name, path in spec.loops.items()}
     return {name: base / path for name, path in found.items() if path}
 
 
@@ -76,6 +78,7 @@ def _work(
         *([discretisation_part(meshes)] if meshes else ()),
         *_surrogates(spec, manifests),
         *_studies(spec, manifests),
+        *_loops(spec, manifests),
     ]
     made_with = manifests["control"][1]["versions"] if spec.control else versions()
     provenance = Section(
@@ -119,6 +122,8 @@ def _learned(spec: ReportSpec, manifests: Manifests) -> list:
     (samples, sampled), (control, controlled) = manifests["samples"], manifests["control"]
     splits = sorted((name for name in sampled["files"] if name.endswith(".parquet")), reverse=True)
     datasets = {Path(name).stem: read_dataset(artefact_file(samples, name)) for name in splits}
+    if "trajectories" not in controlled["results"]:
+        raise InputError("is a run over time", where=str(control), do="name it under `loops`, by a name of its own")
     tracking = controlled["results"]["trajectories"]
     effort = "What accuracy costs: distance against the time that control takes for a goal."
     covered = "States solved by finite elements, with actuators that pull and never push."
@@ -165,6 +170,35 @@ def _studies(spec: ReportSpec, manifests: Manifests) -> list:
             model = _results({name: manifests[f"mesh {name}: model"]})[name]
             rows.append(mesh_row(name, mesh, model, control, one.published))
         found.append(sizes_part(rows))
+    return found
+
+
+def _loops(spec: ReportSpec, manifests: Manifests) -> list:
+    """One section a run over time."""
+    import numpy as np
+    import pyarrow.parquet as pq
+
+    from cfem.report.loop_figure import loop_figure
+    from cfem.report.page import Picture
+    from cfem.report.sections import loop_part
+
+    found = []
+    for name in spec.loops:
+        path, manifest = manifests[f"loop {name}"]
+        if "loop" not in manifest["results"]:
+            raise InputError("has no loop in it", where=str(path), do="name it under `control`")
+        wanted = ["trajectory", "controller", "seed", "seconds", "goal_index", "goal", "x_e", "error"]
+        table = pq.read_table(artefact_file(path, "loop.parquet"), columns=wanted, page_checksum_verification=True)
+        columns = {key: np.array(table[key].to_pylist()) for key in wanted}
+        pictures = {}
+        for trajectory in manifest["results"]["loop"]:
+            mine = columns["trajectory"] == trajectory
+            rows = {key: values[mine] for key, values in columns.items()}
+            title = f"{name}: {trajectory}".replace("-", " ")
+            pictures[f"loop-{name}-{trajectory}"] = Picture(
+                loop_figure(rows, title), f"{trajectory}: where the effector went, and how far from its goal it was."
+            )
+        found.append(loop_part(name, pictures, manifest["results"]))
     return found
 
 

@@ -29,6 +29,40 @@ def _pair(spread: Mapping | None, unit: str = "") -> str:
     return "–" if spread is None else f"{number(spread['mean'])} / {number(spread['max'])}{unit}"
 
 
+def loop_table(results: Mapping[str, Mapping[str, dict]]) -> Table:
+    """One row a trajectory and controller of a run over time."""
+    rows = []
+    for trajectory, controllers in results.items():
+        for name, result in controllers.items():
+            wait = result["ticks_to_converge"]
+            held = "–" if not wait else f"{number(wait['median'])} / {number(wait['max'])}"
+            rows.append(
+                (
+                    trajectory,
+                    name,
+                    f"{result['reached']['mean']:g} of {result['goals']}",
+                    number(result["seconds"]),
+                    held,
+                    _pair(result["error_at_goals"]),
+                    _pair(result["error"]),
+                    f"{number(result['step_us']['median'] / 1000)} / {number(result['step_us']['p99'] / 1000)}",
+                )
+            )
+    return Table(
+        (
+            "trajectory",
+            "controller",
+            "goals reached",
+            "time (s)",
+            "ticks to stay there, median / max",
+            "off when the next goal was due, mean / max (mm)",
+            "off at every tick, mean / max (mm)",
+            "CPU a tick, median / p99 (ms)",
+        ),
+        rows,
+    )
+
+
 def tracking_table(summaries: Mapping[str, Mapping[str, dict]]) -> Table:
     """One row a trajectory and controller."""
     rows = [

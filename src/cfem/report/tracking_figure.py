@@ -17,7 +17,7 @@ def tracking_figure(rows: Mapping[str, np.ndarray], title: str) -> bytes:
     names = list(dict.fromkeys(rows["controller"]))
     first = rows["controller"] == names[0]
     goal = rows["goal"][first]
-    widest = _widest_plane(goal)
+    widest = widest_plane(goal)
     for axis, (i, j) in ((side, widest), (front, (0, 1) if widest != (0, 1) else (0, 2))):
         axis.plot(goal[:, i], goal[:, j], "o", ms=5, mfc="none", mec=GOAL, label="goal")
         for name in names:
@@ -44,7 +44,7 @@ def tracking_figure(rows: Mapping[str, np.ndarray], title: str) -> bytes:
     return png(figure)
 
 
-def _widest_plane(points: np.ndarray) -> tuple[int, int]:
+def widest_plane(points: np.ndarray) -> tuple[int, int]:
     """The two axes along which points (m, 3) spread most, in order."""
     first, second = sorted(np.argsort(np.ptp(points, axis=0))[-2:])
     return int(first), int(second)
