@@ -8,7 +8,8 @@ from support.rods import LENGTH, MATERIAL, SHAPE, elastica, rod_body, rod_proble
 from cfem.constraint.chambers import make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.section_point import attach_to_sections
-from cfem.equilibrium.actuation import force
+from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.body import response
@@ -132,6 +133,22 @@ def test_W_and_its_slope_are_derivatives_of_whole_solves():
         np.testing.assert_allclose(here.condensed.W[:, 3 + k], slope, rtol=1e-5, atol=1e-4 * np.abs(slope).max())
         by_W = (ahead.condensed.W - behind.condensed.W) / (2 * h)
         np.testing.assert_allclose(here.dW[k], by_W, atol=1e-4 * np.abs(by_W).max())
+
+
+@pytest.mark.parametrize(
+    ("asked", "ends"),
+    [
+        (force([3.0, 0.0]), {Status.OUT_OF_REACH}),  # the inner fibres are squeezed to nothing
+        (force([-10.0, -10.0]), {Status.OUT_OF_REACH}),
+        (displacement([1e6, 1e6]), {Status.OUT_OF_REACH, Status.SINGULAR, Status.CONVERGED}),
+        (displacement([-60.0, -60.0]), {Status.OUT_OF_REACH}),
+        (force([np.nan, 0.0]), {Status.NOT_FINITE}),
+    ],
+)
+def test_what_cannot_be_ends_by_its_name_and_without_a_nan(asked, ends):
+    solved = solve(rod_problem(10, chambers((0.0, 2.0), (0.0, -2.0))), asked, slack=False)
+    assert solved.status in ends
+    assert np.isfinite(solved.state.x).all() and np.isfinite(solved.delta).all()
 
 
 def test_the_whole_range_of_pressures_is_one_step_from_rest():

@@ -10,6 +10,8 @@ from pydantic import ValidationError
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
 from cfem.dataset.reader import read_dataset
+from cfem.dataset.schema import parameters_of
+from cfem.equilibrium.actuation import displacement
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.plan import actuation
 from cfem.sample.solver import FiniteElements
@@ -50,6 +52,21 @@ def test_rows_fill_the_box_of_pressures_and_take_an_iteration_each(trunk):
     np.testing.assert_allclose(rows.lambda_a, 0.2 * rows.u, atol=1e-12)
     assert rows.meta["units"]["lambda_a"] == "MPa" and rows.meta["units"]["delta_a"] == "mm^3"
     np.testing.assert_allclose(rows.dW[:, :, 3:, 3:], 0.0, atol=1e-5 * np.abs(rows.W).max())  # growth is linear
+
+
+def test_robots_that_differ_start_from_rest_and_know_their_slopes(trunk):
+    """dPsi/dp by differences of whole solves at the same growths."""
+    changes = [
+        "out=varied",
+        "parameters={nu: {key: material.poisson, range: [0.1, 0.3]}}",
+        "splits={test: {rows: 5, method: random, seed: 3}}",
+    ]
+    run(trunk / "sample.yaml", changes, trunk / "varied", QUIET, workers=1)
+    rows = read_dataset(trunk / "varied" / "test.parquet")
+    assert rows.cost["iterations"].max() <= 3
+    solver = FiniteElements(trunk / "scene.yaml", trunk / "mesh", 1e-11, parameters_of(rows.meta))()
+    ahead, behind = (solver.solve(displacement(rows.delta_a[0]), None, rows.p[0] + h).energy for h in (1e-4, -1e-4))
+    np.testing.assert_allclose(rows.dpsi_dp[0, 0], (ahead - behind) / 2e-4, rtol=1e-5)
 
 
 def test_the_modules_do_not_know_of_each_other(trunk):

@@ -18,8 +18,9 @@ from cfem.condensed.restrict import onto_patch, slopes_onto_patch
 from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
+from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
-from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.solution import Equilibrium, State
 from cfem.sample.contact import ContactPlan
 from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
@@ -93,7 +94,7 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
             asked, X = actuation(job.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
             p = drawn(parameters, u[n_a:])
         q = place(parameters, p)
-        start = nearest(knots, u) if solver.facts.in_a_row else predict(knots, u, asked, q)
+        start = _start(solver.facts, knots, u, asked, q)
         solved = solver.solve(asked, start, p)
         record = _record(job, index, solved, None if X is None else (solver.facts.patch, X))
         if parameters:
@@ -104,6 +105,13 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
             knots.append(knot(u, solved, contacts=job.contact is not None, q=q))
         records.append(record | {"seconds": time.perf_counter() - begin})
     return records, knots
+
+
+def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation, q: np.ndarray) -> State | None:
+    """Sections in a row go farthest from an equilibrium: the nearest of the same robot, else rest."""
+    if not facts.in_a_row:
+        return predict(knots, u, asked, q)
+    return None if len(q) else nearest(knots, u)
 
 
 def _record(job: Job, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> dict[str, Any]:
