@@ -45,6 +45,7 @@ soft-gripper: .venv/all
 	$(CFEM) train pipelines/$@/train.yaml
 	$(CFEM) export pipelines/$@/export.yaml
 	$(CFEM) control pipelines/$@/control.yaml
+	$(CFEM) control pipelines/$@/control-friction.yaml
 	$(CFEM) report pipelines/$@/report.yaml
 
 # A model of one module, two of which in a row are compared with a model of the whole.
