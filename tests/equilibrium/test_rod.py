@@ -5,10 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.rods import LENGTH, MATERIAL, SHAPE, elastica, rod_body, rod_problem
 
+from cfem.constraint.cable import make_cable
 from cfem.constraint.chambers import make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.section_point import attach_to_sections
-from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.actuation import Actuation, displacement, force
 from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
@@ -91,17 +92,21 @@ def test_energy_follows_no_rigid_motion():
 
 
 def everything(body):
-    """Chambers, and contact points that act on nodes of sections."""
+    """Chambers, a cable and a contact point, which act on nodes of sections."""
     X, sections = body.mesh.X, list(body.sections.nodes)
-    points = [attach_to_sections(X, sections, np.array(at), "touch") for at in ([55.0, 1.0, 0.0], [100.0, 0.0, 3.0])]
-    return [*chambers((0.0, 2.0), (1.0, -1.0))(body), ContactPoint(points[0]), ContactPoint(points[1])]
+    near, middle, tip = (
+        attach_to_sections(X, sections, np.array(at), "point")
+        for at in ([25.0, 3.0, 0.0], [60.0, 1.0, 3.0], [100.0, 0.0, 3.0])
+    )
+    cable = make_cable([near, middle, tip], np.array([0.0, 3.0, 1.0]), "cable")
+    return [*chambers((0.0, 2.0), (1.0, -1.0))(body), cable, ContactPoint(middle)]
 
 
 def test_residual_and_tangent_are_derivatives_of_the_lagrangian():
     """Off equilibrium, with forces on nodes and pressures on strains together."""
     problem = rod_problem(4, everything, tip_force([0.0, 1e-3, 2e-3]))
     rng = np.random.default_rng(1)
-    lam = np.concatenate([[0.05, -0.03], 0.01 * rng.standard_normal(6)])
+    lam = np.concatenate([[0.05, -0.03, 0.02], 0.01 * rng.standard_normal(3)])
     x = problem.kinematics.move(problem.rest, 2.0 * rng.standard_normal(problem.pattern.n_dof))
     q, h = rng.standard_normal(problem.pattern.n_dof), 1e-3
 
@@ -118,6 +123,16 @@ def test_residual_and_tangent_are_derivatives_of_the_lagrangian():
     ours = q @ symmetric_product(problem.pattern, data, q[:, None])[:, 0]
     assert ours == pytest.approx(second, rel=1e-5)
     assert problem.form(here, lam, q[:, None])[0, 0] == pytest.approx(ours, rel=1e-11)
+
+
+def test_a_cable_bends_a_rod_as_far_as_it_is_shortened():
+    problem = rod_problem(8, lambda body: everything(body)[:3])
+    solved = solve(problem, Actuation(np.eye(3)[2:], np.array([2.0]), np.zeros(3)))
+    assert solved.converged and solved.delta[2] == pytest.approx(2.0)
+    assert solved.state.lam[2] > 0 and solved.delta_e[1] > 5  # towards the cable
+    W = solved.condensed.W
+    np.testing.assert_allclose(W, W.T, atol=1e-9 * np.abs(W).max())
+    assert (np.linalg.eigvalsh(W) > -1e-9 * np.abs(W).max()).all()
 
 
 def test_W_and_its_slope_are_derivatives_of_whole_solves():
