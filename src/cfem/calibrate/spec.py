@@ -28,8 +28,9 @@ class CalibrateSpec(Spec):
     was measured.
 
     model: folder of a model that takes parameters. fe: by finite elements instead, with the model's parameters or
-    those in `parameters`, as sample.yaml has them. find: all parameters unless given; fixed: values of the others,
-    the scene's unless given. starts: of the search, or how many spread over the ranges. noise: found from what the fit
+    those in `parameters`, as sample.yaml has them; scene, mesh: of the elements, the scene also where a model is of
+    several shapes. find: all parameters unless given; fixed: values of the others, the scene's unless given. starts:
+    of the search, or how many spread over the ranges. noise: found from what the fit
     leaves unless given. profile: intervals by profiles of the
     likelihood as well; with a model unless said otherwise. truth: to compare with."""
 

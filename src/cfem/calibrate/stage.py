@@ -36,7 +36,7 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
 
 
 def _used(spec: CalibrateSpec, name: str) -> bool:
-    return getattr(spec, name) is not None and (spec.fe or name not in ("scene", "mesh"))
+    return getattr(spec, name) is not None and (spec.fe or name != "mesh")
 
 
 def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str, Any]:
@@ -86,17 +86,15 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
 
 def family_of(spec: Any, paths: dict[str, Path]) -> Any:
     """The learned robots, or those of finite elements with the same parameters."""
-    from cfem.parametric.family import FiniteElements, Learned
+    from cfem.parametric.load import finite_elements, learned
     from cfem.predict.load import load_model
-
-    predictor = load_model(paths["model"]) if spec.model is not None else None
-    if not spec.fe:
-        return Learned(predictor)
-    from cfem.robot.load import load_scene_and_mesh
     from cfem.sample.parameters import scene_parameters
 
-    parameters = predictor.parameters if predictor else scene_parameters(spec.parameters, paths["scene"])
-    return FiniteElements(*load_scene_and_mesh(paths["scene"], paths["mesh"]), parameters)
+    if not spec.fe:
+        return learned(paths["model"], paths.get("scene"))
+    if spec.model is not None:
+        return finite_elements(paths["scene"], paths["mesh"], load_model(paths["model"]).parameters)
+    return finite_elements(paths["scene"], paths["mesh"], scene_parameters(spec.parameters, paths["scene"]))
 
 
 def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:

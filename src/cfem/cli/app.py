@@ -88,6 +88,7 @@ _stage_command("surrogate", "Fit a condensed model to a dataset; errors on its t
 _stage_command("export", "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
 _stage_command("control", "Follow trajectories by inverse control, in the FE plant.", "control")
 _stage_command("calibrate", "Find parameters of the robot from measurements, with intervals.", "calibrate")
+_stage_command("design", "Find the best designs: grid, gradients, trade-offs, checked by FE.", "optimize-design")
 _stage_command("report", "One self-contained HTML page: pictures, errors against run time, provenance.", "report")
 
 

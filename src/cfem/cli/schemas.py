@@ -16,6 +16,7 @@ SPECS = {
     "export": ("cfem.export.spec", "ExportSpec"),
     "control": ("cfem.control.spec", "ControlSpec"),
     "calibrate": ("cfem.calibrate.spec", "CalibrateSpec"),
+    "design": ("cfem.design.spec", "DesignSpec"),
     "report": ("cfem.report.spec", "ReportSpec"),
 }
 

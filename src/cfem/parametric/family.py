@@ -1,6 +1,6 @@
 """One interface to robots that differ in p: a learned model that takes parameters, or finite elements built anew."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -31,13 +31,18 @@ class Family(Protocol):
 
 
 class Learned:
-    """Robots as a model has learned them."""
+    """Robots as a model has learned them. rest: p (m, n_p) -> where their effectors rest (m, n_e) mm; all where the
+    model's own do unless given. InputError where the model has no parameters, or shapes whose rest is not given."""
 
-    def __init__(self, predictor: Predictor):
+    def __init__(self, predictor: Predictor, rest: Callable[[np.ndarray], np.ndarray] | None = None):
         if not predictor.parameters:
             do = "sample with `parameters:` and train anew"
             raise InputError("the model has no parameters: it knows one robot only", do=do)
+        if rest is None and any(one.key.startswith("geometry") for one in predictor.parameters):
+            do = "give the scene in the spec"
+            raise InputError("the model is of several shapes, and does not say where each one's effectors rest", do=do)
         self.predictor = predictor
+        self._rest = rest or (lambda p: np.broadcast_to(predictor.rest_e, (len(p), predictor.rows.n_e)))
         self.rows, self.parameters = predictor.rows, predictor.parameters
         self.reach, self.length = predictor.reach, predictor.length
         # a network in float32 is rough at 1e-7: a longer step and a lower order
@@ -53,7 +58,7 @@ class Learned:
             find = model.at_displacement if kind == "displacement" else model.at_force
             found = [find(one, at) for one, at in zip(u, p, strict=True)]
             W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
-        return States(self.rows, p, W, free, lam, np.broadcast_to(model.rest_e, (len(p), self.rows.n_e)))
+        return States(self.rows, p, W, free, lam, self._rest(p))
 
     def outside(self, states: States) -> list[int]:
         """Which of the states are unlike those that the model was trained on."""
@@ -83,30 +88,36 @@ class FiniteElements:
         self._solved: list[tuple[np.ndarray, Any, np.ndarray]] = []
         self.solves = 0
 
-    def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
+    def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
+        """push: (n_e,) N dead loads on the effectors."""
         p = np.asarray(p, float)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
         softer = np.prod((self._reference / p)[:, self._exact], axis=1)
         found, rest = [], []
         for one, design, soft in zip(u, p, softer, strict=True):
-            answer, rest_e = self._solve(kind, one * soft if kind == "force" else one, design[~self._exact])
+            pushed = None if push is None else push * soft
+            answer, rest_e = self._solve(kind, one * soft if kind == "force" else one, design[~self._exact], pushed)
             found.append(answer)
             rest.append(rest_e)
         W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
         return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
 
-    def _solve(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> tuple[Condensed, np.ndarray]:
+    def _solve(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None) -> tuple[Condensed, np.ndarray]:
+        from cfem.control.fem_plant import pushed
         from cfem.equilibrium import actuation
+        from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solution import State
         from cfem.equilibrium.solve import solve
 
         problem = self._problem(p)
+        if push is not None:
+            problem = Problem(pushed(problem.robot, push))
         X = problem.rest
         place = self._place(kind, u, p)
         start = None
         if self._solved:
             _, state, X_there = min(self._solved, key=lambda known: float(np.abs(known[0] - place).max()))
-            start = State(X + (state.x - X_there), state.pressure, state.lam, state.load)
+            start = State(X + (state.x - X_there), state.pressure, state.lam)
         found = solve(problem, getattr(actuation, kind)(u), start, slack=False)
         self.solves += 1
         if not found.converged:

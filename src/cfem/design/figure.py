@@ -1,0 +1,105 @@
+"""Pictures of a search: what the objectives look like around the best designs, and the front."""
+
+from itertools import combinations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from cfem.design.front import Front
+from cfem.design.problem import Problem
+from cfem.design.search import Design, Grid
+from cfem.parametric.family import from_shares
+from cfem.report.style import FAINT, FE, GOAL, INK, LEARNED, outside_legend, plt, png
+
+_FINE = 41
+
+
+def landscape(problem: Problem, index: int, best: Design, verified: float | None, title: str) -> bytes:
+    """PNG: objective `index` on planes through its best design; what breaks a constraint is hatched. With one
+    parameter, a curve."""
+    pairs = list(combinations(range(len(problem.free)), 2))
+    if not pairs:
+        return _curve(problem, index, best, title)
+    figure, axes = plt.subplots(1, len(pairs), figsize=(3.9 * len(pairs) + 0.8, 3.7), squeeze=False)
+    shares, maps = np.linspace(0, 1, _FINE), []
+    for i, j in pairs:
+        z = np.tile(best.z, (_FINE * _FINE, 1))
+        z[:, i], z[:, j] = (one.ravel() for one in np.meshgrid(shares, shares))
+        maps.append(problem(z))
+    values = np.concatenate([one.objectives[:, index] for one in maps])
+    levels = np.linspace(values.min(), values.max() + 1e-12, 13)
+    for axis, (i, j), scores in zip(axes[0], pairs, maps, strict=True):
+        x, y = (_values(problem, k, shares) for k in (i, j))
+        filled = axis.contourf(x, y, scores.objectives[:, index].reshape(_FINE, _FINE), levels, cmap="viridis_r")
+        broken = ~scores.feasible.reshape(_FINE, _FINE)
+        if broken.any():
+            axis.contourf(x, y, broken.astype(float), [0.5, 1.5], colors="none", hatches=["////"])
+        axis.plot(
+            *(_values(problem, k, best.z[k : k + 1]) for k in (i, j)),
+            "o",
+            color=FE,
+            markeredgecolor="white",
+            markersize=9,
+            clip_on=False,
+            zorder=5,
+        )
+        axis.set(xlabel=_label(problem, i), ylabel=_label(problem, j))
+        axis.grid(False)
+    figure.colorbar(filled, ax=axes[0].tolist(), format="%.4g", shrink=0.9)
+    said = "" if verified is None else f", {verified:.5g} by finite elements"
+    figure.suptitle(
+        f"{title}: best {best.objectives[index]:.5g}{said}", x=0.01, ha="left", weight="bold", fontsize=10.5
+    )
+    return png(figure)
+
+
+def _curve(problem: Problem, index: int, best: Design, title: str) -> bytes:
+    figure, axis = plt.subplots(figsize=(5, 3.4))
+    shares = np.linspace(0, 1, 201)
+    scores = problem(shares[:, None])
+    axis.plot(_values(problem, 0, shares), scores.objectives[:, index], color=LEARNED[0])
+    axis.plot(_values(problem, 0, best.z), best.objectives[index], "o", color=FE)
+    axis.set(xlabel=_label(problem, 0), ylabel=title)
+    return png(figure)
+
+
+def front_figure(problem: Problem, grid: Grid, front: Front, verified: dict[int, np.ndarray]) -> bytes:
+    """PNG: the front among the grid's designs, beside the parameters along it. verified: place in the front -> (n_f,)
+    objectives by finite elements."""
+    figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.2))
+    _trade_off(figure, axes[0], problem, grid, front, verified)
+    objectives = np.array([one.objectives for one in front.designs])
+    z = np.array([one.z for one in front.designs])
+    for i, parameter in enumerate(problem.parameters):
+        axes[1].plot(objectives[:, front.of[0]], z[:, i], ".-", color=LEARNED[i % len(LEARNED)], label=parameter.name)
+    axes[1].set(xlabel=front.names[0], ylabel="Share of the parameter's range", ylim=(-0.04, 1.04))
+    outside_legend(axes[1])
+    return png(figure)
+
+
+def _trade_off(figure: Figure, axis, problem: Problem, grid: Grid, front: Front, verified: dict) -> None:
+    first, second = front.of[:2]
+    objectives = np.array([one.objectives for one in front.designs])
+    good = grid.scores.feasible
+    cloud = grid.scores.objectives
+    axis.plot(cloud[good, first], cloud[good, second], ".", color=GOAL, markersize=3, label=f"grid, {good.sum()}")
+    if not good.all():
+        axis.plot(cloud[~good, first], cloud[~good, second], "x", color=FAINT, markersize=3, label="breaks constraints")
+    style = ".-" if len(front.of) == 2 else "."
+    axis.plot(objectives[:, first], objectives[:, second], style, color=LEARNED[0], label="front")
+    if verified:
+        exact = np.array(list(verified.values()))
+        axis.plot(exact[:, first], exact[:, second], "o", color=FE, markerfacecolor="none", label="finite elements")
+    for name, place in front.corners.items():
+        axis.annotate(name, objectives[place, [first, second]], (6, 6), textcoords="offset points", color=INK)
+    axis.set(xlabel=front.names[0], ylabel=front.names[1])
+    outside_legend(axis)
+
+
+def _values(problem: Problem, k: int, shares: np.ndarray) -> np.ndarray:
+    return from_shares([problem.parameters[k]], shares[:, None])[:, 0]
+
+
+def _label(problem: Problem, k: int) -> str:
+    one = problem.parameters[k]
+    return one.name if one.unit == "1" else f"{one.name} ({one.unit})"

@@ -1,0 +1,120 @@
+"""Trade-offs: designs of which no other is better in one objective without being worse in another."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+
+import numpy as np
+
+from cfem.design.problem import Problem
+from cfem.design.search import Design, Grid, Scalar, best, refine
+
+_TILT = 1e-5  # weight of the other objectives at an end of the front
+
+
+@dataclass(frozen=True)
+class Front:
+    """names: of the objectives; of (k,): their numbers; designs: in the order of the first objective; corners: their
+    places: the ends, and the knee between them, where the front is farthest below the line between its ends (two
+    objectives). volume, grid_volume: hypervolumes of the front and of the grid's own (shares of the box between the
+    best and the worst of the grid's), None for more than two objectives; beaten: points of the grid that beat a design
+    of the front."""
+
+    names: tuple[str, ...]
+    of: tuple[int, ...]
+    designs: tuple[Design, ...]
+    corners: dict[str, int]
+    volume: float | None
+    grid_volume: float | None
+    beaten: int
+
+
+def pareto_front(problem: Problem, grid: Grid, names: Sequence[str], points: int, ends: Sequence[Design]) -> Front:
+    """ends: the best designs by each objective alone."""
+    of = [problem.names.index(name) for name in names]
+    unit = np.eye(len(problem.objectives))[of]
+    # of designs that are equally good at one objective, the end is the best at the others
+    tilted = unit + _TILT * unit.sum(axis=0)
+    ends = [best(problem, grid, Scalar.weighted(row), 1, [one.z]) for row, one in zip(tilted, ends, strict=True)]
+    corner = np.array([grid.hat(one.objectives)[of] for one in ends])
+    low, high = corner.min(axis=0), corner.max(axis=0)
+    width = np.where(high > low, high - low, 1.0)
+    hats = grid.hat(grid.scores.objectives)[:, of]
+    feasible = np.flatnonzero(grid.scores.feasible)
+    found = list(ends)
+    last = ends[0].z
+    for share in _lattice(points, len(of)):
+        # through the point of the simplex between the ends, along (1, ..., 1) in units of the ends' box
+        scalar = Scalar(unit / width[:, None], (low / width) + share)
+        start = grid.z[feasible[np.argmin(scalar(grid.hat(grid.scores.objectives[feasible])))]]
+        one = min((refine(problem, grid, scalar, z) for z in (start, last)), key=lambda design: design.value)
+        found.append(one)
+        last = one.z
+    objectives = np.array([one.objectives for one in found])[:, of]
+    keep = [i for i in np.flatnonzero(non_dominated(objectives)) if not _repeats(objectives, i, grid.width[of])]
+    keep.sort(key=lambda i: objectives[i, 0])
+    designs = tuple(found[i] for i in keep)
+    hat = grid.hat(np.array([one.objectives for one in designs]))[:, of]
+    two = len(of) == 2
+    return Front(
+        tuple(names),
+        tuple(of),
+        designs,
+        _corners(hat)
+        if two
+        else dict.fromkeys(names, 0) | {name: int(np.argmin(hat[:, i])) for i, name in enumerate(names)},
+        hypervolume(hat) if two else None,
+        hypervolume(hats[feasible]) if two else None,
+        int(
+            sum(((hats[feasible] <= one).all(axis=1) & (hats[feasible] < one - 1e-9).any(axis=1)).sum() for one in hat)
+        ),
+    )
+
+
+def best_of_each(problem: Problem, grid: Grid, starts: int) -> list[Design]:
+    return [best(problem, grid, Scalar.weighted(row), starts) for row in np.eye(len(problem.objectives))]
+
+
+def non_dominated(objectives: np.ndarray) -> np.ndarray:
+    """(m, k) -> (m,) True where no other row is as good in all and better in one."""
+    keep = np.ones(len(objectives), dtype=bool)
+    for i, one in enumerate(objectives):
+        keep[i] = not ((objectives <= one).all(axis=1) & (objectives < one).any(axis=1)).any()
+    return keep
+
+
+def hypervolume(hat: np.ndarray) -> float:
+    """(m, 2) -> area of the unit square in which some row is better, whatever is beyond (1, 1) left out."""
+    inside = hat[(hat < 1).all(axis=1)]
+    if not len(inside):
+        return 0.0
+    inside = inside[non_dominated(inside)]
+    inside = inside[np.argsort(inside[:, 0])]
+    right = np.append(inside[1:, 0], 1.0)
+    return float(((right - inside[:, 0]) * (1.0 - inside[:, 1])).sum())
+
+
+def _repeats(objectives: np.ndarray, index: int, width: np.ndarray) -> bool:
+    """Whether an earlier row is the same to 1e-6 of the spread."""
+    return bool((np.abs(objectives[:index] - objectives[index]) < 1e-6 * width).all(axis=1).any())
+
+
+def _corners(hat: np.ndarray) -> dict[str, int]:
+    first, last = hat[0], hat[-1]
+    line = last - first
+    below = line[0] * (hat[:, 1] - first[1]) - line[1] * (hat[:, 0] - first[0])
+    knee = int(np.argmin(below))
+    return {"first": 0, "last": len(hat) - 1} | ({"knee": knee} if 0 < knee < len(hat) - 1 else {})
+
+
+def _lattice(points: int, k: int) -> list[np.ndarray]:
+    """Inner points of the simplex of k shares (Das and Dennis, SIAM J. Optim. 8, 1998), about `points` of them, in the
+    order in which neighbours follow each other where there are two."""
+    if k == 2:
+        return [np.array([share, 1 - share]) for share in np.linspace(0, 1, points + 2)[1:-1]]
+    division = k
+    while comb(division - 1, k - 1) < points:
+        division += 1
+    bars = combinations(range(1, division), k - 1)
+    return [np.diff([0, *bar, division]) / division for bar in bars]

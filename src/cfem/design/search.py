@@ -1,0 +1,144 @@
+"""The best design by one number: a grid, then gradients from its best points.
+
+    minimise t    subject to    s . f_hat(z) - t <= 0 for every row s of S,    g(z) >= 0,    0 <= z <= 1
+
+with f_hat the objectives between 0 and 1 on the grid. One row of weights is a weighted sum; the unit rows, shifted by a
+reference point, are the scalarisation of Pascoletti and Serafini (J. Optim. Theory Appl. 42, 1984), which reaches
+every point of a front, also where it is not convex. Solved by SLSQP (Kraft 1988)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import minimize
+
+from cfem.core.errors import NumericalError
+from cfem.design.problem import Problem, Scores
+
+_FEASIBLE = 1e-7
+
+
+@dataclass(frozen=True)
+class Grid:
+    """shape (n,): points along each parameter; z (m, n), scores of all; low, width (n_f,): smallest objective among the
+    feasible, and how far they spread."""
+
+    shape: tuple[int, ...]
+    z: np.ndarray
+    scores: Scores
+    low: np.ndarray
+    width: np.ndarray
+
+    def hat(self, objectives: np.ndarray) -> np.ndarray:
+        """(..., n_f) between 0 and 1 on the feasible grid."""
+        return (objectives - self.low) / self.width
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """max_k (weights_k . f_hat - shift_k): weights (r, n_f), shift (r,)."""
+
+    weights: np.ndarray
+    shift: np.ndarray
+
+    @classmethod
+    def weighted(cls, weights: np.ndarray) -> "Scalar":
+        return cls(np.asarray(weights, float)[None], np.zeros(1))
+
+    def __call__(self, hat: np.ndarray) -> np.ndarray:
+        """(m, n_f) -> (m,)."""
+        return (hat @ self.weights.T - self.shift).max(axis=-1)
+
+
+@dataclass(frozen=True)
+class Design:
+    """z (n,), objectives (n_f,) and constraints (n_g,); value: of what was minimised; iterations: of the gradient
+    search from the start that won; message: of how it ended."""
+
+    z: np.ndarray
+    objectives: np.ndarray
+    constraints: np.ndarray
+    value: float
+    iterations: int
+    message: str
+
+
+def evaluate_grid(problem: Problem, shape: Sequence[int]) -> Grid:
+    """NumericalError where no point satisfies the constraints."""
+    axes = [np.linspace(0, 1, count) if count > 1 else np.array([0.5]) for count in shape]
+    z = np.array(list(product(*axes)))
+    scores = problem(z)
+    good = scores.objectives[scores.feasible]
+    if not len(good):
+        least = scores.constraints.max(axis=0)
+        names = [name for name, one in zip(problem.constraints, least, strict=True) if one < 0] or [
+            *problem.constraints
+        ]
+        raise NumericalError(f"no design of the grid satisfies the constraints {', '.join(names)}", do="loosen them")
+    width = good.max(axis=0) - good.min(axis=0)
+    return Grid(tuple(shape), z, scores, good.min(axis=0), np.where(width > 0, width, 1.0))
+
+
+def best(problem: Problem, grid: Grid, scalar: Scalar, starts: int = 3, near: Sequence[np.ndarray] = ()) -> Design:
+    """From the best feasible points of the grid that lie apart, and from those `near` (n,)."""
+    found = [refine(problem, grid, scalar, z) for z in [*near, *_apart(grid, scalar, starts)]]
+    return min(found, key=lambda one: one.value)
+
+
+def refine(problem: Problem, grid: Grid, scalar: Scalar, start: np.ndarray) -> Design:
+    """By gradients from a feasible start (n,); the start itself where they lead nowhere better."""
+    n_f, n = len(problem.objectives), len(start)
+    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = z.tobytes()
+        if key not in seen:
+            seen[key] = problem.with_slopes(z)
+        return seen[key]
+
+    def slack(v: np.ndarray) -> np.ndarray:
+        values, _ = at(v[:n])
+        return np.concatenate([v[n] - (scalar.weights @ grid.hat(values[:n_f]) - scalar.shift), values[n_f:] / scale])
+
+    def slack_slopes(v: np.ndarray) -> np.ndarray:
+        _, slopes = at(v[:n])
+        rows = -scalar.weights @ (slopes[:n_f] / grid.width[:, None])
+        rows = np.hstack([rows, np.ones((len(rows), 1))])
+        others = np.hstack([slopes[n_f:] / scale[:, None], np.zeros((len(slopes) - n_f, 1))])
+        return np.vstack([rows, others])
+
+    first, slopes = at(start)
+    scale = np.maximum(np.abs(slopes[n_f:]).max(axis=1, initial=0.0), 1e-12)
+    begin = Design(start, first[:n_f], first[n_f:], float(scalar(grid.hat(first[None, :n_f]))[0]), 0, "the start")
+    gradient = np.append(np.zeros(n), 1.0)
+    answer = minimize(
+        lambda v: v[n],
+        np.append(start, begin.value),
+        jac=lambda v: gradient,
+        bounds=[(0.0, 1.0)] * n + [(None, None)],
+        constraints={"type": "ineq", "fun": slack, "jac": slack_slopes},
+        method="SLSQP",
+        options={"maxiter": 100, "ftol": 1e-10},
+    )
+    z = np.clip(answer.x[:n], 0.0, 1.0)
+    values, _ = at(z)
+    value = float(scalar(grid.hat(values[None, :n_f]))[0])
+    held = (values[n_f:] / scale >= -_FEASIBLE).all()
+    if not held or not value < begin.value:
+        return begin
+    return Design(z, values[:n_f], values[n_f:], value, int(answer.nit), answer.message)
+
+
+def _apart(grid: Grid, scalar: Scalar, count: int) -> list[np.ndarray]:
+    """The best feasible points of the grid of which no two are neighbours."""
+    feasible = np.flatnonzero(grid.scores.feasible)
+    order = feasible[np.argsort(scalar(grid.hat(grid.scores.objectives[feasible])), kind="stable")]
+    gap = 1.5 / max(min(max(one - 1, 1) for one in grid.shape), 1)
+    chosen: list[np.ndarray] = []
+    for index in order:
+        if all(np.abs(grid.z[index] - one).max() > gap for one in chosen):
+            chosen.append(grid.z[index])
+        if len(chosen) == count:
+            break
+    return chosen

@@ -1,0 +1,123 @@
+"""Co-design: a design together with the actuation that serves it at every goal.
+
+    minimise over z and u_1 ... u_k    sum_i |w (x_e(u_i, p(z)) + C_ee(u_i, p(z)) f_i - goal_i)|^2
+
+0 <= z <= 1, actuators within their reach; C_ee f is what a force f on the effectors (N, held against) moves them by, to
+first order, the actuators locked. One bounded least-squares problem in all unknowns, not a search within a search."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import NumericalError
+from cfem.parametric.family import Family, from_shares
+from cfem.parametric.states import States
+
+
+@dataclass(frozen=True)
+class Task:
+    """goals (k, n_e) mm: positions of the effectors, or displacements from where each design rests (from_rest); weights
+    (n_e,); force (k, n_e) N on the effectors."""
+
+    goals: np.ndarray
+    from_rest: bool
+    weights: np.ndarray
+    force: np.ndarray
+
+    def reached(self, states: States) -> np.ndarray:
+        """(m, n_e) mm where the effectors are under the force of the goal that each state is for (goal by goal)."""
+        force = np.tile(self.force, (len(states) // len(self.goals), 1))
+        moved = (states.locked_compliance @ force[..., None])[..., 0]
+        return (states.delta_e if self.from_rest else states.x_e) + moved
+
+
+@dataclass(frozen=True)
+class Served:
+    """p (n_p,); u (k, n_a) mm; distance (k,) mm from each goal over the rows that matter; states: k of them; cost: half
+    the sum of squares (mm^2); evaluations: of the model."""
+
+    p: np.ndarray
+    u: np.ndarray
+    distance: np.ndarray
+    states: States
+    cost: float
+    evaluations: int
+
+
+def serve(
+    family: Family, task: Task, free: Sequence[int], p0: np.ndarray, starts: int = 4, z0: np.ndarray | None = None
+) -> Served:
+    """free: numbers of the parameters that may vary, none for the best control of the design p0 (n_p,). z0: shares of
+    the free ones to start from first. NumericalError where no start leads anywhere."""
+    parameters: list[Parameter] = [family.parameters[i] for i in free]
+    n, k, n_a = len(free), len(task.goals), family.rows.n_a
+    low, high = family.reach.T
+    matter = task.weights > 0
+    asked = 0
+
+    def states(batch: np.ndarray) -> States:
+        """(m, n + k n_a) -> m k states, batch by batch."""
+        nonlocal asked
+        asked += len(batch) * k
+        p = np.broadcast_to(p0, (len(batch), len(p0))).copy()
+        p[:, list(free)] = from_shares(parameters, batch[:, :n])
+        u = low + batch[:, n:].reshape(-1, n_a) * (high - low)
+        return family.at("displacement", u, np.repeat(p, k, axis=0))
+
+    def missing(batch: np.ndarray) -> np.ndarray:
+        """(m, k, n_e) mm."""
+        apart = task.reached(states(batch)).reshape(len(batch), k, -1) - task.goals
+        return apart * task.weights
+
+    def both(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (k n_e,), and derivatives: a design moves all goals' states, an actuator its own goal's only."""
+        # what an actuator does is asked for all goals at once
+        directions = np.zeros((n + n_a, len(v)))
+        directions[:n, :n] = np.eye(n)
+        directions[n:, n:] = np.tile(np.eye(n_a), (1, k))
+        stencil = family.stencil
+        values = missing(v + stencil.points(np.zeros(n + n_a)) @ directions)
+        slopes = stencil.slopes(values)  # (k, n_e, n + n_a)
+        J = np.zeros((*values.shape[1:], len(v)))
+        J[:, :, :n] = slopes[:, :, :n]
+        for i in range(k):
+            J[i, :, n + i * n_a : n + (i + 1) * n_a] = slopes[i, :, n:]
+        return values[0].ravel(), J.reshape(-1, len(v))
+
+    best, failure = None, None
+    for start in _starts(n, k, n_a, starts, z0):
+        memory: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+        def at(v: np.ndarray, memory=memory) -> tuple[np.ndarray, np.ndarray]:
+            key = v.tobytes()
+            if key not in memory:
+                memory[key] = both(v)
+            return memory[key]
+
+        try:
+            found = least_squares(lambda v: at(v)[0], start, lambda v: at(v)[1], bounds=(0.0, 1.0), xtol=1e-10)
+        except NumericalError as error:
+            failure = error
+            continue
+        if best is None or found.cost < best.cost:
+            best = found
+    if best is None:
+        raise NumericalError(f"no start of the co-design led to an answer: {failure}")
+    here = states(best.x[None])
+    distance = np.linalg.norm((task.reached(here) - task.goals)[:, matter], axis=1)
+    u = low + best.x[n:].reshape(k, n_a) * (high - low)
+    return Served(here.p[0], u, distance, here, float(best.cost), asked)
+
+
+def _starts(n: int, k: int, n_a: int, count: int, z0: np.ndarray | None) -> list[np.ndarray]:
+    """The given or middle design at half pull, then Halton points."""
+    dimension = max(n + n_a, 1)
+    shares = np.vstack([np.full((1, dimension), 0.5), qmc.Halton(dimension, scramble=False).random(count)[1:]])[:count]
+    if z0 is not None and n:
+        shares[0, :n] = z0
+    shares = np.clip(shares, 1e-3, 1 - 1e-3)
+    return [np.concatenate([one[:n], np.tile(one[n:], k)]) for one in shares]

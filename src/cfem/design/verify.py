@@ -1,0 +1,31 @@
+"""Designs of the model judged by finite elements."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.design.problem import Problem, Scores
+from cfem.parametric.family import Family
+from cfem.parametric.states import States
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Of m designs: z (m, n); what the model says and what finite elements say, objectives and constraints; distance
+    (m,) mm between the effectors' positions of the two."""
+
+    z: np.ndarray
+    model: Scores
+    fe: Scores
+    distance: np.ndarray
+
+
+def verify(problem: Problem, finite_elements: Family, z: Sequence[np.ndarray]) -> Verified:
+    """The same objectives of the same designs, by finite elements."""
+    z = np.array(z)
+    exact = replace(problem, family=finite_elements)
+    mine: States = problem.states(z)
+    theirs: States = exact.states(z)
+    distance = np.linalg.norm(mine.x_e - theirs.x_e, axis=1)
+    return Verified(z, problem.score(mine), exact.score(theirs), distance)

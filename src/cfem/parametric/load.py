@@ -1,0 +1,24 @@
+"""Families from files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.spec import load_spec
+from cfem.parametric.family import FiniteElements, Learned
+from cfem.parametric.rest import Rest
+from cfem.predict.load import load_model
+from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.spec import SceneSpec
+
+
+def learned(model: Path, scene: Path | None = None) -> Learned:
+    """Of a model folder; scene: of a model of several shapes."""
+    predictor = load_model(model)
+    rest = Rest(load_spec(scene, SceneSpec), predictor.parameters, predictor.rest_e) if scene else None
+    return Learned(predictor, rest)
+
+
+def finite_elements(scene: Path, mesh: Path, parameters: Sequence[Parameter]) -> FiniteElements:
+    """Of a scene on a mesh artefact."""
+    return FiniteElements(*load_scene_and_mesh(scene, mesh), parameters)

@@ -1,0 +1,59 @@
+"""Where the effectors of each design rest, from the scene alone."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import SpecError
+from cfem.robot.build import effector_points
+from cfem.sample.parameters import with_values
+
+
+class Rest:
+    """rest_e (n_e,) mm of the scene's own robot; parameters: those that p (m, n_p) has values of.
+
+    Every effector is a point of the scene, fixed or where the geometry has it; orientations rest at 0."""
+
+    def __init__(self, scene: Any, parameters: Sequence[Parameter], rest_e: np.ndarray):
+        self._scene, self._keys = scene, [one.key for one in parameters]
+        self._moves = any(one.key.startswith(("geometry", "effectors")) for one in parameters)
+        self._rest_e = rest_e
+        if not self._moves:
+            return
+        reference = np.array([one.reference for one in parameters])
+        ends = np.array([one.high for one in parameters]), np.array([one.low for one in parameters])
+        base = self._at(reference)
+        self._slope = np.stack(
+            [
+                (self._at(np.where(i == np.arange(len(reference)), ends[0], reference)) - base)
+                / (ends[0] - reference)[i]
+                for i in range(len(reference))
+            ],
+            axis=1,
+        )
+        self._base, self._reference = base, reference
+        # places that are no sums of the parameters are looked up one by one
+        self._affine = np.allclose(self._line(ends[1]), self._at(ends[1]), rtol=0, atol=1e-9)
+
+    def __call__(self, p: np.ndarray) -> np.ndarray:
+        """(m, n_p) -> (m, n_e)."""
+        if not self._moves:
+            return np.broadcast_to(self._rest_e, (len(p), len(self._rest_e)))
+        return self._line(p) if self._affine else np.array([self._at(one) for one in p])
+
+    def _line(self, p: np.ndarray) -> np.ndarray:
+        return self._base + (p - self._reference) @ self._slope.T
+
+    def _at(self, p: np.ndarray) -> np.ndarray:
+        scene = with_values(self._scene, self._keys, p)
+        places = []
+        for item in scene.effectors:
+            point = np.asarray(effector_points(scene, item), float)
+            if point.ndim != 1:
+                do = "watch one point"
+                raise SpecError(f"effector '{item.name}' of several points has no place that follows the design", do=do)
+            axes = dict(zip("xyz", point, strict=True))
+            places += [axes.get(axis, 0.0) for axis in item.axes]
+        return np.array(places)
