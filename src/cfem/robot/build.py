@@ -52,7 +52,7 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         unilateral=np.array([item.unilateral for item in scene.actuators]),
         length=scene.length,
         contacts=tuple(_contact(mesh, item, sections) for item in scene.contacts),
-        rigid=_free_sections(sections, fixed) if sections else rigid_groups(mesh, scene.rigid, fixed),
+        rigid=_rigid(scene, mesh, sections, fixed),
         loads=_loads(scene, body, regions, sections),
         forces=_forces(scene),
     )
@@ -78,6 +78,14 @@ def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections
     if name == "beam":
         return make_rod_body(mesh, SECTIONED[name], row, stiff_flop.section_shape(scene.geometry), main, parts)
     return replace(make_body(mesh, SECTIONED[name], main, parts), sections=row)
+
+
+def _rigid(scene: spec.SceneSpec, mesh: Mesh, sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
+    if sections:
+        return _free_sections(sections, fixed)
+    if isinstance(scene.geometry, spec.StiffFlop):
+        return stiff_flop.windings(scene.geometry, mesh)
+    return rigid_groups(mesh, scene.rigid, fixed)
 
 
 def _free_sections(sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -144,8 +152,11 @@ def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
 
 def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:
     points = effector_points(scene, item)
-    if sections:
-        return make_section_effector(mesh.X, sections, points, item.name, item.orientation)
+    if isinstance(scene.geometry, spec.StiffFlop):
+        plates = stiff_flop.plates_of(scene.geometry, mesh)
+        on_plates = np.isin(np.atleast_2d(points)[:, 0], [mesh.X[nodes[0], 0] for nodes in plates]).all()
+        if sections or on_plates:
+            return make_section_effector(mesh.X, sections or plates, points, item.name, item.orientation)
     cells = _cells(mesh, item.body, f"effector '{item.name}'")
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.mechanics.element import ELEMENTS, SECTIONED
+from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import hexahedra, selection
 from cfem.robot.bar import bar
@@ -51,7 +51,7 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         for item in scene.materials
         if isinstance(item.region, selection.Box)
     ]
-    if scene.mesh.element in SECTIONED:
+    if isinstance(scene.geometry, StiffFlop):
         mesh = slice_mesh(scene.geometry, scene.mesh.element, scene.mesh.size)
         return mesh, None if scene.mesh.element == "beam" else _length(scene.geometry) * section_shape(
             scene.geometry

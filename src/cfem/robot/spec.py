@@ -18,9 +18,10 @@ from cfem.robot.selection import Selection
 class Meshing(Spec):
     """element: linear (tet4), quadratic (tet10), or quadratic tetrahedra with one pressure an element (tet10p0: never
     locks); hexahedra (hex8) of a bar, or of a mesh file that holds them. A stiff-flop, of rigid sections, is a
-    geometrically exact rod (beam), or hexahedra between the sections: hex8-full, whose shear locks, or hex8-reduced.
-    size: the largest. refine: boxes of finer
-    tetrahedra. cells: about how many tetrahedra; they are then graded, finest where W needs it."""
+    geometrically exact rod (beam), or hexahedra between the sections: hex8-full, whose shear locks, or hex8-reduced;
+    with hex8 it is a solid whose chambers are wound by hoops that keep their shape, one a section, and whose modules
+    end in rigid plates. size: the largest. refine: boxes of finer tetrahedra. cells: about how many tetrahedra; they
+    are then graded, finest where W needs it."""
 
     size: Length = Field(gt=0)
     cells: int | None = Field(default=None, ge=100)
@@ -93,11 +94,12 @@ class SceneSpec(Spec):
 
     @model_validator(mode="after")
     def _sectioned(self):
-        sections = isinstance(self.geometry, StiffFlop)
-        if sections != (self.mesh.element in SECTIONED):
-            raise ValueError(f"geometry stiff-flop goes with mesh.element {', '.join(SECTIONED)}, and they with it")
+        sections, element = isinstance(self.geometry, StiffFlop), self.mesh.element
+        if (sections and element not in ("hex8", *SECTIONED)) or (element in SECTIONED and not sections):
+            what = f"geometry stiff-flop goes with mesh.element {', '.join(SECTIONED)} or hex8"
+            raise ValueError(f"{what}, and the first {len(SECTIONED)} with no other geometry")
         if sections and self.rigid:
-            raise ValueError("the sections of a stiff-flop are rigid already: leave `rigid` out")
+            raise ValueError("what is rigid of a stiff-flop is so already: leave `rigid` out")
         for item in self.actuators:
             if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
                 raise ValueError(f"chambers '{item.name}': the geometry has no module {item.module} with chambers")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.mechanics.beam import Section
-from cfem.mechanics.element import SECTIONED
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.geometry import StiffFlop
 
@@ -30,7 +29,7 @@ class Layout:
 
 def slice_mesh(geometry: StiffFlop, element: str, size: float) -> Mesh:
     """Sections, each a node set, at most `size` mm apart; each module is a set of cells, module-1 at the base."""
-    made = layout(geometry, bare=len(SECTIONED[element].points) == 0)
+    made = layout(geometry, bare=element == "beam")
     slices = int(np.ceil(geometry.module_length / size - 1e-9))
     places = np.linspace(0.0, geometry.modules * geometry.module_length, geometry.modules * slices + 1)
     k = len(made.points)
@@ -47,6 +46,23 @@ def slice_mesh(geometry: StiffFlop, element: str, size: float) -> Mesh:
 def sections_of(mesh: Mesh) -> list[np.ndarray]:
     """Node indices of each section, from the base on."""
     return [np.sort(mesh.node_sets[name]) for name in sorted(mesh.node_sets) if name.startswith(_SECTION)]
+
+
+def plates_of(geometry: StiffFlop, mesh: Mesh) -> list[np.ndarray]:
+    """Node indices of the sections between which the modules lie."""
+    sections = sections_of(mesh)
+    return sections[:: (len(sections) - 1) // geometry.modules]
+
+
+def windings(geometry: StiffFlop, mesh: Mesh) -> tuple[np.ndarray, ...]:
+    """What is rigid of a solid, but its base: the plate at the end of each module, and around each chamber a hoop of
+    nodes in every other section."""
+    rings, sections = layout(geometry, bare=False).rings, sections_of(mesh)
+    each = (len(sections) - 1) // geometry.modules
+    groups = []
+    for number, nodes in enumerate(sections[1:], 1):
+        groups += [nodes] if number % each == 0 else [nodes[ring] for ring in rings]
+    return tuple(groups)
 
 
 def section_shape(geometry: StiffFlop) -> Section:
