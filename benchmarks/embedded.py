@@ -1,7 +1,8 @@
 """The exported C controller against Python's, on the finger. Prints one JSON object.
 
-Usage: embedded.py loop | tick | python | osqp, with the artefacts of `make embedded` in place:
+Usage: embedded.py loop | arc | tick | python | osqp, with the artefacts of `make embedded` in place:
   loop    both close the loop on the FE plant along the closed curve
+  arc     both follow the paper's quarter circle, mostly out of reach
   tick    bytes, time of a tick here and instructions on emulated Cortex-M4 and M7, scalar by scalar and kind by kind
   python  a process without torch: memory and time of a tick, free running and paced at 1 kHz
   osqp    the same inverse steps on an emulated Cortex-M7 by OSQP's generated code, at three tolerances, and by the C
@@ -89,6 +90,31 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
 
 def _errors(values) -> dict[str, float]:
     return {"mean": float(np.mean(values)), "max": float(np.max(values))}
+
+
+def arc(ticks: int = 5) -> dict:
+    """The paper's quarter circle, mostly out of reach: mm by which C ends farther from each goal than Python's search,
+    by the model."""
+    from cfem.control.experiment import Controller, Tracker
+    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.loop import Settings
+    from cfem.control.trajectory import arc
+    from cfem.export.compiled import CompiledController
+    from cfem.predict.load import load_model
+
+    model, compiled, settings = load_model(MODEL), CompiledController(FOLDER), Settings(20, 1e-5, 5.0)
+    limits, ridge = Limits.of(model.reach, np.ones(2, bool)), ridge_of(1e-10, model.reach, model.length)
+    search = Controller("spectral", model, settings, settings)
+    tracker = Tracker(search, limits, np.ones(3), ridge, model.rest_e)
+    farther, missed = [], []
+    for goal in arc(np.zeros(3), 120.0, -np.pi / 2, 0.0, "yz", 40):
+        for _ in range(ticks):
+            command = compiled.step(goal)
+        ends = (model.at_displacement(one).delta_e for one in (command.delta_a, tracker.towards(goal).delta_a))
+        mine, other = (float(np.linalg.norm(model.rest_e + end - goal)) for end in ends)
+        farther.append(mine - other)
+        missed.append(other)
+    return {"ticks_a_goal": ticks, "farther_mm": {"max": max(farther), "min": min(farther)}, "missed_mm": max(missed)}
 
 
 def tick() -> dict:
@@ -241,5 +267,5 @@ def emulated(place: Path, options: list[str], sources: list[Path]) -> dict:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["loop", "tick", "python", "osqp"])
+    parser.add_argument("what", choices=["loop", "arc", "tick", "python", "osqp"])
     print(json.dumps(globals()[parser.parse_args().what](), indent=1))

@@ -61,8 +61,9 @@ def test_the_energy_is_that_of_the_series(tmp_path):
     assert np.allclose([controller.model(one)["energy"][0] for one in s], expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("scalar", ["double", "float"])
-@pytest.mark.parametrize("activation", ["relu", "tanh", "silu"])
+@pytest.mark.parametrize(
+    ("activation", "scalar"), [("relu", "double"), ("relu", "float"), ("tanh", "float"), ("silu", "double")]
+)
 def test_the_network(tmp_path, activation, scalar):
     meta, arrays = network(activation)
     export(tmp_path, (meta, arrays), scalar=scalar, full=True)

@@ -132,6 +132,15 @@ def test_an_objective_that_is_flat_is_refused(solver):
     assert solver(np.array([[1.0, np.nan], [0, 1]]), np.ones(2), nothing, -np.ones(2), np.ones(2))[0] == FLAT
 
 
+def test_bounds_that_stand_for_none_change_nothing(solver):
+    rng = np.random.default_rng(10)
+    for _ in range(50):
+        M, d, A, low, high = problem(rng, badly_scaled=False)
+        _, expected, _ = solver(M, d, A, low, high)
+        status, x, _ = solver(M, d, A, np.maximum(low, -1e30), np.minimum(high, 1e30))
+        assert status == OPTIMAL and x == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
 def test_closed_boxes_and_meeting_rows(solver):
     M, d = np.eye(2), np.array([3.0, 4.0])
     status, x, _ = solver(M, d, np.array([[1.0, 1.0]]), np.array([1.0, -9, 2.0]), np.array([1.0, 9, 2.0]))

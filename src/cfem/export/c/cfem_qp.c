@@ -4,6 +4,7 @@
 
 #define N CFEM_QP_VARIABLES
 #define C CFEM_QP_CONSTRAINTS
+#define OPEN 1e20 /* a box wider than that is meant to be none, and no measure for its variable */
 
 /* The program in its own coordinates: half-spaces low <= normal . y <= high, |normal| = 1, about the point of least |y|. */
 typedef struct {
@@ -204,7 +205,7 @@ static int measure(program *p) {
             slope += p->M[i * p->n + j] * p->d[i];
         }
         const double open = p->high[j] - p->low[j];
-        const int usable = cfem_finite(open) && open > 1e-6 * largest(fabs(p->low[j]), fabs(p->high[j]));
+        const int usable = open < OPEN && open > 1e-6 * largest(fabs(p->low[j]), fabs(p->high[j]));
         p->width[j] = p->length[j] = usable ? open : square > 0.0 ? 1.0 / sqrt(square) : 1.0;
         if (!cfem_finite(square) || !cfem_finite(slope)) return CFEM_QP_FLAT;
         p->curvature = largest(p->curvature, square * p->width[j] * p->width[j]);

@@ -3,7 +3,7 @@
  *     minimise |M x - d|^2 / 2    subject to    low[i] <= x[i] <= high[i],  i < n
  *                                               low[n + j] <= A[j] x <= high[n + j],  j < m
  *
- * Given as a least-squares problem, whose condition is the root of that of H = M^T M. Bounds may be +-HUGE_VAL; each low must
+ * Given as a least-squares problem, whose condition is the root of that of H = M^T M. Bounds may be +-HUGE_VAL (or 1e30); each low must
  * not exceed its high.
  *
  * Method: the dual active set of Goldfarb and Idnani (Mathematical Programming 27, 1983), in the coordinates
