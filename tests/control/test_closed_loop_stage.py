@@ -55,14 +55,19 @@ def load(tmp_path, *overrides) -> ControlSpec:
     return load_spec(path, ControlSpec, overrides)
 
 
-def control(folder: Path, spec: ControlSpec, model_folder: Path):
+def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, forces=None):
     model = load_model(model_folder)
     unilateral = np.ones(2, dtype=bool)
     robot = SimpleNamespace(
-        rows=model.rows, rest_e=model.rest_e, reach=model.reach, unilateral=unilateral, length=model.length
+        rows=model.rows,
+        rest_e=model.rest_e,
+        reach=course * model.reach,
+        unilateral=unilateral,
+        length=model.length,
+        forces=forces,
     )
     goals = np.array([model.rest_e + model.at_displacement(np.array(d)).delta_e for d in ([6.0, 5.0], [9.0, 9.5])])
-    pilot, goals = (Limits.of(model.reach, unilateral), np.ones(3), Settings()), {"points": goals}
+    pilot, goals = (Limits.of(robot.reach, unilateral), np.ones(3), Settings()), {"points": goals}
     return run_controllers(folder, spec, folder, robot, {"spectral": model}, goals, pilot, Options(quiet=True))
 
 
@@ -76,6 +81,27 @@ def test_closed_reaches_what_open_misses(tmp_path, model_folder):
     assert found["paper"]["gains"] == {"proportional": 0.01, "integral": 0.002}
     assert [found[name]["runs"] for name in ("open", "closed")] == [1, 2]
     assert len(results["headline"]) == 3
+
+
+def test_commands_of_bounded_pressure_go_as_far_as_the_model_knows(tmp_path, model_folder):
+    """A stiffer robot needs more than takes the model to its course; the bound of what it is told is what counts."""
+    spec = load(tmp_path, "loop.seeds=[1]")
+    short = 5 / load_model(model_folder).reach[0, 1]
+    bound = control(tmp_path, spec, model_folder, short)["loop"]["points"]["closed"]
+    free = control(tmp_path, spec, model_folder, short, np.array([[0.0, 10.0]] * 2))["loop"]["points"]["closed"]
+    assert bound["reached"]["max"] == 0 and free["reached"]["max"] == 2
+
+
+def test_fe_matrices_are_a_controller_s_model(tmp_path):
+    robot = bar()
+    real = FemPlant(robot)
+    aims = np.array([share * robot.reach[:, 1] for share in (0.2, 0.25, 0.3)])
+    goals = {"points": np.array([robot.rest_e + real.at_displacement(aim).delta_e for aim in aims])}
+    pilot = Limits.of(robot.reach, robot.unilateral), np.ones(3), Settings()
+    fe = "loop.controllers={fe: {mode: open, model: fe-based, iterations: 20}}"
+    spec = load(tmp_path, fe, "loop.real.stiffer=1", "loop.sensor={}")
+    found = run_controllers(tmp_path, spec, tmp_path, robot, {"spectral": real}, goals, pilot, Options(quiet=True))
+    assert found["loop"]["points"]["fe"]["error_at_goals"]["max"] < 1e-3
 
 
 def test_the_table_holds_every_tick(tmp_path, model_folder):

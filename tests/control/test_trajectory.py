@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cfem.control.trajectory import arc, half_sphere, loop_of_shares
+from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
 
 
 def test_quarter_circle_of_the_finger():
@@ -34,3 +34,11 @@ def test_loops_close_and_stay_in_the_cube(n_a):
     assert shares.min() >= 0.1 - 1e-12 and shares.max() <= 0.9 + 1e-12
     step = np.linalg.norm(np.roll(shares, -1, axis=0) - shares, axis=1)
     assert step[-1] <= step.max() + 1e-12
+
+
+def test_an_approach_ends_a_step_before_the_first_goal():
+    goals = arc(np.array([0.0, 0.0, 10.0]), 4.0, 0.0, np.pi, "xy", 3)
+    found = with_approach(goals, np.array([0.0, 0.0, 10.0]), 4)
+    np.testing.assert_allclose(found[:4], [[0, 0, 10], [1, 0, 10], [2, 0, 10], [3, 0, 10]])
+    np.testing.assert_array_equal(found[4:], goals)
+    np.testing.assert_array_equal(with_approach(goals, goals[1], 0), goals)

@@ -14,10 +14,10 @@ from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.gains import integral_for, late_samples
 from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.control.inverse import Limits, ridge_of
-from cfem.control.loop import Settings
+from cfem.control.loop import Model, Settings
 from cfem.control.pipe_plant import PipePlant
 from cfem.control.plant import ModelPlant, Plant
-from cfem.control.spec import ControlSpec, SearchSpec
+from cfem.control.spec import FE_BASED, ControlSpec, SearchSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.core.progress import progress
@@ -49,7 +49,7 @@ def run_controllers(
         for trajectory, points in goals.items():
             results[trajectory] = {}
             for name, controller in loop.controllers.items():
-                model, gains = predictors[controller.model or next(iter(predictors))], _gains(controller, loop)
+                model, gains = _model(controller, predictors, robot), _gains(controller, loop)
                 flown = _pilot(controller, loop, model, robot, *pilot, spec.search)
                 runs = []
                 for seed in _seeds(controller, loop):
@@ -86,10 +86,19 @@ def _seeds(controller: ControllerSpec, loop: LoopSpec) -> list[int]:
     return loop.seeds[:1] if deaf else loop.seeds
 
 
+def _model(controller: ControllerSpec, predictors: Mapping[str, Predictor], robot: Robot) -> Model:
+    """The controller's own: an FE model remembers where it has been."""
+    if controller.model == FE_BASED:
+        from cfem.control.fem_plant import FemPlant
+
+        return FemPlant(robot)
+    return predictors[controller.model or next(iter(predictors))]
+
+
 def _pilot(
     controller: ControllerSpec,
     loop: LoopSpec,
-    model: Predictor,
+    model: Model,
     robot: Robot,
     limits: Limits,
     weights: np.ndarray,
@@ -97,6 +106,9 @@ def _pilot(
     search: SearchSpec,
 ) -> Pilot:
     command = loop.command
+    if command.kind == "force" and robot.forces is not None:
+        # What protects the robot is the bound of what it is told; a course only has to be one that the model knows.
+        limits = Limits(limits.lambda_a, _known_course(model, robot))
     if command.kind == "force" and command.largest is not None:
         limits = replace(limits, lambda_a=np.clip(limits.lambda_a, -command.largest, command.largest))
     return Pilot(
@@ -110,6 +122,14 @@ def _pilot(
         np.inf if command.step is None else command.step,
         search.preload,
     )
+
+
+def _known_course(model: Model, robot: Robot) -> np.ndarray:
+    """(n_a, 2) mm (mm^3): what the scene states, and wherever else the model was trained; unbounded for FE."""
+    if not hasattr(model, "domain"):
+        return np.full_like(robot.reach, np.inf) * [-1, 1]
+    low, high = np.stack([robot.reach, model.domain.delta_a.T], axis=-1).swapaxes(0, 1)
+    return np.column_stack([low.min(axis=-1), high.max(axis=-1)])
 
 
 def _gains(controller: ControllerSpec, loop: LoopSpec) -> Gains | None:

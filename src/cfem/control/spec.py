@@ -3,16 +3,19 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Force, ForceVector, Length, LengthMatrix, LengthVector, Point
 from cfem.robot.geometry import Turn
 
+FE_BASED = "fe-based"  # name of the controller that has FE matrices for its model
+
 
 class ArcSpec(Spec):
-    """Goals on an arc of a circle, whether the robot can reach them or not."""
+    """Goals on an arc of a circle, whether the robot can reach them or not. from_rest: so many more before them, on the
+    straight line from where the effector rests."""
 
     kind: Literal["arc"]
     centre: LengthVector
@@ -21,6 +24,7 @@ class ArcSpec(Spec):
     end: Angle
     plane: Literal["xy", "yz", "zx"]
     goals: PositiveInt
+    from_rest: NonNegativeInt = 0
 
 
 class HalfSphereSpec(Spec):
@@ -154,7 +158,7 @@ class ControlSpec(Spec):
             return self
         if self.object:
             raise ValueError("a loop takes one robot without an object")
-        unknown = {one.model for one in loop.controllers.values()} - {None, *self.models}
+        unknown = {one.model for one in loop.controllers.values()} - {None, FE_BASED, *self.models}
         if unknown:
             raise ValueError(f"loop.controllers: models {sorted(unknown)} are not among {sorted(self.models)}")
         if self.plant != "fem" and (loop.real.scene or loop.real.mesh):

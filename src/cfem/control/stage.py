@@ -105,14 +105,12 @@ def _work(
 
 def _goals(name: str, trajectory: TrajectorySpec, robot, fem) -> np.ndarray:
     """(m, n_e) mm absolute."""
-    from cfem.control.trajectory import arc, half_sphere, loop_of_shares
+    from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
 
     if isinstance(trajectory, ArcSpec):
-        return _fit(
-            name,
-            arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals"))),
-            robot,
-        )
+        around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
+        around = _fit(name, around, robot)
+        return with_approach(around, robot.rest_e, trajectory.from_rest)
     if isinstance(trajectory, HalfSphereSpec):
         points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
         return _fit(name, points, robot)
@@ -193,6 +191,8 @@ def _limits(spec: ControlSpec, robot):
     from cfem.control.inverse import Limits
 
     limits = Limits.of(robot.reach, robot.unilateral)
+    if robot.forces is not None:
+        limits = replace(limits, lambda_a=robot.forces)
     if spec.search.largest_force is None:
         return limits
     bound = spec.search.largest_force

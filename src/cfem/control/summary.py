@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfem.control.experiment import Tracked
-
-FE_BASED = "fe-based"
+from cfem.control.spec import FE_BASED
 
 
 def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None) -> dict:

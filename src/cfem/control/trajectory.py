@@ -16,6 +16,12 @@ def arc(centre: np.ndarray, radius: float, start: float, end: float, plane: str,
     return points
 
 
+def with_approach(goals: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
+    """(count + m, n_e) mm: before the goals (m, n_e) as many as `count` on the straight line to them from start, which
+    is the first."""
+    return np.vstack([np.linspace(start, goals[0], count, endpoint=False), goals])
+
+
 def half_sphere(centre: np.ndarray, radius: float, turns: float, goals: int) -> np.ndarray:
     """(goals, 3) mm on a sphere about centre (3,) mm, from its top down to its equator, both included, by equal angles
     from the z axis and, `turns` in all, by equal angles about it."""
