@@ -31,9 +31,10 @@ def landscape(problem: Problem, index: int, best: Design, verified: float | None
     for axis, (i, j), scores in zip(axes[0], pairs, maps, strict=True):
         x, y = (_values(problem, k, shares) for k in (i, j))
         filled = axis.contourf(x, y, scores.objectives[:, index].reshape(_FINE, _FINE), levels, cmap="viridis_r")
-        broken = ~scores.feasible.reshape(_FINE, _FINE)
-        if broken.any():
-            axis.contourf(x, y, broken.astype(float), [0.5, 1.5], colors="none", hatches=["////"])
+        if not scores.feasible.all():
+            size = np.abs(scores.constraints).max(axis=0)
+            tightest = (scores.constraints / np.where(size > 0, size, 1.0)).min(axis=1).reshape(_FINE, _FINE)
+            axis.contourf(x, y, tightest, [-2.0, -1e-9], colors="none", hatches=["////"])
         axis.plot(
             *(_values(problem, k, best.z[k : k + 1]) for k in (i, j)),
             "o",
@@ -91,7 +92,8 @@ def _trade_off(figure: Figure, axis, problem: Problem, grid: Grid, front: Front,
         exact = np.array(list(verified.values()))
         axis.plot(exact[:, first], exact[:, second], "o", color=FE, markerfacecolor="none", label="finite elements")
     for name, place in front.corners.items():
-        axis.annotate(name, objectives[place, [first, second]], (6, 6), textcoords="offset points", color=INK)
+        offset = (-4, -15) if name == "knee" else (6, 6)
+        axis.annotate(name, objectives[place, [first, second]], offset, textcoords="offset points", color=INK)
     axis.set(xlabel=front.names[0], ylabel=front.names[1])
     outside_legend(axis)
 

@@ -1,6 +1,7 @@
 """The volume of a design: that of its CAD model, exact, as a polynomial in between."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -12,7 +13,7 @@ from cfem.parametric.family import from_shares, shares
 from cfem.robot.meshing import CATALOGUE, measure
 from cfem.sample.parameters import with_values
 
-_DEGREE, _SPARE = 3, 5
+_DEGREE, _SPARE = 3, 3
 
 
 class Volume:
@@ -22,16 +23,23 @@ class Volume:
     def __init__(self, scene: Any, parameters: Sequence[Parameter]):
         self._scene, self._parameters = scene, tuple(parameters)
         self._shape = [i for i, one in enumerate(parameters) if one.key.startswith("geometry")]
-        count = len(self._powers(np.zeros((1, len(self._shape))))[0])
-        z = qmc.Halton(max(len(self._shape), 1), scramble=False).random(count + 2 * _SPARE)[:, : len(self._shape)]
-        exact = np.array([self.exact(self._p(one)) for one in z])
-        use = slice(_SPARE, None)
-        self._coefficients = np.linalg.lstsq(self._powers(z[use]), exact[use], rcond=None)[0]
-        self.error = float(np.abs(self._powers(z) @ self._coefficients - exact)[:_SPARE].max())
 
     def __call__(self, p: np.ndarray) -> np.ndarray:
         """(m, n_p) -> (m,) mm^3."""
-        return self._powers(shares(self._parameters, p)[:, self._shape]) @ self._coefficients
+        return self._powers(shares(self._parameters, p)[:, self._shape]) @ self._fit[0]
+
+    @property
+    def error(self) -> float:
+        return self._fit[1]
+
+    @cached_property
+    def _fit(self) -> tuple[np.ndarray, float]:
+        """Coefficients and error, found when first asked for: a CAD model takes a process of its own."""
+        count = len(self._powers(np.zeros((1, len(self._shape))))[0])
+        z = qmc.Halton(max(len(self._shape), 1), scramble=False).random(count + 2 * _SPARE)[:, : len(self._shape)]
+        exact = np.array([self.exact(self._p(one)) for one in z])
+        coefficients = np.linalg.lstsq(self._powers(z[_SPARE:]), exact[_SPARE:], rcond=None)[0]
+        return coefficients, float(np.abs(self._powers(z) @ coefficients - exact)[:_SPARE].max())
 
     def exact(self, p: np.ndarray) -> float:
         """(n_p,) -> mm^3."""

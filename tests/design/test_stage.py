@@ -1,0 +1,162 @@
+"""`cfem optimize-design` from a spec to its artefact: bars of any length and height, learned and verified by FE."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from cfem.core.errors import SpecError
+from cfem.core.stage import Options
+from cfem.design.stage import run
+from cfem.robot.stage import run as make_mesh
+from cfem.sample.stage import run as simulate_sample
+from cfem.surrogate.stage import run as train
+
+QUIET = Options(quiet=True)
+QUICK = ("verify=no", "task=null", "figures=false", "constraints={}", "largest_force=null")
+SCENE = """
+name: bar
+out: mesh
+length: 60 mm
+geometry: {kind: bar, length: 60 mm, width: 10 mm, height: 10 mm}
+mesh: {size: 8 mm, element: tet4}
+material: {law: neo-hookean, young: 1 MPa, poisson: 0.3}
+fixed: [{kind: plane, point: {mm: [1, 0, 0]}, normal: [-1, 0, 0]}]
+actuators:
+  - kind: cable
+    name: up
+    points: {mm: [[15, 0, 3], [35, 0, 3], [55, 0, 3]]}
+    pull_point: {mm: [0, 0, 3]}
+    reach: {mm: [0, 4]}
+effectors: [{name: tip, point: {mm: [58, 0, 0]}}]
+"""
+SAMPLE = """
+scene: scene.yaml
+mesh: mesh
+out: samples
+parameters:
+  height: {key: geometry.height, range: {mm: [9, 12]}}
+  length: {key: geometry.length, range: {mm: [59, 62]}}
+splits:
+  train: {rows: 60, method: scrambled-halton, seed: 1}
+  test: {rows: 10, method: random, seed: 2}
+"""
+DESIGN = """
+model: model
+scene: scene.yaml
+mesh: mesh
+out: out
+actuation: {displacement: {mm: [2]}}
+objectives:
+  dexterity: {kind: dexterity, axis: x, rest: {mm: [58, 0, 0]}}
+  strength: {kind: strength, axis: z, largest: 10 N}
+  effort: {kind: python, function: "own.py:effort"}
+blends:
+  both: {dexterity: 1, strength: 2}
+front: {of: [dexterity, effort], points: 5}
+constraints:
+  mass: volume <= 6900
+  slender: height <= length / 5
+largest_force: 50 N
+grid: [6, 5]
+verify: fe
+task:
+  goals: {mm: [[57.5, 0, 3], [56, 0, 8]]}
+  starts: 2
+"""
+OWN = "import numpy as np\ndef effort(W, delta_free, p):\n    return ((2 - delta_free[:, 3]) / W[:, 3, 3]) ** 2\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("design")
+    for name, text in {"scene": SCENE, "sample": SAMPLE, "design": DESIGN}.items():
+        (folder / f"{name}.yaml").write_text(text)
+    (folder / "own.py").write_text(OWN)
+    (folder / "train.yaml").write_text("dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 6}\n")
+    make_mesh(folder / "scene.yaml", [], None, QUIET)
+    simulate_sample(folder / "sample.yaml", [], None, QUIET, workers=1)
+    train(folder / "train.yaml", [], None, QUIET)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(folder):
+    return run(folder / "design.yaml", [], None, QUIET)["results"]
+
+
+def test_best_designs_keep_their_constraints_and_finite_elements_agree(folder, done):
+    json.dumps(json.loads((folder / "out" / "design.json").read_text()), allow_nan=False)
+    for name in ("dexterity", "strength", "effort", "both", "front first", "front last"):
+        entry = done["designs"][name]
+        p, slack = entry["p"], entry["constraints"]
+        assert set(slack) == {"mass", "slender", "force of up"} and min(slack.values()) >= -1e-5
+        assert entry["volume"]["cad"] == pytest.approx(10 * p["height"] * p["length"], rel=1e-9)
+        assert entry["volume"]["fitted"] == pytest.approx(entry["volume"]["cad"], rel=1e-9)
+        share = entry["fe"]["gap_share_of_spread"]
+        assert share["dexterity"] < 0.01 and share["effort"] < 0.01 and abs(entry["fe"]["gap"]["strength"]) < 0.05
+        assert entry["fe"]["effector_distance"] < 0.01
+        for key, value in entry["fe"]["objectives"].items():
+            assert entry["fe"]["gap"][key] == pytest.approx(entry["objectives"][key] - value)
+    # a thin bar takes the least force: the thinnest of all is within the constraints
+    assert done["designs"]["effort"]["p"]["height"] == pytest.approx(9.0)
+    assert done["slopes_checked"] < 1e-5 and done["grid"]["feasible"] < 30
+
+
+def test_front_tables_and_pictures(folder, done):
+    out = folder / "out"
+    front = pq.read_table(out / "front.parquet")
+    assert front.num_rows == done["front"]["designs"] >= 5 and done["front"]["beaten_by_grid"] == 0
+    assert pq.read_table(out / "grid.parquet").num_rows == 30
+    meta = json.loads(front.schema.metadata[b"cfem"])
+    assert meta["units"]["height"] == "mm" and "slack.mass" in front.column_names
+    first = front["objective.dexterity"].to_numpy()
+    assert (np.diff(first) > 0).all() and (np.diff(front["objective.effort"].to_numpy()) < 0).all()
+    for name in done["figures"]:
+        assert (out / name).read_bytes()[:4] == b"\x89PNG"
+    assert set(done["figures"]) == {f"landscape-{name}.png" for name in done["spread"]} | {"front.png"}
+
+
+def test_overrides_of_a_best_design_make_its_mesh(folder, done, tmp_path):
+    overrides = done["designs"]["dexterity"]["overrides"]
+    mesh = make_mesh(folder / "scene.yaml", overrides, tmp_path / "mesh", QUIET)["results"]
+    assert mesh["volume"] == pytest.approx(done["designs"]["dexterity"]["volume"]["cad"], rel=1e-6)
+
+
+def test_the_task_is_served_better_than_by_the_reference_and_as_the_model_says(done):
+    task = done["task"]
+    assert sum(np.square(task["found"]["distance"])) < sum(np.square(task["reference"]["distance"]))
+    assert np.asarray(task["found"]["fe_distance"]) == pytest.approx(task["found"]["distance"], abs=0.01)
+
+
+def test_a_changed_function_makes_the_output_stale(folder, done):
+    assert run(folder / "design.yaml", [], None, QUIET)["status"] == "up to date"
+    (folder / "own.py").write_text(OWN + "# changed\n")
+    again = run(folder / "design.yaml", QUICK, folder / "again", QUIET)
+    (folder / "own.py").write_text(OWN)
+    assert again["status"] == "done" and "fe" not in again["results"]["designs"]["both"]
+    fresh = run(folder / "design.yaml", QUICK, folder / "again", QUIET)
+    assert fresh["status"] == "done"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["grid=[3]"], "grid: 1 numbers of points for 2 parameters"),
+        (["vary=[width]"], "vary: unknown parameter 'width'.*known are height, length"),
+        (["actuation={displacement: {mm: [1, 2]}}"], "actuation.displacement: 2 numbers for 1 actuators"),
+        (["actuation={displacement: {mm: [1]}, force: {N: [1]}}"], "one of the two"),
+        (["blends={a: {agility: 1}}"], "blends.a: no objective 'agility'"),
+        (["constraints={a: 'volume <= depth'}"], "constraints.a: unknown name 'depth'"),
+        (["constraints={a: {function: 'own.py:effort'}}"], "needs at_least or at_most"),
+        (["objectives.dexterity.effector=nose"], "objectives.dexterity: no effector 'nose'"),
+        (["mesh=null"], "verify: fe needs scene and mesh"),
+        (["task.weights=[1]"], "task.weights: 1 numbers for 3"),
+        (["fixed={height: 40 mm}", "front=null"], "fixed.height: 40 is out of the range"),
+    ],
+)
+def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):
+    first = ["verify=no"] if "mesh=null" not in overrides else []
+    with pytest.raises(SpecError, match=message):
+        run(folder / "design.yaml", [*first, *overrides], tmp_path / "out", QUIET)
