@@ -72,7 +72,7 @@ class GainsSpec(Spec):
 
 
 class ControllerSpec(Spec):
-    """One way to control. model: one of `models`, the first unless given, or `fe-based`, which is FE matrices; observer:
+    """One way to control. model: one of `models`, the first unless given, or `fe-based`, FE matrices; observer:
     where no sensor says where the actuators stand (`previous_step` is the paper's); iterations: inverse steps a tick, 1
     is the paper's; gains: of mode: closed, a phase margin of 60 deg unless given."""
 
