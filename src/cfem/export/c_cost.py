@@ -19,7 +19,7 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
     observer = 1 + (defines["CFEM_OBSERVER_ITERATIONS"] if _searches(model, spec) else 0)
     iterations = spec.controller.iterations
     queries = observer + (iterations * spec.controller.halvings or iterations - 1)
-    tick = queries * query + iterations * (program + softened)
+    tick = queries * query + iterations * max(spec.controller.halvings, 1) * (program + softened)
     return {
         "model": query,
         "program": program,

@@ -16,9 +16,9 @@ class ControllerSpec(Spec):
 
     command: what the drives take; observer: of where the actuators stand (measured by a sensor; previous_step: the
     last linearisation, the paper's; equilibrium: the model under the last command, by Newton's method); iterations:
-    model and program within a tick; halvings: lengths tried of a step, each half the last, until the model says that
-    it leads nearer to the goal, 0 takes it unseen, as the paper does; tolerance: a smaller move of every actuator is
-    not made; step: farthest that an actuator moves in a linearisation; rate, force_rate: by which the command may
+    model and program within a tick; step: farthest that an actuator moves in a linearisation; halvings: lengths of
+    step tried, each half the last, until the model says that it leads nearer to the goal, 0 takes it unseen, as the
+    paper does; tolerance: a smaller move of every actuator is not made; rate, force_rate: by which the command may
     change in a tick; unilateral: actuators pull and do not push; largest_force: of any actuator; regularisation: what
     full course costs relative to missing by the robot's length; weights: of effector rows; K_P, K_I: gains on the
     measured error, per tick; integral_limit: longest that K_I sum(e) becomes; start: where the actuators stand at

@@ -12,16 +12,16 @@ typedef struct {
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
-/* Amplitude limits cut down to what one tick may change: `rate` from the last command, `step` from where the actuators stand
- * (here, mm). Where those lie outside of the amplitudes, what is left is the bound. */
-static limits of_this_tick(const cfem_controller *c, const double *here) {
+/* Amplitude limits cut down to what one tick may change: `rate` from the last command, a `share` of `step` from where the
+ * actuators stand (here, mm). Where those lie outside of the amplitudes, what is left is the bound. */
+static limits of_this_tick(const cfem_controller *c, const double *here, double share) {
     limits l;
     for (int i = 0; i < NA; i++) {
         const double least = cfem_lambda_low[i], most = cfem_lambda_high[i];
         const double low = clip(c->delta_a[i] - cfem_delta_rate[i], cfem_delta_low[i], cfem_delta_high[i]);
         const double high = clip(c->delta_a[i] + cfem_delta_rate[i], cfem_delta_low[i], cfem_delta_high[i]);
-        l.delta_low[i] = clip(here[i] - cfem_step_limit[i], low, high);
-        l.delta_high[i] = clip(here[i] + cfem_step_limit[i], low, high);
+        l.delta_low[i] = clip(here[i] - share * cfem_step_limit[i], low, high);
+        l.delta_high[i] = clip(here[i] + share * cfem_step_limit[i], low, high);
         l.lambda_low[i] = clip(c->lambda_a[i] - cfem_lambda_rate[i], least, most);
         l.lambda_high[i] = clip(c->lambda_a[i] + cfem_lambda_rate[i], least, most);
     }
@@ -113,25 +113,30 @@ static double merit(const cfem_condensed *m, const double *aim, double penalty) 
     return 0.5 * cost + penalty * outside;
 }
 
-/* m becomes the model at the first of the target, half way to it, ... that is better; it stays where none is, or where the
- * target is nearer than CFEM_TOLERANCE. lambda_a (NA,), delta_a (NA,): the target. 1: it moved. */
-static int descend(cfem_condensed *m, const double *aim, const double *lambda_a, const double *delta_a, double penalty) {
-    const double *const here = CFEM_FORM_DISPLACEMENT ? m->delta_a : m->lambda_a;
-    const double *const target = CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a;
-    const double now = merit(m, aim, penalty);
-    double share = 1.0, farthest = 0.0;
-    for (int i = 0; i < NA; i++)
-        if (fabs(delta_a[i] - m->delta_a[i]) > farthest) farthest = fabs(delta_a[i] - m->delta_a[i]);
-    if (farthest <= CFEM_TOLERANCE) return 0;
+/* m becomes the model where the inverse step leads, of the longest of step, step / 2, step / 4, ... for which that is better;
+ * it stays where none is, or where the step is shorter than CFEM_TOLERANCE. A shorter step, not a part of the step: what the
+ * goal needs is still done, what hardly matters waits. The status is of the first. */
+static unsigned descend(const cfem_controller *c, cfem_condensed *m, const double *aim, int *moved) {
+    double lambda_a[NA], delta_a[NA], strongest, share = 1.0;
+    unsigned first = CFEM_OK;
+    *moved = 0;
     for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
-        double s[NA];
+        const limits l = of_this_tick(c, m->delta_a, share);
+        const unsigned status = inverse_step(m, aim, &l, lambda_a, delta_a, &strongest);
+        double farthest = 0.0;
         cfem_condensed trial;
-        for (int i = 0; i < NA; i++) s[i] = here[i] + share * (target[i] - here[i]);
-        if (cfem_model(s, &trial) || !(merit(&trial, aim, penalty) < now)) continue;
-        *m = trial;
-        return 1;
+        if (halving == 0) first = status;
+        if (status & CFEM_NO_QP) break;
+        for (int i = 0; i < NA; i++)
+            if (fabs(delta_a[i] - m->delta_a[i]) > farthest) farthest = fabs(delta_a[i] - m->delta_a[i]);
+        if (farthest <= CFEM_TOLERANCE) break;
+        if (cfem_model(CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
+        if (merit(&trial, aim, 2.0 * strongest) < merit(m, aim, 2.0 * strongest)) {
+            *m = trial, *moved = 1;
+            break;
+        }
     }
-    return 0;
+    return first;
 }
 #endif
 
@@ -250,7 +255,7 @@ void cfem_init(cfem_controller *c) {
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
-    double aim[NE], s[NA], delta_a[NA], lambda_a[NA], strongest;
+    double aim[NE], s[NA], delta_a[NA], lambda_a[NA];
     cfem_condensed m;
     limits l;
     if (!usable(in)) return answer(c, CFEM_HELD | CFEM_BAD_INPUT, out);
@@ -261,12 +266,16 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
     if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
     for (int iteration = 0;; iteration++) {
         found |= outside(&m);
-        l = of_this_tick(c, m.delta_a);
+        l = of_this_tick(c, m.delta_a, 1.0);
+#if CFEM_HALVINGS
+        int moved;
+        status = descend(c, &m, aim, &moved);
+        if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+        if (!moved || iteration == CFEM_ITERATIONS - 1) break;
+#else
+        double strongest;
         status = inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
         if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
-#if CFEM_HALVINGS
-        if (!descend(&m, aim, lambda_a, delta_a, 2.0 * strongest) || iteration == CFEM_ITERATIONS - 1) break;
-#else
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = cfem_model(s, &m);
