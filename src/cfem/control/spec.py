@@ -1,7 +1,7 @@
 """What `control.yaml` says: which models follow which trajectories, against what."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
@@ -112,7 +112,9 @@ class ControlSpec(Spec):
     kept of each trajectory; reached: a goal counts as reachable where the search ends nearer than this. object: what
     the scene's contact points hold, whose centre then is what follows the goals; robots: that hold it, one where the
     scene stands unless given; updates: of the object's pose at each query of a learned model, as many as it takes to
-    balance it unless given. loop: control over time instead, tick by tick, open or closed; `pipe` is a plant of it."""
+    balance it unless given. design: values of the models' parameters by their names, '41 mm' or 0.47, of the robot that
+    is controlled, the scene's own where left out; goals are told as for the scene's own robot, and move with where the
+    effectors rest. loop: control over time instead, tick by tick, open or closed; `pipe` is a plant of it."""
 
     scene: Path
     mesh: Path
@@ -130,6 +132,7 @@ class ControlSpec(Spec):
     object: ObjectSpec | None = None
     robots: list[RobotSpec] = Field(default=[RobotSpec(name="robot")], min_length=1)
     updates: PositiveInt | None = None
+    design: dict[str, Any] = {}
     loop: LoopSpec | None = None
 
     @model_validator(mode="after")
@@ -139,6 +142,12 @@ class ControlSpec(Spec):
         names = [one.name for one in self.robots]
         if len(set(names)) < len(names):
             raise ValueError(f"names of robots must differ, got {names}")
+        return self
+
+    @model_validator(mode="after")
+    def _design_alone(self):
+        if self.design and (self.object or self.loop or self.runtime == "onnx"):
+            raise ValueError("design does not go with an object, a loop or runtime: onnx yet")
         return self
 
     @model_validator(mode="after")

@@ -49,8 +49,15 @@ def _work(
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
 
-    robot = build_robot(*load_scene_and_mesh(base / spec.scene, mesh))
+    scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
     predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
+    shift = np.zeros(0)
+    if spec.design:
+        from cfem.control.design import designed
+
+        robot, predictors, shift = designed(*scene_and_mesh, predictors, spec.design)
+    else:
+        robot = build_robot(*scene_and_mesh)
     if spec.object:
         from cfem.control.assembled import assembled, touching
 
@@ -61,7 +68,7 @@ def _work(
         _demand_same_rows(robot, predictors, models)
         fem = FemPlant(robot) if spec.plant == "fem" else None
         plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
-    goals = {name: _goals(name, trajectory, robot, fem) for name, trajectory in spec.trajectories.items()}
+    goals = {name: _goals(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
     if spec.loop:
         from cfem.control.closed_loop_stage import run_controllers
 
@@ -103,19 +110,19 @@ def _work(
     }
 
 
-def _goals(name: str, trajectory: TrajectorySpec, robot, fem) -> np.ndarray:
-    """(m, n_e) mm absolute."""
+def _goals(name: str, trajectory: TrajectorySpec, robot, fem, shift: np.ndarray) -> np.ndarray:
+    """(m, n_e) mm absolute. shift: by how much they move with a design."""
     from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
 
     if isinstance(trajectory, ArcSpec):
         around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
-        around = _fit(name, around, robot)
+        around = _fit(name, around, robot, shift)
         return with_approach(around, robot.rest_e, trajectory.from_rest)
     if isinstance(trajectory, HalfSphereSpec):
         points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
-        return _fit(name, points, robot)
+        return _fit(name, points, robot, shift)
     if isinstance(trajectory, GoalsSpec):
-        return _fit(name, trajectory.points, robot)
+        return _fit(name, trajectory.points, robot, shift)
     if len(trajectory.centre) != robot.rows.n_a:
         raise SpecError(
             f"centre has {len(trajectory.centre)} numbers, the robot {robot.rows.n_a} actuators",
@@ -125,13 +132,13 @@ def _goals(name: str, trajectory: TrajectorySpec, robot, fem) -> np.ndarray:
     return np.array([fem.pull(share).x_e for share in shares])
 
 
-def _fit(name: str, goals: np.ndarray, robot) -> np.ndarray:
+def _fit(name: str, goals: np.ndarray, robot, shift: np.ndarray) -> np.ndarray:
     if goals.shape[1] != robot.rows.n_e:
         raise SpecError(
             f"a goal has {goals.shape[1]} numbers, the robot {robot.rows.n_e} effector rows",
             where=f"trajectories.{name}",
         )
-    return goals
+    return goals + shift if len(shift) else goals
 
 
 def _demand_same_rows(robot, predictors, models) -> None:
