@@ -5,7 +5,7 @@ import pytest
 from calibrate.truth import PULLS, measured
 from parametric.synthetic import Arc
 
-from cfem.calibrate.calibration import calibrate
+from cfem.calibrate.calibration import calibrate, coverage
 from cfem.calibrate.residuals import Noise
 from cfem.core.errors import InputError, NumericalError
 
@@ -85,6 +85,14 @@ def test_intervals_cover_the_truth_as_often_as_they_claim(known):
             profiled += (ends[0] or 0.0) <= 0.47 <= (ends[1] or 0.5)
     assert 168 <= covered <= 192
     assert 81 <= profiled <= 99
+
+
+def test_simulated_repeats_count_how_often_the_interval_covers():
+    noise = Noise(0.05, 0.02, True)
+    found = run(measured(TRUTH, dual=True), [NU, E], noise, STARTS * [1, 1, 2], with_profile=False)
+    for confidence in (0.5, 0.9):
+        shares = coverage(found, noise, confidence, 100)
+        assert shares.shape == (2,) and np.abs(shares - confidence).max() < 0.15
 
 
 def test_profiles_agree_with_the_covariance_where_the_noise_is_small():

@@ -56,7 +56,7 @@ def test_a_dataset_serves_as_measurements(tmp_path):
     assert len(swapped) == 3 and swapped.kind == "force"
     with pytest.raises(InputError, match="rows"):
         read_measurements(tmp_path, ROWS, "displacement")
-    with pytest.raises(InputError, match="has 5 rows, number 9"):
+    with pytest.raises(InputError, match="has no row 9: its 5 rows are 0 to 4"):
         read_measurements(tmp_path, rows, "displacement", chosen=[9])
 
 

@@ -116,6 +116,21 @@ def calibrate(
     )
 
 
+def coverage(found: Calibration, noise: Noise, confidence: float, repeats: int, seed: int = 0) -> np.ndarray:
+    """(n_free,) share of `repeats` in which the interval covers what was found, were that the truth and measured anew
+    each time with the noise stated."""
+    problem, rng = found.problem, np.random.default_rng(seed)
+    truth = problem.z(found.p)
+    computed = problem.target + found.residuals
+    covered = np.zeros(len(truth))
+    for _ in range(repeats):
+        other = problem.of_other(computed + problem.sigma * rng.standard_normal(len(computed)))
+        z = best_of([fit(other.with_jacobian, truth)]).z
+        spread = spread_of(*other.with_jacobian(z), noise.known, confidence)
+        covered += np.abs(z - truth) <= spread.quantile * spread.deviations
+    return covered / repeats
+
+
 def _seen(problem: Residuals, starts: np.ndarray) -> np.ndarray:
     """(n,) whether what was measured depends on each parameter, at some start."""
     centred = problem.target - problem.target.mean() if len(problem.target) > 1 else problem.target

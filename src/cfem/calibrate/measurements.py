@@ -55,13 +55,19 @@ def read_measurements(
 ) -> Measurements:
     """InputError naming the file, the row and the column of what cannot be read."""
     if path.is_dir():
-        found = _of_dataset(artefact_file(path, f"{split}.parquet"), rows, kind)
+        path = artefact_file(path, f"{split}.parquet")
+        found, numbers = _of_dataset(path, rows, kind)
     else:
         found = _of_table(_READERS[_suffix(path)](path), rows, kind, path)
+        numbers = list(range(len(found)))
     if chosen is not None:
-        if max(chosen) >= len(found):
-            raise InputError(f"has {len(found)} rows, number {max(chosen)} was asked for", where=str(path))
-        index = list(chosen)
+        missing = [one for one in chosen if one not in numbers]
+        if missing:
+            what = f"has no row {missing[0]}: its {len(numbers)} rows are {numbers[0]} to {numbers[-1]}"
+            raise InputError(
+                what + (", less those that failed" if len(numbers) <= numbers[-1] else ""), where=str(path)
+            )
+        index = [numbers.index(one) for one in chosen]
         found = Measurements(kind, *(getattr(found, name)[index] for name in ("u", "x_e", "delta_e", "dual")))
     return found
 
@@ -74,14 +80,15 @@ def _suffix(path: Path) -> str:
     return path.suffix
 
 
-def _of_dataset(path: Path, rows: Rows, kind: str) -> Measurements:
+def _of_dataset(path: Path, rows: Rows, kind: str) -> tuple[Measurements, list[int]]:
+    """And the numbers of its rows in their plan: those that failed have none of a measurement."""
     from cfem.dataset.reader import read_dataset
 
     data = read_dataset(path)
     if data.rows != rows:
         raise InputError(f"has rows {data.rows.names}, the model {rows.names}", where=str(path))
     u, dual = (data.delta_a, data.lambda_a) if kind == "displacement" else (data.lambda_a, data.delta_a)
-    return Measurements(kind, u, np.full_like(data.delta_e, np.nan), data.delta_e, dual)
+    return Measurements(kind, u, np.full_like(data.delta_e, np.nan), data.delta_e, dual), data.id.tolist()
 
 
 def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path) -> Measurements:

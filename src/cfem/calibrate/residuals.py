@@ -1,7 +1,7 @@
 """Measured against computed: one number a measurement, in units of its noise, with derivatives by the parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,6 +84,12 @@ class Residuals:
         """(n_r,) and (n_r, n_free)."""
         found, slopes = with_slopes(lambda batch: self.predictions(self.states(batch)), z, self.family.stencil)
         return (found - self.target) / self.sigma, slopes / self.sigma[:, None]
+
+    def of_other(self, target: np.ndarray) -> "Residuals":
+        """As if other numbers (n_r,) had been measured."""
+        other = replace(self)
+        other.__dict__["target"] = target
+        return other
 
     @cached_property
     def target(self) -> np.ndarray:

@@ -30,9 +30,9 @@ class CalibrateSpec(Spec):
     model: folder of a model that takes parameters. fe: by finite elements instead, with the model's parameters or
     those in `parameters`, as sample.yaml has them; scene, mesh: of the elements, the scene also where a model is of
     several shapes. find: all parameters unless given; fixed: values of the others, the scene's unless given. starts:
-    of the search, or how many spread over the ranges. noise: found from what the fit
-    leaves unless given. profile: intervals by profiles of the
-    likelihood as well; with a model unless said otherwise. truth: to compare with."""
+    of the search, or how many spread over the ranges. noise: found from what the fit leaves unless given. profile:
+    intervals by profiles of the likelihood as well; with a model unless said otherwise. repeats: of the measurement,
+    simulated with the noise stated, in which intervals are counted that cover. truth: to compare with."""
 
     measurements: Path
     out: Path
@@ -51,6 +51,7 @@ class CalibrateSpec(Spec):
     noise: NoiseSpec | None = None
     confidence: float = Field(0.95, gt=0, lt=1)
     profile: bool | None = None
+    repeats: Annotated[int, Field(ge=0, le=10_000)] = 0
     truth: dict[str, Value] = {}
     figure: bool = True
 
@@ -64,6 +65,8 @@ class CalibrateSpec(Spec):
             raise ValueError("fe: true needs parameters, or a model whose parameters they are")
         if self.model is not None and self.parameters:
             raise ValueError("parameters are the model's; leave one of the two out")
+        if self.repeats and self.noise is None:
+            raise ValueError("repeats are simulated with a noise: state it")
         if self.starts == []:
             raise ValueError("starts: needs one at least")
         return self

@@ -40,7 +40,7 @@ def _used(spec: CalibrateSpec, name: str) -> bool:
 
 
 def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str, Any]:
-    from cfem.calibrate.calibration import calibrate
+    from cfem.calibrate.calibration import calibrate, coverage
     from cfem.calibrate.measurements import read_measurements
     from cfem.calibrate.residuals import Noise
     from cfem.parametric.given import demand_known, vector
@@ -71,6 +71,11 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
         family, measured, find, p0, _starts(spec, parameters, find, p0), noise, spec.confidence, with_profile
     )
     results = summary(found, spec)
+    if spec.repeats and found.estimates:
+        shares = coverage(found, noise, spec.confidence, spec.repeats)
+        results["coverage"] = dict(zip([one.name for one in found.estimates], shares, strict=True))
+        said = ", ".join(f"{name} in {100 * share:.1f} %" for name, share in results["coverage"].items())
+        results["headline"].append(f"{spec.repeats} simulated repeats: the interval covers {said}")
     if not spec.fe:
         results["outside"] = family.outside(found.states)
         if results["outside"]:
