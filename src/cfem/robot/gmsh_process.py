@@ -122,6 +122,19 @@ def measure(gmsh, solid: dict) -> dict[str, np.ndarray]:
     return {"volume": np.array(gmsh.model.occ.getMass(*body)), "area": np.array(area)}
 
 
+def write(gmsh, solid: dict, files: list[str], deviation: float) -> dict[str, np.ndarray]:
+    """Writes the solid into files by their suffix, .step exactly, .stl by triangles `deviation` mm off at most."""
+    one_body(gmsh, solid)
+    for file in files:
+        if file.endswith(".stl"):
+            gmsh.option.setNumber("Mesh.StlLinearDeflection", deviation)
+            gmsh.option.setNumber("Mesh.StlLinearDeflectionRelative", 0)
+            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 60)
+            gmsh.model.mesh.generate(2)
+        gmsh.write(file)
+    return {}
+
+
 def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     """X (n, 3), cells (m, 4), CAD volume."""
     solid = job["solid"]
@@ -180,7 +193,10 @@ def main() -> int:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)
         job = json.load(sys.stdin)
-        answer = measure(gmsh, job["solid"]) if job["size"] is None else mesh(gmsh, job)
+        if job.get("write"):
+            answer = write(gmsh, job["solid"], job["write"], job["deviation"])
+        else:
+            answer = measure(gmsh, job["solid"]) if job["size"] is None else mesh(gmsh, job)
     except Exception as error:  # gmsh raises bare Exception
         print(error, file=sys.stderr)
         return 11

@@ -193,6 +193,12 @@ def measure(solid: Solid) -> tuple[float, float]:
     return float(answer["volume"]), float(answer["area"])
 
 
+def write_cad(solid: Solid, files: Sequence[Path], deviation: float = 0.05) -> None:
+    """Writes a body for CAD (.step, exact) and for printing (.stl, about `deviation` mm off at most), in mm."""
+    job = {"solid": as_data(solid), "write": [str(file) for file in files], "deviation": deviation}
+    _gmsh(job, solid)
+
+
 def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
     """What gmsh's process answers."""
     with tempfile.TemporaryDirectory() as scratch:
