@@ -15,8 +15,8 @@ _END = ("x", "y", "z", "rx", "ry", "rz")
 def compose(
     training: Any, spec: SerialSpec, folder: Path
 ) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
-    """Arrays, what model.json says of them, and how the module's model learned. folder: of the module's model. InputError where it does not fit the
-    whole: other effectors, or another number of actuators."""
+    """Arrays, what model.json says of them, and how the module's model learned. folder: of the module's model.
+    InputError where it does not fit the whole: other effectors, or another number of actuators."""
     meta, arrays = read_meta(folder), read_arrays(folder)
     history = meta.pop("history")
     module = build(meta, arrays)
