@@ -55,8 +55,9 @@ def test_parameters_that_only_act_together_are_named_together():
     assert all(one.interval == (None, None) and one.deviation is None for one in found.estimates)
 
 
-def test_a_weak_parameter_is_called_weak():
+def test_a_weak_parameter_is_called_weak_and_its_interval_ends_with_its_range():
     found = run(measured(TRUTH), [L, NU], Noise(0.5, 1.0, True))
+    assert found.estimates[1].interval == pytest.approx((0.40, 0.499))
     assert ["poisson is weakly identifiable" in one for one in found.identifiability.sentences] == [True]
 
 

@@ -18,8 +18,9 @@ from cfem.parametric.states import States
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter. value; interval: its confidence interval by the linearised covariance, profile: by the profile of
-    the likelihood, None at an end that is not determined; deviation: of its share of the range; at_end: whether it lies
+    """One parameter. value; interval: its confidence interval by the linearised covariance, within the parameter's
+    range, None where it is not determined; profile: by the profile of the likelihood, None at an end that lies beyond
+    the range; deviation: of its share of the range; at_end: whether it lies
     at an end of its range."""
 
     name: str
@@ -35,7 +36,7 @@ class Estimate:
 class Calibration:
     """p: (n_p,) all parameters, those not found as they were given; estimates: of the found ones; unseen: names that
     nothing measured depends on; states: the robot's at p; residuals: (n_r,) computed less measured, in measured units;
-    noise: the one stated or, from what the fit leaves, estimated; seconds: of the search, and of profiles;
+    noise: the one stated or, from what the fit leaves, estimated; seconds: of CPU time of the search, and of profiles;
     evaluations: robots and states that the search asked for."""
 
     p: np.ndarray
@@ -65,7 +66,7 @@ def calibrate(
 ) -> Calibration:
     """find: numbers of the parameters asked for; p0 (n_p,): values of all others; starts: (k, n_p). A parameter that
     nothing measured depends on stays as in p0. NumericalError where no start leads to an answer."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     noise = noise or relative(measured)
     everything = Residuals(family, measured, noise, p0, list(find))
     seen = _seen(everything, starts)
@@ -83,7 +84,7 @@ def calibrate(
         states = problem.states(z[None])
         left = problem.predictions(states)[0] - problem.target
         known = Identifiability(np.zeros(0), 0, np.zeros((0, 0)), sentences)
-        took = time.perf_counter() - begin
+        took = time.process_time() - begin
         evaluations = everything.evaluations + problem.evaluations
         return Calibration(p0, (), tuple(names), (), problem, None, known, states, left, None, took, 0.0, evaluations)
     fits = [fit(problem.with_jacobian, z) for z in problem.z(starts)]
@@ -91,13 +92,13 @@ def calibrate(
     residuals, jacobian = problem.with_jacobian(z)
     spread = spread_of(residuals, jacobian, noise.known, confidence)
     known = identifiability(jacobian, problem.parameters, spread)
-    seconds, evaluations = time.perf_counter() - begin, everything.evaluations + problem.evaluations
-    begin = time.perf_counter()
+    seconds, evaluations = time.process_time() - begin, everything.evaluations + problem.evaluations
+    begin = time.process_time()
     profiles = [
         profile(problem.with_jacobian, z, i, spread) if with_profile and np.isfinite(spread.deviations[i]) else None
         for i in range(len(z))
     ]
-    profile_seconds = time.perf_counter() - begin
+    profile_seconds = time.process_time() - begin
     states = problem.states(z[None])
     return Calibration(
         problem.p(z),
@@ -158,20 +159,18 @@ def _estimate(problem: Residuals, z: np.ndarray, i: int, spread: Spread, profile
     parameter = problem.parameters[i]
 
     def value(share: float | None) -> float | None:
-        if share is None or not np.isfinite(share):
+        if share is None:
             return None
         moved = z.copy()
         moved[i] = share
-        with np.errstate(over="ignore"):
-            found = float(problem.p(moved)[problem.free[i]])
-        return found if np.isfinite(found) else None
+        return float(problem.p(moved)[problem.free[i]])
 
     half = spread.quantile * spread.deviations[i]
     return Estimate(
         parameter.name,
         parameter.unit,
         value(z[i]),
-        (value(z[i] - half), value(z[i] + half)),
+        (value(max(z[i] - half, 0.0)), value(min(z[i] + half, 1.0))) if np.isfinite(half) else (None, None),
         None if profiled is None else (value(profiled[0]), value(profiled[1])),
         float(spread.deviations[i]) if np.isfinite(spread.deviations[i]) else None,
         bool(min(z[i], 1 - z[i]) < 1e-5),

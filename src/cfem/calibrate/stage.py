@@ -159,7 +159,7 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
     starts = _account(found)
     headline.append(
         f"{len(found.problem.measured)} states, {len(found.problem.target)} numbers, {len(found.fits)} starts, "
-        f"{1e3 * found.seconds:.1f} ms"
+        f"{1e3 * found.seconds:.1f} ms of CPU time"
     )
     return {
         "headline": headline,
