@@ -12,7 +12,8 @@ from cfem.core.errors import NumericalError
 
 # z -> residuals (n_r,), Jacobian (n_r, n)
 Problem = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-_TOLERANCE = 1e-13
+_TOLERANCE = 1e-10
+_NEAR = 1e-3  # of the range: an end so near is tried
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,11 @@ def fit(problem: Problem, start: np.ndarray) -> Fit:
         least_squares(
             seen.residuals, inside, seen.jacobian, bounds=(0.0, 1.0), xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE
         )
+        # the search stays inside: an answer at an end of a range is approached, and never met
+        near = seen.z[int(np.argmin(seen.cost))]
+        end = np.where(np.minimum(near, 1 - near) < _NEAR, np.round(near), near)
+        if not np.array_equal(end, near):
+            seen.residuals(end)
     except NumericalError as error:
         failure = str(error)
     best = int(np.argmin(seen.cost)) if seen.cost else None
