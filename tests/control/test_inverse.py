@@ -58,3 +58,13 @@ def test_where_the_effectors_do_not_matter_the_actuators_go_to_their_preload():
     free = Limits(np.tile([-np.inf, np.inf], (2, 1)), np.tile([-np.inf, np.inf], (2, 1)))
     step = inverse_step(now, Aim(np.zeros(3), np.zeros(3), np.full(2, 0.1), preload=1.5), free)
     np.testing.assert_allclose(step.delta_a, 1.5, rtol=1e-9)
+
+
+def test_damping_holds_the_actuators_and_where_they_stand_is_still_the_answer():
+    now = ArcRobot().at_displacement(np.array([6.0, 4.0]))
+    free = Limits(np.tile([-np.inf, np.inf], (2, 1)), np.tile([-np.inf, np.inf], (2, 1)))
+    pulled = Aim(np.zeros(3), np.zeros(3), np.full(2, 0.1), preload=1.0, damping=np.array([0.2, 0.3]))
+    step = inverse_step(now, pulled, free)
+    np.testing.assert_allclose(step.delta_a, [(1 + 4 * 6.0) / 5, (1 + 9 * 4.0) / 10], rtol=1e-9)
+    there = inverse_step(now, Aim(now.delta_e, np.ones(3), np.zeros(2), damping=1.0), free)
+    np.testing.assert_allclose(there.delta_a, [6.0, 4.0], atol=1e-9)

@@ -121,6 +121,7 @@ def _pilot(
         replace(settings, iterations=controller.iterations),
         np.inf if command.step is None else command.step,
         search.preload,
+        ridge_of(search.damping, robot.reach, robot.length),
     )
 
 

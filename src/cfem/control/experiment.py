@@ -55,15 +55,17 @@ class Tracker:
         ridge: np.ndarray,
         rest_e: np.ndarray,
         preload: float = 0.0,
+        damping: np.ndarray | float = 0.0,
     ):
         self._controller, self._limits, self.weights, self._ridge = controller, limits, weights, ridge
         self._rest_e, self._preload, self._settings = rest_e, preload, controller.approach
+        self._damping = damping
         home = getattr(controller.model, "home", np.zeros(len(ridge)))
         self._at = Iterate.at(controller.model.at_displacement(home))
 
     def towards(self, goal: np.ndarray) -> Reach:
         """goal: (n_e,) mm, absolute."""
-        aim = Aim(goal - self._rest_e, self.weights, self._ridge, self._preload)
+        aim = Aim(goal - self._rest_e, self.weights, self._ridge, self._preload, self._damping)
         found = reach(self._controller.model, aim, self._limits, self._at, self._settings)
         self._at, self._settings = found.iterate, self._controller.settings
         return found

@@ -2,12 +2,13 @@
 their goal.
 
     minimise over lambda   |w (W_ea lambda + delta_free_e - goal)|^2 / 2 + |r (delta_a - preload)|^2 / 2
-                           + (delta_a - delta_now)^T S (delta_a - delta_now) / 2
+                           + (delta_a - delta_now)^T (S + d^2) (delta_a - delta_now) / 2
     subject to             bounds of lambda, bounds of delta_a = W_aa lambda + delta_free_a
 
 after Navez, Menager et al. 2025. w selects and weighs effector rows, r is a small regularisation that decides
-where the effectors do not, and S, absent from the paper, is the curvature of the effectors' map (see
-`loop`)."""
+where the effectors do not, and two terms are absent from the paper: S, the curvature of the effectors' map (see
+`loop`), and d, the damping of Levenberg and Marquardt, which keeps actuators that the effectors leave the choice from
+wandering among answers that are as good, and moves no answer."""
 
 from dataclasses import dataclass, replace
 
@@ -42,12 +43,14 @@ class Limits:
 @dataclass(frozen=True)
 class Aim:
     """What the effectors should do. goal: (n_e,) mm from rest; weights: (n_e,), 0 for rows that do not matter;
-    ridge: (n_a,) dimensionless, the regularisation r; preload: mm, the course that it draws the actuators to."""
+    ridge: (n_a,) dimensionless, the regularisation r; preload: mm, the course that it draws the actuators to;
+    damping: (n_a,) dimensionless, d, which holds them where they are."""
 
     goal: np.ndarray
     weights: np.ndarray
     ridge: np.ndarray
     preload: float = 0.0
+    damping: np.ndarray | float = 0.0
 
     def distance(self, delta_e: np.ndarray) -> float:
         """mm between effectors (n_e,) and goal over the rows that matter."""
@@ -89,9 +92,11 @@ def inverse_step(
     missing = aim.weights * (now.delta_free[now.rows.e] - aim.goal)
     course = np.diag(aim.ridge**2)
     f = pull.T @ missing + W_aa @ (course @ (free_a - aim.preload))
-    if curvature is not None:
-        course = course + curvature
-        f += W_aa @ (curvature @ (free_a - now.delta_a))
+    if curvature is not None or np.any(aim.damping):
+        near = np.diag(np.broadcast_to(np.square(aim.damping), len(free_a)))
+        near = near if curvature is None else near + curvature
+        course = course + near
+        f += W_aa @ (near @ (free_a - now.delta_a))
     H = pull.T @ pull + W_aa @ course @ W_aa
     low, high = limits.delta_a.T - free_a
     qp = solve_qp(H, f, W_aa, low, high, limits.lambda_a, backend)

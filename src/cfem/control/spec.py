@@ -69,13 +69,15 @@ TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Fie
 class SearchSpec(Spec):
     """iterations: inverse steps a goal; tolerance: a smaller move of every actuator ends them; step: largest
     move in one; regularisation: what full course costs relative to missing by the robot's length; preload: course that
-    it counts from, to which actuators tend where the effectors leave them the choice; weights: of effector rows."""
+    it counts from, to which actuators tend where the effectors leave them the choice; damping: what a move by full
+    course in one step costs, which keeps redundant actuators from wandering; weights: of effector rows."""
 
     iterations: PositiveInt = 20
     tolerance: Length = 1e-5
     step: Length = 5.0
     regularisation: float = Field(1e-10, ge=0)
     preload: Length = 0.0
+    damping: float = Field(0.0, ge=0)
     weights: list[Annotated[float, Field(ge=0)]] | None = None
     largest_force: Force | None = None
     qp: Literal["daqp", "osqp"] = "daqp"

@@ -178,8 +178,14 @@ def _follow(
         advance(1)
 
     preload = spec.search.preload
+    damping = ridge_of(spec.search.damping, robot.reach, robot.length)
     tracked = follow(
-        goals, reference, learned, plant, lambda one: Tracker(one, limits, weights, ridge, robot.rest_e, preload), after
+        goals,
+        reference,
+        learned,
+        plant,
+        lambda one: Tracker(one, limits, weights, ridge, robot.rest_e, preload, damping),
+        after,
     )
     fe = {one.index: one for one in tracked if one.controller == FE_BASED}
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]

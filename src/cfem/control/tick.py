@@ -17,8 +17,8 @@ ONCE = Settings(iterations=1)
 @dataclass(frozen=True)
 class Pilot:
     """What turns goals into commands. limits: amplitudes; rate: mm (mm^3) or N (MPa) by which a command may change in
-    a tick; weights (n_e,), ridge (n_a,), preload: see `Aim`; settings.iterations: inverse steps a tick, 1 is the
-    paper's."""
+    a tick; weights (n_e,), ridge (n_a,), preload, damping: see `Aim`; settings.iterations: inverse steps a tick, 1
+    is the paper's."""
 
     model: Model
     command: Command
@@ -29,6 +29,7 @@ class Pilot:
     settings: Settings = ONCE
     rate: float = np.inf
     preload: float = 0.0
+    damping: np.ndarray | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Belief:
 def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None) -> Belief:
     """One tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it. Where the model
     has no answer the command stays, and the status says why. InputError where that observer's sensor is missing."""
-    aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload)
+    aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping)
     limits = _this_tick(pilot, belief.u)
     try:
         at = belief.iterate
