@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 
 from cfem.constraint.attachment import attach
 from cfem.core.errors import NumericalError, SpecError
@@ -127,3 +127,14 @@ def test_surfaces_pass_through_the_corners_they_should():
     )
     with pytest.raises(ValueError, match="not known"):
         surfaces(Placed(Box((0, 0, 0), (1, 1, 1)), (0, 0, 1), 1.0, (0, 0, 0)))
+
+
+def test_a_mirrored_mesh_is_its_own_image_and_so_is_its_morph(tmp_path):
+    scene = SceneSpec.model_validate(SCENE).model_copy(update={"geometry": finger()})
+    scene = scene.model_copy(update={"mesh": scene.mesh.model_copy(update={"mirror": "x"})})
+    mesh, volume = make_mesh(scene, tmp_path)
+    assert volume == pytest.approx(39561.35, abs=0.01) and mesh.volumes.min() > 0
+    design = finger(41, 20.5, 7.5)
+    for X in (mesh.X, Morph(mesh, soft_finger(finger()))(soft_finger(design), np.zeros((0, 3))).X):
+        seen = X * [-1, 1, 1]
+        assert cKDTree(X).query(seen)[0].max() < 1e-9

@@ -25,7 +25,8 @@ from cfem.predict.protocol import Predictor
 @dataclass(frozen=True)
 class RobotsAndObject:
     """What control asks of a robot, for several and what they hold: see `cfem.equilibrium.robot.Robot`. X (n, 3) and
-    facets are of all robots, one after the other, at rest, and of the object, whose points are the last."""
+    facets are of all robots, one after the other, at rest, and of the object, whose points are the last. forces: no
+    bounds stated."""
 
     rows: Rows
     rest_e: np.ndarray
@@ -35,6 +36,7 @@ class RobotsAndObject:
     X: np.ndarray
     facets: np.ndarray
     object_points: int
+    forces: None = None
 
 
 def assembled(

@@ -15,7 +15,7 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import hexahedra, selection
 from cfem.robot.bar import bar
-from cfem.robot.cad import Box, File, Placed, Solid, as_data
+from cfem.robot.cad import Box, Difference, File, Placed, Solid, as_data
 from cfem.robot.diamond import diamond
 from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Trunk
 from cfem.robot.mesh_file import read_own
@@ -27,6 +27,8 @@ from cfem.robot.trunk import trunk
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
+
+_FAR = 1e4  # mm, beyond any robot
 
 Region = Box | Placed
 CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Trunk: trunk}
@@ -110,10 +112,33 @@ def corner_mesh(
         X, cells, volume = _hexahedra(geometry, solid, meshing, regions, where)
     else:
         stl = isinstance(geometry, MeshFile)
-        X, cells, volume = run_gmsh(solid, meshing, () if stl else regions, grading)
+        axis = None if meshing.mirror is None else "xyz".index(meshing.mirror)
+        whole = solid if axis is None else Difference(solid, (_behind(axis),))
+        X, cells, volume = run_gmsh(whole, meshing, () if stl else regions, grading)
+        if axis is not None:
+            X, cells, volume = *mirrored(X, cells, axis), 2 * volume
         inverted = tet_volumes(X, cells) < 0
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
     return Mesh(X, cells, boundary_facets(cells)), volume
+
+
+def _behind(axis: int) -> Box:
+    """Where the coordinate `axis` is negative."""
+    low, high = np.full(3, -_FAR), np.full(3, _FAR)
+    high[axis] = 0.0
+    return Box(tuple(low), tuple(high))
+
+
+def mirrored(X: np.ndarray, cells: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Tetrahedra on one side of the plane where the coordinate `axis` is 0, and their mirror images."""
+    X = X.copy()
+    on = np.abs(X[:, axis]) < 1e-9 * np.ptp(X, axis=0).max()
+    X[on, axis] = 0.0
+    image = np.arange(len(X))
+    image[~on] = len(X) + np.arange((~on).sum())
+    other = X[~on].copy()
+    other[:, axis] *= -1
+    return np.concatenate([X, other]), np.concatenate([cells, image[cells]])
 
 
 def _corner_sizes(grading: Grading) -> list[list[float]]:

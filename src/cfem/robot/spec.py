@@ -21,11 +21,13 @@ class Meshing(Spec):
     geometrically exact rod (beam), or hexahedra between the sections: hex8-full, whose shear locks, or hex8-reduced;
     with hex8 it is a solid whose chambers are wound by hoops that keep their shape, one a section, and whose modules
     end in rigid plates. size: the largest. refine: boxes of finer tetrahedra. cells: about how many tetrahedra; they
-    are then graded, finest where W needs it."""
+    are then graded, finest where W needs it. mirror: the axis across which the body is its own mirror image: one half
+    is meshed, and W is as symmetric as the body."""
 
     size: Length = Field(gt=0)
     cells: int | None = Field(default=None, ge=100)
     refine: list[Refinement] = []
+    mirror: Literal["x", "y", "z"] | None = None
     element: Literal["tet4", "tet10", "tet10p0", "hex8", "hex8-full", "hex8-reduced", "beam"] = "tet10p0"
 
 
@@ -90,6 +92,13 @@ class SceneSpec(Spec):
             or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
         ):
             raise ValueError("mesh.cells grades tetrahedra that are made here, not hexahedra or a mesh file")
+        return self
+
+    @model_validator(mode="after")
+    def _mirrored(self):
+        made = not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"
+        if self.mesh.mirror and not made:
+            raise ValueError("mesh.mirror is for tetrahedra of one body that is meshed here")
         return self
 
     @model_validator(mode="after")
