@@ -102,3 +102,16 @@ def test_hypervolume_of_steps():
 
 def test_of_equal_rows_both_stay():
     assert non_dominated(np.array([[0.0, 1], [0, 1], [1, 1], [1, 0]])).tolist() == [True, True, False, True]
+
+
+def test_a_front_in_two_pieces_says_where_it_jumps():
+    """second = y (1 - 0.3 x) + (1 - y) (1.35 - x): y = 1 is better for x < 1/2, y = 0 beyond."""
+    problem = plain(
+        first=lambda p: p[:, 0],
+        second=lambda p: p[:, 1] * (1 - 0.3 * p[:, 0]) + (1 - p[:, 1]) * (1.35 - p[:, 0]),
+    )
+    grid = evaluate_grid(problem, (12, 12))
+    front = pareto_front(problem, grid, ("first", "second"), 15, best_of_each(problem, grid, 3))
+    before, after = (front.designs[front.corners[name]].z for name in ("before gap", "after gap"))
+    assert before[0] < 0.5 < after[0] and [before[1], after[1]] == pytest.approx([1, 0], abs=1e-6)
+    assert front.corners["after gap"] == front.corners["before gap"] + 1

@@ -63,6 +63,7 @@ grid: [6, 5]
 verify: fe
 task:
   goals: {mm: [[57.5, 0, 3], [56, 0, 8]]}
+  force: {N: [0, 0, 0.02]}
   starts: 2
 """
 OWN = "import numpy as np\ndef effort(W, delta_free, p):\n    return ((2 - delta_free[:, 3]) / W[:, 3, 3]) ** 2\n"

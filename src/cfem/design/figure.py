@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 from matplotlib.figure import Figure
 
-from cfem.design.front import Front
+from cfem.design.front import Front, jumps
 from cfem.design.problem import Problem
 from cfem.design.search import Design, Grid
 from cfem.parametric.family import from_shares
@@ -69,8 +69,7 @@ def front_figure(problem: Problem, grid: Grid, front: Front, verified: dict[int,
     objectives by finite elements."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.2))
     _trade_off(figure, axes[0], problem, grid, front, verified)
-    objectives = np.array([one.objectives for one in front.designs])
-    z = np.array([one.z for one in front.designs])
+    objectives, z = _along(front)
     for i, parameter in enumerate(problem.parameters):
         axes[1].plot(objectives[:, front.of[0]], z[:, i], ".-", color=LEARNED[i % len(LEARNED)], label=parameter.name)
     axes[1].set(xlabel=front.names[0], ylabel="Share of the parameter's range", ylim=(-0.04, 1.04))
@@ -81,21 +80,30 @@ def front_figure(problem: Problem, grid: Grid, front: Front, verified: dict[int,
 def _trade_off(figure: Figure, axis, problem: Problem, grid: Grid, front: Front, verified: dict) -> None:
     first, second = front.of[:2]
     objectives = np.array([one.objectives for one in front.designs])
+    line = _along(front)[0]
     good = grid.scores.feasible
     cloud = grid.scores.objectives
     axis.plot(cloud[good, first], cloud[good, second], ".", color=GOAL, markersize=3, label=f"grid, {good.sum()}")
     if not good.all():
         axis.plot(cloud[~good, first], cloud[~good, second], "x", color=FAINT, markersize=3, label="breaks constraints")
     style = ".-" if len(front.of) == 2 else "."
-    axis.plot(objectives[:, first], objectives[:, second], style, color=LEARNED[0], label="front")
+    axis.plot(line[:, first], line[:, second], style, color=LEARNED[0], label="front")
     if verified:
         exact = np.array(list(verified.values()))
         axis.plot(exact[:, first], exact[:, second], "o", color=FE, markerfacecolor="none", label="finite elements")
     for name, place in front.corners.items():
-        offset = (-4, -15) if name == "knee" else (6, 6)
+        offset = (-4, -15) if name in ("knee", "before gap") else (6, 6)
         axis.annotate(name, objectives[place, [first, second]], offset, textcoords="offset points", color=INK)
     axis.set(xlabel=front.names[0], ylabel=front.names[1])
     outside_legend(axis)
+
+
+def _along(front: Front) -> tuple[np.ndarray, np.ndarray]:
+    """(k, n_f) objectives and (k, n) shares in order, a row of nan where the front jumps to other designs."""
+    objectives = np.array([one.objectives for one in front.designs])
+    z = np.array([one.z for one in front.designs])
+    places = jumps(z)
+    return np.insert(objectives, places, np.nan, axis=0), np.insert(z, places, np.nan, axis=0)
 
 
 def _values(problem: Problem, k: int, shares: np.ndarray) -> np.ndarray:

@@ -16,10 +16,10 @@ _TILT = 1e-5  # weight of the other objectives at an end of the front
 @dataclass(frozen=True)
 class Front:
     """names: of the objectives; of (k,): their numbers; designs: in the order of the first objective; corners: their
-    places: the ends, and the knee between them, where the front is farthest below the line between its ends (two
-    objectives). volume, grid_volume: hypervolumes of the front and of the grid's own (shares of the box between the
-    best and the worst of the grid's), None for more than two objectives; beaten: points of the grid that beat a design
-    of the front."""
+    places: the ends, the knee between them, where the front is farthest below the line between its ends, and either
+    side of where it jumps to other designs (two objectives). volume, grid_volume: hypervolumes of the front and of the
+    grid's own (shares of the box between the best and the worst of the grid's), None for more than two objectives;
+    beaten: points of the grid that beat a design of the front."""
 
     names: tuple[str, ...]
     of: tuple[int, ...]
@@ -56,19 +56,17 @@ def pareto_front(problem: Problem, grid: Grid, names: Sequence[str], points: int
     keep.sort(key=lambda i: objectives[i, 0])
     designs = tuple(found[i] for i in keep)
     hat = grid.hat(np.array([one.objectives for one in designs]))[:, of]
+    z = np.array([one.z for one in designs])
     two = len(of) == 2
+    better = [((hats[feasible] <= one).all(axis=1) & (hats[feasible] < one - 1e-9).any(axis=1)).sum() for one in hat]
     return Front(
         tuple(names),
         tuple(of),
         designs,
-        _corners(hat)
-        if two
-        else dict.fromkeys(names, 0) | {name: int(np.argmin(hat[:, i])) for i, name in enumerate(names)},
+        _corners(hat, z) if two else {name: int(np.argmin(hat[:, i])) for i, name in enumerate(names)},
         hypervolume(hat) if two else None,
         hypervolume(hats[feasible]) if two else None,
-        int(
-            sum(((hats[feasible] <= one).all(axis=1) & (hats[feasible] < one - 1e-9).any(axis=1)).sum() for one in hat)
-        ),
+        int(sum(better)),
     )
 
 
@@ -100,12 +98,21 @@ def _repeats(objectives: np.ndarray, index: int, width: np.ndarray) -> bool:
     return bool((np.abs(objectives[:index] - objectives[index]) < 1e-6 * width).all(axis=1).any())
 
 
-def _corners(hat: np.ndarray) -> dict[str, int]:
+def jumps(z: np.ndarray) -> np.ndarray:
+    """Places in the front (k, n) at which it goes over to other designs: half a range and more away."""
+    return 1 + np.flatnonzero(np.abs(np.diff(z, axis=0)).max(axis=1) > 0.5)
+
+
+def _corners(hat: np.ndarray, z: np.ndarray) -> dict[str, int]:
     first, last = hat[0], hat[-1]
     line = last - first
     below = line[0] * (hat[:, 1] - first[1]) - line[1] * (hat[:, 0] - first[0])
     knee = int(np.argmin(below))
-    return {"first": 0, "last": len(hat) - 1} | ({"knee": knee} if 0 < knee < len(hat) - 1 else {})
+    found = {"first": 0, "last": len(hat) - 1} | ({"knee": knee} if 0 < knee < len(hat) - 1 else {})
+    for number, place in enumerate(jumps(z)):
+        label = f" {number + 1}" if number else ""
+        found |= {f"before gap{label}": int(place) - 1, f"after gap{label}": int(place)}
+    return {name: place for i, (name, place) in enumerate(found.items()) if place not in list(found.values())[:i]}
 
 
 def _lattice(points: int, k: int) -> list[np.ndarray]:
