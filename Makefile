@@ -2,10 +2,10 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
-SCENES := $(filter-out surrogates soft-gripper stiff-flop,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
+SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded soft-gripper stiff-flop $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded soft-gripper stiff-flop stiff-flop-experiments parametric-finger $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -59,6 +59,47 @@ stiff-flop: .venv/all
 	for model in export export-serial; do $(CFEM) export pipelines/$@/$$model.yaml || exit; done
 	$(CFEM) control pipelines/$@/control.yaml
 	$(CFEM) report pipelines/$@/report.yaml
+
+# One finger of many materials and shapes: models of all, controlled, calibrated and designed by them.
+parametric-finger: .venv/all
+	$(CFEM) mesh pipelines/$@/scene.yaml
+	for kind in mechanical geometric; do \
+	  for stage in simulate-sample train export control; do \
+	    $(CFEM) $$stage pipelines/$@/$${stage#simulate-}-$$kind.yaml || exit; \
+	  done; \
+	done
+	$(CFEM) simulate-sample pipelines/$@/sample-truth.yaml
+	for spec in calibrate calibrate-modulus; do $(CFEM) calibrate pipelines/$@/$$spec.yaml || exit; done
+	for spec in design design-one-point design-task; do $(CFEM) optimize-design pipelines/$@/$$spec.yaml || exit; done
+
+# The paper's experiments on the trunk (docs/stiff-flop-experiments.md), after `make stiff-flop`; ten minutes.
+EXPERIMENT := pipelines/stiff-flop-experiments
+PUBLISHED := {regularisation: 1e-8, step: 1 m}
+SOFTER := {scene: ["material.young=135 kPa", "materials.0.material.young=81 kPa"]}
+FINER := {scene: ["material.young=165 kPa", "materials.0.material.young=99 kPa"], mesh: ../../data/stiff-flop-experiments/mesh-fine}
+BY_FE := {open: {mode: open, model: fe-based}, \
+  paper: {mode: closed, model: fe-based, gains: {proportional: 0.01, integral: 0.002}}, \
+  tuned: {mode: closed, model: fe-based, gains: {phase_margin: 60 deg}}}
+stiff-flop-experiments: .venv/all
+	$(CFEM) mesh pipelines/stiff-flop-bbrfem/scene.yaml
+	$(CFEM) simulate-sample pipelines/stiff-flop-bbrfem/sample.yaml
+	$(CFEM) train pipelines/stiff-flop-bbrfem/train.yaml
+	$(CFEM) export $(EXPERIMENT)/export-bbrfem.yaml
+	$(CFEM) mesh pipelines/stiff-flop/scene.yaml --set 'mesh.size=1.375 mm' --out data/$@/mesh-fine
+	$(CFEM) mesh pipelines/stiff-flop-bbrfem/scene.yaml --set 'mesh.size=3.4375 mm' --out data/$@/mesh-bbrfem-fine
+	for spec in circle circle-bbrfem points points-bbrfem disturbance; do \
+	  $(CFEM) control $(EXPERIMENT)/$$spec.yaml || exit; \
+	done
+	$(CFEM) control $(EXPERIMENT)/circle.yaml --out data/$@/circle-published --set 'search=$(PUBLISHED)'
+	$(CFEM) control $(EXPERIMENT)/points.yaml --out data/$@/points-softer --set 'loop.real=$(SOFTER)'
+	$(CFEM) control $(EXPERIMENT)/points.yaml --out data/$@/points-finer --set 'loop.real=$(FINER)' \
+	  --set 'loop.controllers={tuned: {mode: closed}}'
+	$(CFEM) control $(EXPERIMENT)/points.yaml --out data/$@/points-5hz --set 'loop.rate=5 Hz' \
+	  --set 'loop.settle.at_most=400 s' --set 'loop.controllers=$(BY_FE)' \
+	  --set 'trajectories={B: {kind: goals, points: {mm: [[106, 26, 32.5]]}}}'
+	$(CFEM) report $(EXPERIMENT)/report.yaml
+	$(PYTHON) benchmarks/stiff_flop_stability.py
+	$(PYTHON) benchmarks/control_process.py models/stiff-flop/spectral-export --ticks
 
 # The comparison with the paper's network (about 15 minutes), and all that the README's table states.
 soft-finger-paper: .venv/all

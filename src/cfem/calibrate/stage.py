@@ -136,6 +136,8 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
             "at_end_of_range": one.at_end,
         }
         line = f"{one.name} {one.value:.6g}{_unit(one.unit)}, {_interval(one.interval, spec.confidence)}"
+        if one.profile is not None:
+            line += f" (by profile {_within(one.profile, parameters[one.name])})"
         if one.name in truth:
             entry["truth"], entry["error"] = truth[one.name], one.value - truth[one.name]
             line += f", off by {abs(entry['error']):.1e}"
@@ -159,7 +161,7 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
     starts = _account(found)
     headline.append(
         f"{len(found.problem.measured)} states, {len(found.problem.target)} numbers, {len(found.fits)} starts, "
-        f"{1e3 * found.seconds:.1f} ms of CPU time"
+        f"{_time(found.seconds)} of CPU time"
     )
     return {
         "headline": headline,
@@ -206,8 +208,18 @@ def _account(found: Any) -> list[dict[str, Any]]:
     ]
 
 
+def _time(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds >= 1 else f"{1e3 * seconds:.1f} ms"
+
+
 def _unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
+
+
+def _within(ends: tuple[float | None, float | None], parameter: Parameter) -> str:
+    """Ends that lie beyond the range as that of the range."""
+    low, high = ends
+    return f"[{parameter.low if low is None else low:.6g}, {parameter.high if high is None else high:.6g}]"
 
 
 def _interval(interval: tuple[float | None, float | None], confidence: float) -> str:
