@@ -10,7 +10,7 @@ from surrogate.stored import store_dataset, train_folder
 from surrogate.synthetic import dataset, effector, states
 
 from cfem.core.errors import GateError, InputError, SpecError
-from cfem.core.files import write_json
+from cfem.core.manifest import write_manifest
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
 from cfem.predict.load import load_model
@@ -129,7 +129,7 @@ def page(folder):
     store_dataset(folder / "beyond", train=10, test=10, test_seed=9)
     for samples in (folder / "beyond", folder / "spectral" / "samples"):
         manifest = json.loads((samples / "manifest.json").read_text())
-        write_json(samples / "manifest.json", {**manifest, "made_from": "a robot in closed form", "seconds": 0.0})
+        write_manifest(samples, {**manifest, "made_from": "a robot in closed form", "seconds": 0.0})
     (folder / "report.yaml").write_text(PAGE)
     run(folder / "report.yaml", [], None, QUIET)
     return folder / "page"

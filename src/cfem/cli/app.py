@@ -140,6 +140,22 @@ def inspect(
 
 
 @app.command()
+def verify(
+    folders: Annotated[
+        list[Path] | None, typer.Argument(help="Artefacts, or folders of them; default: data, models.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check every byte of artefacts against their manifests; exit 3 if anything is damaged, missing or foreign."""
+    from cfem.cli.verify import demand_whole, verify_folders
+
+    found = []
+    run_command(lambda _: verify_folders(folders or [], json, found), as_json=json)
+    if any(one.damage for one in found):
+        run_command(lambda _: demand_whole(found))
+
+
+@app.command()
 def stability(
     scene: Annotated[Path | None, typer.Argument(help="A scene whose mesh is made: its cases run too.")] = None,
     only: Annotated[str | None, typer.Option("--only", metavar="PATTERN", help="Cases by name: 'cables/*'.")] = None,

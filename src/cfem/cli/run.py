@@ -28,6 +28,12 @@ def run_command(
         _fail("interrupted; run the same command again to go on", 130)
     except BrokenPipeError:
         sys.exit(1)
+    except OSError as error:
+        if os.environ.get("CFEM_DEBUG"):
+            raise
+        _fail(f"{error.filename or 'a file'}: {error.strerror or error} (look at its disk and permissions)", 7)
+    except MemoryError:
+        _fail("out of memory (make the problem smaller, or use fewer --workers)", 4)
     except Exception as error:
         if os.environ.get("CFEM_DEBUG"):
             raise

@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import shutil
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,8 @@ import numpy as np
 
 from cfem.core.errors import DiskError, InputError, OutputError
 
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+
 
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
@@ -21,7 +24,7 @@ def disk_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO):
+        if error.errno in DISK:
             raise DiskError(
                 f"cannot write: {error.strerror}", where=str(path), do="free space or choose --out"
             ) from error
@@ -41,16 +44,29 @@ def write_whole(path: Path, data: bytes) -> None:
             os.replace(partial, path)
         finally:
             partial.unlink(missing_ok=True)
-        sync_folder(path.parent)
+        sync(path.parent)
 
 
-def sync_folder(folder: Path) -> None:
-    """Makes renames inside `folder` survive a power cut."""
-    handle = os.open(folder, os.O_RDONLY)
+def remove_unfinished(folder: Path) -> None:
+    """What a process that was killed in the middle of `write_whole` left behind."""
+    for path in folder.rglob(".*.tmp"):
+        path.unlink(missing_ok=True)
+
+
+def sync(path: Path) -> None:
+    """Makes a file's bytes, or the renames inside a folder, survive a power cut."""
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def sync_tree(folder: Path) -> None:
+    """All files and folders in it, whoever wrote them."""
+    with disk_errors(folder):
+        for path in [*folder.rglob("*"), folder]:
+            sync(path)
 
 
 def file_sha256(path: Path) -> str:
@@ -103,7 +119,8 @@ def write_json(path: Path, data: dict) -> None:
 
 @contextmanager
 def locked(target: Path) -> Iterator[None]:
-    """One writer at a time for `target`; the lock ends with the process that holds it. OutputError where it is held."""
+    """One writer at a time for `target`: a lock of the operating system, which ends with the process that holds it,
+    however it ends. OutputError, naming who writes, where it is held."""
     import fcntl
 
     lock = target.with_name(f".{target.name}.lock")
@@ -111,22 +128,46 @@ def locked(target: Path) -> Iterator[None]:
         lock.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(handle)
-        raise OutputError("another process is writing here", where=str(target), do="wait for it to end") from None
-    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            who = os.pread(handle, 200, 0).decode(errors="replace").strip()
+            what = f"another process is writing here{f' ({who})' if who else ''}"
+            raise OutputError(what, where=str(target), do="wait for it to end") from None
+        except OSError as error:
+            raise DiskError(f"cannot be locked: {error.strerror}", where=str(lock), do="choose --out") from error
+        with disk_errors(lock):
+            os.truncate(handle, 0)
+            os.pwrite(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
         yield
     finally:
         os.close(handle)
 
 
 def replace_folder(new: Path, target: Path) -> None:
-    """Puts the finished folder `new` in the place of `target`, whose old content goes."""
+    """Puts the finished folder `new` in the place of `target`, whose old content goes. A process that is killed between
+    the two renames leaves the old folder aside; `recover_folder` puts it back."""
     old = target.with_name(f".{target.name}.{os.getpid()}.old")
     with disk_errors(target):
+        sync_tree(new)
         if target.exists():
             os.replace(target, old)
-        os.replace(new, target)
-        sync_folder(target.parent)
+        try:
+            os.replace(new, target)
+        except OSError:
+            if old.exists():
+                os.replace(old, target)
+            raise
+        sync(target.parent)
     shutil.rmtree(old, ignore_errors=True)
+
+
+def recover_folder(target: Path) -> None:
+    """Undoes a replacement that was cut in two, and removes what others left. To be called by the holder of its lock
+    alone."""
+    with disk_errors(target):
+        for old in sorted(target.parent.glob(f".{target.name}.*.old")):
+            if target.exists():
+                shutil.rmtree(old, ignore_errors=True)
+            else:
+                os.replace(old, target)

@@ -1,7 +1,10 @@
 """What all commands share: a stage reads specs and artefact folders, writes one folder, and runs only when it must.
 
 An artefact is a folder with `manifest.json`: which stage made it, the content hash of everything it was made from
-(`made_from`), the content hash of what it holds (`content`), every file's SHA-256, results, versions and seconds."""
+(`made_from`), the content hash of what it holds (`content`), every file's SHA-256, results, versions and seconds.
+
+It is whole or absent at any moment: the work fills `.<name>.partial` beside it, which takes its place by a rename, all
+bytes on disk. Killed, the next run of the same inputs goes on from what is there; of others, it begins anew."""
 
 import os
 import shutil
@@ -12,11 +15,19 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import GateError, InputError, OutputError
-from cfem.core.files import content_sha256, file_sha256, locked, read_json, replace_folder, write_json
+from cfem.core.files import (
+    content_sha256,
+    disk_errors,
+    file_sha256,
+    locked,
+    recover_folder,
+    remove_unfinished,
+    replace_folder,
+    write_whole,
+)
+from cfem.core.manifest import MANIFEST, is_inside, read_manifest, write_manifest
 from cfem.core.provenance import versions
 from cfem.core.spec import Spec, meaning
-
-MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
@@ -69,19 +80,9 @@ def artefact_content(path: Path) -> str:
     return file_sha256(path)
 
 
-def read_manifest(folder: Path) -> dict:
-    """The manifest of an artefact folder; InputError where the folder is none."""
-    if not folder.exists():
-        raise InputError("no such artefact", where=str(folder), do="run the stage that makes it")
-    manifest = read_json(folder / MANIFEST)
-    if "content" not in manifest or "files" not in manifest:
-        raise InputError("is no artefact of cfem: its manifest lacks its content hash", where=str(folder))
-    return manifest
-
-
 def artefact_file(folder: Path, name: str) -> Path:
     """Path of a file of an artefact, checked against the manifest's SHA-256. InputError where missing or damaged."""
-    known = read_manifest(folder)["files"].get(name)
+    known = read_manifest(folder)["files"].get(name) if is_inside(name) else None
     if known is None:
         raise InputError(f"holds no {name}", where=str(folder), do="run the stage that makes it")
     if file_sha256(folder / name) != known:
@@ -109,22 +110,30 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
     Returns the manifest, with 'status' 'up to date' or 'done'.
     Raises GateError (stale under --check), OutputError (precious output from other inputs, or locked)."""
     made_from = stage.made_from()
-    current = is_current(stage, made_from)
+    if is_current(stage, made_from) and not (options.force and not options.check):
+        return {**read_manifest(stage.out), "status": "up to date"}
     if options.check:
-        if not current:
-            raise GateError(f"{stage.name}: stale", where=str(stage.out), do=f"run cfem {stage.name}")
-        return {**read_manifest(stage.out), "status": "up to date"}
-    if current and not options.force:
-        return {**read_manifest(stage.out), "status": "up to date"}
-    if stage.out.exists() and not options.force:
-        if not (stage.out / MANIFEST).exists() and (not stage.out.is_dir() or any(stage.out.iterdir())):
-            raise OutputError("exists and was not made by cfem", where=str(stage.out), do="choose another --out")
-        if stage.precious and (stage.out / MANIFEST).exists() and not current:
-            raise OutputError(
-                "holds results from other inputs", where=str(stage.out), do="choose another --out, or --force"
-            )
+        raise GateError(f"{stage.name}: stale", where=str(stage.out), do=f"run cfem {stage.name}")
     with locked(stage.out):
+        recover_folder(stage.out)
+        if not options.force:
+            if is_current(stage, made_from):
+                return {**read_manifest(stage.out), "status": "up to date"}
+            _demand_replaceable(stage)
         return _work(stage, made_from, work)
+
+
+def _demand_replaceable(stage: Stage) -> None:
+    """Raises OutputError where the output is not cfem's, or dear; InputError where what is dear is damaged."""
+    out = stage.out
+    if not out.exists():
+        return
+    if not (out / MANIFEST).exists() and (not out.is_dir() or any(out.iterdir())):
+        raise OutputError("exists and was not made by cfem", where=str(out), do="choose another --out")
+    if stage.precious and (out / MANIFEST).exists():
+        manifest = read_manifest(out)
+        if manifest.get("made_from") != stage.made_from():
+            raise OutputError("holds results from other inputs", where=str(out), do="choose another --out, or --force")
 
 
 def partial_folder(out: Path) -> Path:
@@ -133,15 +142,18 @@ def partial_folder(out: Path) -> Path:
 
 
 def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
-    partial = partial_folder(stage.out)
-    mark = partial / "made_from"
-    if not (mark.exists() and mark.read_text() == made_from):
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
-        mark.write_text(made_from)
+    partial, mark = partial_folder(stage.out), stage.out.with_name(f".{stage.out.name}.made_from")
+    with disk_errors(partial):
+        if partial.is_dir() and mark.exists() and mark.read_text() == made_from:
+            remove_unfinished(partial)
+        else:
+            mark.unlink(missing_ok=True)  # first: what it marked is whole no more
+            shutil.rmtree(partial, ignore_errors=True)
+            partial.mkdir(parents=True)
+            write_whole(mark, made_from.encode())
     start = time.perf_counter()
     results = dict(work(partial))
-    made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path not in (mark, partial / MANIFEST)]
+    made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
     files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
     manifest = {
         "stage": stage.name,
@@ -154,7 +166,8 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
         "versions": versions(),
         "seconds": time.perf_counter() - start,
     }
-    write_json(partial / MANIFEST, manifest)
+    write_manifest(partial, manifest)
     replace_folder(partial, stage.out)
-    (stage.out / mark.name).unlink()  # last: until the folder is in its place, an interrupted run can go on
+    with disk_errors(mark):
+        mark.unlink(missing_ok=True)
     return {**manifest, "status": "done"}

@@ -1,0 +1,35 @@
+"""`cfem verify`: what is damaged, file by file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cfem.core.errors import InputError
+from cfem.core.verify import Verdict, verify
+
+
+def verify_folders(folders: Sequence[Path], as_json: bool, found: list[Verdict]) -> dict[str, Any] | str:
+    """Fills `found`; what to print."""
+    found.extend(verify(folders))
+    if as_json:
+        return {
+            "artefacts": [vars(one) | {"damage": list(one.damage)} for one in found],
+            "damaged": sum(bool(one.damage) for one in found),
+        }
+    width = max(len(str(one.folder)) for one in found)
+    lines = []
+    for one in found:
+        form = "no checksum of its manifest (older cfem)" if one.format is None else f"format {one.format}"
+        lines.append(
+            f"{one.folder!s:<{width}}  {'DAMAGED' if one.damage else f'whole    {one.files:3d} files, {form}'}"
+        )
+        lines += [f"  {sentence}" for sentence in one.damage]
+    return "\n".join(lines)
+
+
+def demand_whole(found: Sequence[Verdict]) -> None:
+    """Raises InputError where anything is damaged."""
+    damaged = [one for one in found if one.damage]
+    if damaged:
+        what = f"{len(damaged)} of {len(found)} artefacts damaged, {damaged[0].folder} first"
+        raise InputError(what, where="verify", do="make them anew with --force, or restore their files")

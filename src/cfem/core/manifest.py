@@ -1,0 +1,63 @@
+"""The file that says what an artefact folder is and holds, sealed by a checksum of its own bytes."""
+
+import hashlib
+import json
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from cfem.core.errors import InputError
+from cfem.core.files import plain, write_whole
+
+MANIFEST = "manifest.json"
+FORMAT = 1
+_SEAL = b',\n  "checksum": "'
+_END = b'"\n}\n'
+
+
+def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:
+    """With its format's version first and, last, the SHA-256 of all bytes before that line: a flipped bit anywhere in
+    the file shows, be it in a digit or in a blank."""
+    data = {"format": FORMAT} | {key: value for key, value in manifest.items() if key not in ("format", "checksum")}
+    head = json.dumps(plain(data), indent=2, allow_nan=False).encode().removesuffix(b"\n}")
+    write_whole(folder / MANIFEST, head + _SEAL + hashlib.sha256(head).hexdigest().encode() + _END)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of an artefact folder; InputError where the folder is none, or the manifest is damaged or of a newer
+    format. One without format and checksum, as cfem wrote before it had them, is read as it is."""
+    if not folder.exists():
+        raise InputError("no such artefact", where=str(folder), do="run the stage that makes it")
+    path = folder / MANIFEST
+    try:
+        data = path.read_bytes()
+        manifest = json.loads(data)
+    except FileNotFoundError:
+        raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, str(error)) from None
+    if not isinstance(manifest, dict):
+        raise _damaged(path, "not a JSON object")
+    if manifest.keys() & {"format", "checksum"}:
+        head, _, tail = data.rpartition(_SEAL)
+        if tail != hashlib.sha256(head).hexdigest().encode() + _END:
+            raise _damaged(path, "its checksum differs")
+        if manifest.get("format") != FORMAT:
+            what = f"has manifest format {manifest.get('format')}; this cfem reads {FORMAT}"
+            raise InputError(what, where=str(path), do="update cfem, or make the artefact anew with --force")
+    files = manifest.get("files")
+    if "content" not in manifest or not isinstance(files, dict):
+        raise InputError("is no artefact of cfem: its manifest lacks its content hash", where=str(folder))
+    for name in files:
+        if not is_inside(name):
+            raise _damaged(path, f"names a file outside its folder, {name!r}")
+    return manifest
+
+
+def is_inside(name: str) -> bool:
+    """Whether a relative name stays below the folder that it is in."""
+    path = PurePosixPath(name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts and "\0" not in name
+
+
+def _damaged(path: Path, why: str) -> InputError:
+    return InputError(f"is damaged: {why}", where=str(path), do="make it anew with --force")

@@ -1,0 +1,132 @@
+"""Whatever operation of the disk fails, and wherever a process dies: the old artefact or the new one, never a part."""
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+from core.test_verify import Empty, Stage, fill
+
+from cfem.core import files
+from cfem.core.errors import DiskError, OutputError
+from cfem.core.files import locked, recover_folder, replace_folder
+from cfem.core.stage import Options, read_manifest, run_stage
+from cfem.core.verify import judge
+
+CODES = (errno.EIO, errno.ENOSPC, errno.EROFS)
+
+
+class Disk:
+    """The n-th operation that changes a file fails, and with `dead` all after it, as if the process had died."""
+
+    def __init__(self, monkeypatch, n: int = 0, dead: bool = False, code: int = errno.EIO):
+        self.count, self.n, self.dead, self.code = 0, n, dead, code
+        for name in ("replace", "fsync", "unlink", "mkdir", "rmdir", "truncate", "pwrite"):
+            monkeypatch.setattr(os, name, self._counted(getattr(os, name)))
+        monkeypatch.setattr(files, "open", self._open, raising=False)
+
+    def _open(self, path, mode="r", **options):
+        if "w" in mode:
+            self._tick()
+        return open(path, mode, **options)
+
+    def _counted(self, function):
+        def call(*arguments, **options):
+            self._tick()
+            return function(*arguments, **options)
+
+        return call
+
+    def _tick(self):
+        self.count += 1
+        if self.count == self.n or (self.dead and 0 < self.n < self.count):
+            raise OSError(self.code, os.strerror(self.code), "the disk")
+
+
+@pytest.fixture
+def quick():
+    """A folder in memory where there is one: a disk takes its time to sync, and there is much to sync."""
+    memory = Path("/dev/shm")
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as folder:
+        yield Path(folder)
+
+
+def made(tmp_path, value="old"):
+    return Stage("count", 1, Empty(), {}, tmp_path / "out", extra={"value": value})
+
+
+def run(tmp_path, value):
+    return run_stage(made(tmp_path, value), fill, Options(force=True))
+
+
+@pytest.mark.parametrize("dead", [False, True], ids=["one fails", "all fail from then on"])
+def test_the_nth_operation_fails_for_every_n(quick, dead):
+    run(quick / "whole", "old")
+    with pytest.MonkeyPatch.context() as patch:
+        counter = Disk(patch)
+        run(quick / "whole", "new")
+    assert counter.count > 30
+    for n in range(1, counter.count + 1):
+        folder = quick / str(n)
+        run(folder, "old")
+        with pytest.MonkeyPatch.context() as patch:
+            Disk(patch, n, dead, CODES[n % len(CODES)])
+            try:
+                run(folder, "new")
+            except DiskError as error:
+                assert "cannot write" in str(error)
+        with locked(folder / "out"):
+            recover_folder(folder / "out")
+        assert judge(folder / "out").damage == ()
+        assert run_stage(made(folder, "new"), fill, Options())["status"] in ("done", "up to date")
+        assert (
+            judge(folder / "out").damage == ()
+            and read_manifest(folder / "out")["made_from"] == made(folder, "new").made_from()
+        )
+        assert {path.name for path in folder.iterdir()} <= {"out", ".out.lock", ".out.made_from"}
+        shutil.rmtree(folder)
+
+
+def test_a_replacement_cut_in_two_is_undone(tmp_path, monkeypatch):
+    run(tmp_path, "old")
+    monkeypatch.setattr("cfem.core.files.sync_tree", lambda folder: None)
+    renamed = os.replace
+
+    def die(source, target):
+        if Path(source) == tmp_path / "new":
+            raise KeyboardInterrupt
+        renamed(source, target)
+
+    monkeypatch.setattr(os, "replace", die)
+    with pytest.raises(KeyboardInterrupt):
+        replace_folder(tmp_path / "new", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    monkeypatch.undo()
+    assert run_stage(made(tmp_path, "old"), lambda folder: 1 / 0, Options())["status"] == "up to date"
+
+
+def test_what_a_killed_write_left_is_not_taken_for_a_result(tmp_path):
+    def interrupt(folder):
+        (folder / ".numbers.bin.123.tmp").write_text("half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_stage(made(tmp_path), interrupt, Options())
+    assert set(run_stage(made(tmp_path), fill, Options())["files"]) == {"numbers.bin", "deep/text.txt"}
+
+
+def test_who_holds_the_lock_is_said(tmp_path):
+    code = "import sys, pathlib, cfem.core.files as f\nwith f.locked(pathlib.Path(sys.argv[1])): print(); input()"
+    words = [sys.executable, "-c", code, str(tmp_path / "out")]
+    other = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    other.stdout.readline()
+    with pytest.raises(OutputError, match=f"process {other.pid} on "), locked(tmp_path / "out"):
+        pass
+    other.kill()
+    other.communicate()
+    with locked(tmp_path / "out"):
+        pass
