@@ -1,13 +1,15 @@
 """Plans of a robot whose contact points are held in a rigid patch: cable forces and poses, drawn together.
 
 Forces, not displacements: what a cable's displacement may be depends on where the patch is held, and a patch held near
-rest while its cables are shortened far buckles the robot."""
+rest while its cables are shortened far buckles the robot. So does one that is held along a finger's axis at a length
+that the pulled finger does not have: such an axis is better drawn about where the patch would rest."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from cfem.condensed.pose import Patch
+from cfem.condensed.resting import resting
 from cfem.equilibrium.actuation import Actuation, force
 from cfem.equilibrium.held_patch import held
 
@@ -15,14 +17,19 @@ from cfem.equilibrium.held_patch import held
 @dataclass(frozen=True)
 class ContactPlan:
     """Picklable. low, high: (n_a + n,) smallest and largest force of each actuator (N), then the coordinates of the
-    patch's pose (mm, rad); turns: whether the patch can turn, n = 6 then, else 3."""
+    patch's pose (mm, rad); turns: whether the patch can turn, n = 6 then, else 3; about_rest: coordinates of the pose
+    that are drawn relative to `resting`."""
 
     low: tuple[float, ...]
     high: tuple[float, ...]
     turns: bool
+    about_rest: tuple[int, ...] = ()
 
-    def actuation(self, u: np.ndarray, patch: Patch) -> tuple[Actuation, np.ndarray]:
-        """What row u in [0, 1] prescribes, and its pose."""
+    def actuation(self, u: np.ndarray, patch: Patch, compliance: np.ndarray) -> tuple[Actuation, np.ndarray]:
+        """What row u in [0, 1] prescribes, and its pose. compliance (n_a + n, n_a + n): at rest, of actuators and
+        pose."""
         values = np.array(self.low) + u * (np.array(self.high) - np.array(self.low))
         n_a = len(u) - patch.n
+        if self.about_rest:
+            values[n_a:] += resting(compliance, n_a, self.about_rest) @ values
         return held(force(values[:n_a]), patch.displacement(values[n_a:])), values[n_a:]

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
+from cfem.condensed.pose import COORDINATES
 from cfem.core.errors import CfemError, SpecError
 from cfem.core.files import plain
 from cfem.core.progress import progress
@@ -90,12 +91,13 @@ def contact_plan(spec: SampleSpec, n_a: int) -> ContactPlan | None:
     turns = spec.contact.rotation is not None
     poses = [spec.contact.translation] + ([spec.contact.rotation] if turns else [])
     low, high = np.concatenate([np.tile([0.0, spec.contact.force], (n_a, 1)), *poses]).T.tolist()
-    return ContactPlan(tuple(low), tuple(high), turns)
+    about_rest = tuple(sorted(COORDINATES.index(axis) for axis in set(spec.contact.about_rest)))
+    return ContactPlan(tuple(low), tuple(high), turns, about_rest)
 
 
 def solve_skeleton(job: Job, rows: np.ndarray, executor: Executor, advance: Advance = _unseen) -> Path:
     """The file with these rows (indices into job.u), made if it is not there, and beside it their states."""
-    if not job.skeleton_rows.exists():
+    if not (job.skeleton_rows.exists() and job.skeleton_states.exists()):
         with _live_workers():
             executor.submit(shard.solve_skeleton, job, rows).result()
         advance(len(rows))

@@ -88,7 +88,7 @@ def _solve_rows(job: Job, indices: Iterable[int], known: Sequence[Knot]) -> tupl
         begin = time.perf_counter()
         u = job.u[index]
         if job.contact:
-            (asked, X), p = job.contact.actuation(u, solver.facts.patch), np.zeros(0)
+            (asked, X), p = job.contact.actuation(u, solver.facts.patch, solver.facts.compliance), np.zeros(0)
         else:
             facts = solver.facts
             asked, X = actuation(job.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None

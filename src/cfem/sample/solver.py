@@ -21,10 +21,11 @@ _STEP = 1e-4
 @dataclass(frozen=True)
 class Facts:
     """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
-    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest; patch:
-    that holds the contact points, None where they are free. rows: its pose's coordinates are the contacts, if any;
-    forces: (n_a, 2) smallest and largest multipliers, None where the scene does not state them; in_a_row: whether the
-    robot is of rigid sections in a row, each state of which best starts from the nearest."""
+    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest, with the
+    pose of the patch behind the actuators where there is one; patch: that holds the contact points, None where they are
+    free. rows: its pose's coordinates are the contacts, if any; forces: (n_a, 2) smallest and largest multipliers, None
+    where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
+    best starts from the nearest."""
 
     scene: str
     rows: Rows
@@ -64,6 +65,7 @@ class FiniteElements:
     turns: bool | None = None
 
     def __call__(self) -> Solver:
+        from cfem.condensed.restrict import onto_patch
         from cfem.equilibrium.actuation import force
         from cfem.equilibrium.held_patch import contact_points, patch_of
         from cfem.equilibrium.newton import Settings
@@ -79,18 +81,20 @@ class FiniteElements:
         rest = solve(problem, force(np.zeros(robot.rows.n_a)), settings=settings)
         if not rest.converged:
             raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="simulate-sample")
-        patch = None
+        patch, compliance = None, rest.condensed.W_aa
         if self.turns is not None:
             if not robot.contacts:
                 raise SpecError(f"scene '{robot.name}' has no contacts, of which the sample spec makes a patch")
             patch = patch_of(contact_points(problem), self.turns)
+            at_rest = onto_patch(rest.condensed, patch, np.zeros(patch.n))
+            compliance = at_rest.W[at_rest.rows.active, at_rest.rows.active]
         facts = Facts(
             robot.name,
             replace(robot.rows, contacts=patch.names if patch else ()),
             robot.reach,
             robot.rest_e,
             robot.length,
-            rest.condensed.W_aa,
+            compliance,
             self.parameters,
             units,
             patch,

@@ -64,17 +64,22 @@ class Until(Spec):
 class ContactSpec(Spec):
     """All contact points of the scene as one rigid patch, about their mean, whose pose is drawn with the actuators'
     forces. translation: smallest and largest of x, y, z; rotation: of its rotation vector, left out where the patch
-    cannot turn; force: largest of every actuator, from none on."""
+    cannot turn; force: largest of every actuator, from none on; about_rest: axes whose range is about where the patch
+    would rest in them, were it free there, under the forces and the other coordinates that are drawn (to first order):
+    for directions in which the robot is stiff, where a pose that does not yield to the cables would buckle it."""
 
     translation: LengthRanges
     rotation: AngleRanges | None = None
     force: Force = Field(gt=0)
+    about_rest: list[Literal["x", "y", "z", "rx", "ry", "rz"]] = []
 
     @model_validator(mode="after")
     def _three_axes(self) -> "ContactSpec":
         for name, ranges in (("translation", self.translation), ("rotation", self.rotation)):
             if ranges is not None and (len(ranges) != 3 or not (ranges[:, 0] < ranges[:, 1]).all()):
                 raise ValueError(f"{name}: expected three ranges, of x, y and z, the smaller number first")
+        if self.rotation is None and any(axis.startswith("r") for axis in self.about_rest):
+            raise ValueError("about_rest: the patch cannot turn, as rotation is left out")
         return self
 
 

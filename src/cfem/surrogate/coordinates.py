@@ -13,12 +13,17 @@ def box_coordinates(s: np.ndarray, q: np.ndarray, metric: np.ndarray) -> tuple[n
     return _scaled(s, q, np.linalg.eigh(metric * np.outer(spread, spread))[1].T / spread)
 
 
-def held_coordinates(s: np.ndarray, q: np.ndarray, hessian: np.ndarray, n_c: int) -> tuple[np.ndarray, np.ndarray]:
+def held_coordinates(
+    s: np.ndarray, q: np.ndarray, hessian: np.ndarray, n_c: int, rests: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """The same where the last n_c of s are the pose of a held patch, drawn with the actuators' forces: these, by the
-    mean Hessian (n_a, n_a) of the energy, and the pose. In displacements such states fill a thin slanted slab."""
+    mean Hessian (n_a, n_a) of the energy, and the pose, less where it rests, `rests` (n_c, n_a) times (forces, pose),
+    if that is how it was drawn. In displacements such states fill a thin slanted slab."""
     turn = np.eye(s.shape[1])
     actuators = s.shape[1] - n_c
     turn[:actuators] = hessian[:actuators]
+    if rests is not None:
+        turn[actuators:] -= rests @ turn
     return _scaled(s, q, turn)
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.pose import COORDINATES
+from cfem.condensed.resting import resting
 from cfem.predict.chebyshev import basis
 from cfem.predict.energy import Form
 from cfem.surrogate.chebyshev import derivative_matrices, index_set
@@ -49,7 +51,7 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
     s, q = inputs(dataset, form)
     known = observations(dataset, form)
     if dataset.n_c:
-        to_box, offset = held_coordinates(s, q, _mean_hessian(known, s.shape[1]), dataset.n_c)
+        to_box, offset = held_coordinates(s, q, _mean_hessian(known, s.shape[1]), dataset.n_c, _rests(dataset))
         active = None
     else:
         metric = _metric(s, q, known)
@@ -87,6 +89,15 @@ def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.
     pilot, _, _ = fit_quantity(z, in_box(effector, to_box), max_degree=6, max_terms=PILOT_TERMS, folds=5)
     second = design_rows(z, pilot.indices, pairs) @ pilot.coefficients
     return mean_square(in_box(Observations(pairs, second, n_a), np.linalg.inv(to_box)).values, n_a)
+
+
+def _rests(dataset: Any) -> np.ndarray | None:
+    """(n_c, n_a) where the coordinates that were drawn about their rest have it; None where none were."""
+    free = dataset.meta["plan"]["contact"].get("about_rest")
+    if not free:
+        return None
+    compliance = np.array(dataset.meta["compliance"])
+    return resting(compliance, len(compliance) - dataset.n_c, [COORDINATES.index(axis) for axis in free])
 
 
 def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
