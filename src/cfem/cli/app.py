@@ -16,7 +16,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    help="Condensed finite-element models of soft robots: mesh, sample, train, export, control, report.",
+    help="Condensed finite-element models of soft robots: mesh, sample, train, export, control, calibrate, optimize.",
     epilog="Exit codes: " + "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES.items()) + ".",
 )
 
@@ -66,6 +66,9 @@ def simulate_sample(
     json: Json = False,
     quiet: Quiet = False,
     workers: Workers = None,
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Solve the I-th of N parts alone; `cfem merge` joins them.")
+    ] = None,
     until_error: Annotated[
         str | None, typer.Option(metavar="LENGTH", help="Add states where the model errs, until it errs less.")
     ] = None,
@@ -77,13 +80,38 @@ def simulate_sample(
         return import_module("cfem.active.fill").fill(*arguments)
 
     run_command(
-        lambda o: _stage("sample")(spec, overrides, out, o, fill=fill, workers=workers), force, check, json, quiet
+        lambda o: _stage("sample")(spec, overrides, out, o, fill=fill, workers=workers, shard=shard),
+        force,
+        check,
+        json,
+        quiet,
     )
 
 
 _stage_command("robot", "Make the mesh of a scene, with named sets and quality figures.", "mesh")
 app.command("simulate-sample")(simulate_sample)
 app.command("sample", help="The same as simulate-sample.")(simulate_sample)
+
+
+@app.command()
+def merge(
+    spec: Annotated[Path, typer.Argument(help="The sampling spec that the parts were made from.")],
+    parts: Annotated[list[Path] | None, typer.Argument(help="Folders of all parts; default: those beside OUT.")] = None,
+    set_: Set = None,
+    out: Out = None,
+    force: Force = False,
+    check: Check = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Join the parts of simulate-sample --shard to the dataset that one machine would have made."""
+
+    def work(options):
+        return import_module("cfem.sample.stage").merge(spec, set_ or [], out, options, parts or [])
+
+    run_command(work, force, check, json, quiet)
+
+
 _stage_command("surrogate", "Fit a condensed model to a dataset; errors on its test set.", "train")
 _stage_command("export", "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
 _stage_command("control", "Follow trajectories by inverse control, in the FE plant.", "control")

@@ -111,7 +111,7 @@ class FiniteElements:
 
         problem = self._problem(p)
         if push is not None:
-            problem = Problem(pushed(problem.robot, push))
+            problem = Problem(pushed(problem.robot, push), like=problem)
         X = problem.rest
         place = self._place(kind, u, p)
         start = None
