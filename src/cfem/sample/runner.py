@@ -104,16 +104,25 @@ def solve_skeleton(job: Job, rows: np.ndarray, executor: Executor, advance: Adva
     return job.skeleton_rows
 
 
-def solve_rows(job: Job, rows: np.ndarray, size: int, executor: Executor, advance: Advance = _unseen) -> list[Path]:
+def solve_rows(
+    job: Job,
+    rows: np.ndarray,
+    size: int,
+    executor: Executor,
+    advance: Advance = _unseen,
+    share: slice = slice(None),
+) -> list[Path]:
     """The files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
-    same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else."""
+    same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
+    which of the shards, all by default."""
     pieces = tour.shards(job.u, rows, size)
-    waiting = [number for number, piece in enumerate(pieces) if not _holds(job, number, piece)]
+    mine = range(len(pieces))[share]
+    waiting = [number for number in mine if not _holds(job, number, pieces[number])]
     with _live_workers():
         futures = [executor.submit(shard.solve_shard, job, number, pieces[number]) for number in waiting]
         for future in as_completed(futures):
             advance(future.result())
-    return [job.shard_rows(number) for number in range(len(pieces))]
+    return [job.shard_rows(number) for number in mine]
 
 
 def _holds(job: Job, number: int, piece: np.ndarray) -> bool:

@@ -1,10 +1,12 @@
 """`cfem simulate-sample`: a scene, its mesh and a plan to a dataset."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cfem.condensed.parameters import to_json
+from cfem.condensed.parameters import Parameter, to_json
+from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import SceneSpec
@@ -22,32 +24,71 @@ def run(
     *,
     fill: Callable[..., dict[str, Any]] | None = None,
     workers: int | None = None,
+    shard: str | None = None,
 ) -> dict[str, Any]:
     """The dataset's manifest. Interrupted, the next run goes on from the shards that were finished.
 
     workers: processes, one a core by default; they change nothing but the time. The scene enters by its values: a
     comment in it makes no dataset stale. fill: makes the dataset's files; one that samples actively where `spec.until`
-    asks for it is `cfem.active.fill.fill`."""
+    asks for it is `cfem.active.fill.fill`. shard: 'i/n', to solve the i-th of n parts alone, for `merge`."""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)
-    stage = Stage(
-        name="simulate-sample",
-        version=VERSION,
-        spec=spec,
-        inputs={"mesh": mesh},
-        out=out or spec_path.parent / spec.out,
-        paths=("scene", "mesh", "out", "parameters"),  # parameters: by their values, not by their spelling
-        precious=True,
-        extra={"scene": meaning(load_spec(scene, SceneSpec), {"out"}), "parameters": to_json(parameters)},
-    )
+    stage = _stage(spec, spec_path, parameters, out)
+    whole = stage.made_from()
 
-    def work(folder: Path) -> dict[str, Any]:
-        from cfem.sample import artefact
+    def factory() -> Any:
         from cfem.sample.solver import FiniteElements
 
         turns = None if spec.contact is None else spec.contact.rotation is not None
-        factory = FiniteElements(scene.resolve(), mesh.resolve(), spec.tolerance, parameters, spec.third_order, turns)
-        return (fill or artefact.fill)(folder, spec, factory, stage.made_from(), options.quiet, workers)
+        return FiniteElements(scene.resolve(), mesh.resolve(), spec.tolerance, parameters, spec.third_order, turns)
+
+    def work(folder: Path) -> dict[str, Any]:
+        from cfem.sample import artefact
+
+        return (fill or artefact.fill)(folder, spec, factory(), whole, options.quiet, workers)
+
+    if shard is None:
+        return run_stage(stage, work, options)
+    if spec.until:
+        what = "--shard does not go with until: which states come next depends on all before"
+        raise SpecError(what, where=str(spec_path), do="leave one of them out")
+    from cfem.sample.part import fill_part, parse_part
+
+    part = parse_part(shard)
+    mine = replace(stage, out=out or part.folder(stage.out), extra={**stage.extra, "part": vars(part)})
+    return run_stage(
+        mine, lambda folder: fill_part(folder, spec, factory(), whole, part, options.quiet, workers), options
+    )
+
+
+def merge(
+    spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options, parts: Sequence[Path] = ()
+) -> dict[str, Any]:
+    """The manifest of the dataset of which `parts` (those beside it by default) are all parts, content hash and all as
+    if one machine had solved it."""
+    spec = load_spec(spec_path, SampleSpec, overrides)
+    stage = _stage(spec, spec_path, scene_parameters(spec.parameters, spec_path.parent / spec.scene), out)
+
+    def work(folder: Path) -> dict[str, Any]:
+        from cfem.sample.part import dataset_parts, fill_merged
+
+        return fill_merged(folder, spec, list(parts) or dataset_parts(stage.out), stage.made_from())
 
     return run_stage(stage, work, options)
+
+
+def _stage(spec: SampleSpec, spec_path: Path, parameters: Sequence[Parameter], out: Path | None) -> Stage:
+    return Stage(
+        name="simulate-sample",
+        version=VERSION,
+        spec=spec,
+        inputs={"mesh": spec_path.parent / spec.mesh},
+        out=out or spec_path.parent / spec.out,
+        paths=("scene", "mesh", "out", "parameters"),  # parameters: by their values, not by their spelling
+        precious=True,
+        extra={
+            "scene": meaning(load_spec(spec_path.parent / spec.scene, SceneSpec), {"out"}),
+            "parameters": to_json(parameters),
+        },
+    )

@@ -1,0 +1,133 @@
+"""One of n machines' share of a dataset, and all shares put together.
+
+Every machine solves the skeleton, then every n-th shard. As a row depends on the skeleton and on its own shard alone,
+the whole is what one machine would have made, digit for digit where all round alike."""
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError, SpecError
+from cfem.core.progress import progress
+from cfem.core.stage import artefact_file, read_manifest
+from cfem.dataset.reader import read_table
+from cfem.dataset.schema import content
+from cfem.dataset.writer import content_hash, write_table
+from cfem.sample import tour
+from cfem.sample.artefact import results
+from cfem.sample.pool import worker_pool
+from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
+from cfem.sample.solver import SolverFactory
+from cfem.sample.spec import SampleSpec
+
+SKELETON = "skeleton.parquet"
+
+
+@dataclass(frozen=True)
+class Part:
+    """index: from 1 to count."""
+
+    index: int
+    count: int
+
+    def folder(self, whole: Path) -> Path:
+        """Where it is put unless told otherwise: beside the whole dataset."""
+        return whole.with_name(f"{whole.name}-part-{self.index}-of-{self.count}")
+
+
+def parse_part(text: str) -> Part:
+    """'2/8'. Raises SpecError."""
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())
+    part = Part(*map(int, found.groups())) if found else None
+    if part is None or not 1 <= part.index <= part.count:
+        raise SpecError(f"'{text}' is no part i/n with 1 <= i <= n", where="--shard", do="use e.g. --shard 2/8")
+    return part
+
+
+def fill_part(
+    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: Part, quiet: bool, workers: int | None
+) -> dict[str, Any]:
+    """Solves the skeleton and the part's shards into `folder`; results for the manifest. whole: what the complete
+    dataset is made from."""
+    begin = time.perf_counter()
+    with worker_pool(workers) as executor:
+        job = make_job(spec, factory, folder, executor, whole)
+        first = tour.skeleton(job.u, spec.skeleton)
+        rest = np.setdiff1d(np.arange(len(job.u)), first)
+        share = slice(part.index - 1, None, part.count)
+        mine = sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
+        with progress("simulate-sample", len(first) + mine, quiet=quiet) as advance:
+            solve_skeleton(job, first, executor, advance)
+            solve_rows(job, rest, spec.shard, executor, advance, share)
+    return {"part": vars(part) | {"of": whole}, "rows": mine, "wall_seconds": time.perf_counter() - begin}
+
+
+def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: str) -> dict[str, Any]:
+    """Writes one Parquet file a split from complete parts; results for the manifest. Raises InputError where a part is
+    missing, damaged, twice there, or of another dataset."""
+    manifests = _check_parts(parts, whole)
+    skeletons = [artefact_file(part, SKELETON) for part in parts]
+    _demand_one_skeleton(skeletons)
+    shards = [
+        artefact_file(part, name)
+        for part, manifest in zip(parts, manifests, strict=True)
+        for name in manifest["files"]
+        if name.startswith("shard-")
+    ]
+    tables = merge([skeletons[0], *shards], list(spec.splits))
+    for split, table in tables.items():
+        if table["id"].to_pylist() != list(range(spec.splits[split].rows)):
+            raise InputError(f"the parts lack rows of '{split}'", where="merge", do="run the parts anew with --force")
+        write_table(folder / f"{split}.parquet", table)
+    wall = max(manifest["results"]["wall_seconds"] for manifest in manifests)
+    return {**results(tables), "parts": len(parts), "wall_seconds": wall, "content": content_hash(tables)}
+
+
+def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
+    """Their manifests."""
+    manifests = [read_manifest(part) for part in parts]
+    seen: dict[int, Path] = {}
+    count = 0
+    for folder, manifest in zip(parts, manifests, strict=True):
+        part = manifest.get("results", {}).get("part")
+        if not part:
+            raise InputError("is no part of a dataset", where=str(folder), do="make it with simulate-sample --shard")
+        if part["of"] != whole:
+            do = "run simulate-sample --shard with the same spec, scene and mesh everywhere"
+            raise InputError("is part of another dataset", where=str(folder), do=do)
+        count = count or part["count"]
+        if part["count"] != count:
+            raise InputError(f"is one of {part['count']} parts, others are of {count}", where=str(folder))
+        if part["index"] in seen:
+            raise InputError(f"is part {part['index']}, as is {seen[part['index']]}", where=str(folder))
+        seen[part["index"]] = folder
+    missing = sorted(set(range(1, count + 1)) - set(seen))
+    if missing:
+        some = ", ".join(f"{index}/{count}" for index in missing[:5])
+        do = f"run simulate-sample --shard {missing[0]}/{count}"
+        raise InputError(f"{len(missing)} of {count} parts missing: {some}", where="merge", do=do)
+    return manifests
+
+
+def _demand_one_skeleton(files: Sequence[Path]) -> None:
+    """Raises InputError where a skeleton has other digits than the first."""
+    first = content(read_table(files[0]))
+    for file in files[1:]:
+        if content(read_table(file)) != first:
+            what = f"was solved from other digits than {files[0]}: the machines round differently"
+            raise InputError(what, where=str(file), do="use machines of one type and the same package versions")
+
+
+def dataset_parts(whole: Path) -> list[Path]:
+    """The folders of parts beside a dataset. Raises InputError where there is none."""
+    found = sorted(whole.parent.glob(f"{whole.name}-part-*-of-*"))
+    if not found:
+        raise InputError(
+            "no parts found beside it", where=str(whole), do="run simulate-sample --shard i/n, or name them"
+        )
+    return found
