@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
+from cfem.condensed.restrict import onto_patch
 from cfem.dataset.reader import as_dataset
+from cfem.equilibrium.actuation import force
 from cfem.equilibrium.held_patch import contact_points, patch_of
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
@@ -35,7 +37,10 @@ class BarSolver:
         patch = patch_of(contact_points(self.problem), False)
         rows = replace(robot.rows, contacts=patch.names)
         units = row_units(robot, False)
-        self.facts = Facts("bar", rows, robot.reach, robot.rest_e, robot.length, np.eye(2), (), units, patch)
+        rest = solve(self.problem, force(np.zeros(2))).condensed
+        at_rest = onto_patch(rest, patch, np.zeros(patch.n))
+        W = at_rest.W[at_rest.rows.active, at_rest.rows.active]
+        self.facts = Facts("bar", rows, robot.reach, robot.rest_e, robot.length, W, (), units, patch)
 
     def solve(self, actuation, start, p):
         return solve(self.problem, actuation, start, settings=Settings(tolerance=1e-11), third_order=True)
@@ -91,3 +96,22 @@ def test_the_energy_model_takes_them_as_inputs(table):
 def test_a_box_without_room_is_refused(change, says):
     with pytest.raises(ValueError, match=says):
         SampleSpec(**{**SPEC, "contact": change})
+
+
+def test_an_axis_about_its_rest_hardly_carries_anything(tmp_path):
+    """Drawn within a micrometre of where it would rest, to first order, z carries far less than drawn freely."""
+    pulled = {}
+    for name, more in {"free": {}, "about": {"about_rest": ["z"]}}.items():
+        ranges = [[-0.02, 0.02], [-0.02, 0.02], [-0.05, 0.05] if name == "free" else [-1e-6, 1e-6]]
+        contact = {"translation": {"mm": ranges}, "force": "0.5 mN", **more}
+        with ThreadPoolExecutor(1) as executor:
+            spec = SampleSpec(**{**SPEC, "third_order": False, "contact": contact})
+            table = sample(spec, Factory(), tmp_path / name, executor, quiet=True)["train"]
+        pulled[name] = np.abs(np.array(table["lambda_c"].to_pylist())[:, 2]).max()
+        assert table.num_rows == 24
+    assert pulled["about"] < 0.03 * pulled["free"]
+
+
+def test_a_patch_that_cannot_turn_has_no_rotation_to_rest_in():
+    with pytest.raises(ValueError, match="about_rest"):
+        SampleSpec(**{**SPEC, "contact": {**SPEC["contact"], "about_rest": ["rx"]}})
