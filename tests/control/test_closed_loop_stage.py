@@ -148,10 +148,16 @@ def test_a_device_is_a_plant(tmp_path, model_folder):
         control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
 
 
-@pytest.mark.parametrize("name", ["control-closed-loop", "control-device"])
-def test_pipelines_are_valid(name):
-    folder = Path(__file__).parents[2] / "pipelines" / "soft-finger"
-    assert load_spec(folder / f"{name}.yaml", ControlSpec).loop
+@pytest.mark.parametrize(
+    "pipeline",
+    [
+        *(f"soft-finger/control-{name}" for name in ("closed-loop", "device")),
+        *(f"stiff-flop-experiments/{name}" for name in ("circle", "circle-bbrfem", "points", "points-bbrfem")),
+        "stiff-flop-experiments/disturbance",
+    ],
+)
+def test_pipelines_are_valid(pipeline):
+    assert load_spec(Path(__file__).parents[2] / "pipelines" / f"{pipeline}.yaml", ControlSpec).loop
 
 
 @pytest.mark.parametrize(
