@@ -2,7 +2,7 @@
 
 import shutil
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from cfem.export.c_export import write_c
 from cfem.export.compiled import compiler
 from cfem.export.spec import CSpec
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.spectral import Series, fit, series
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler on the PATH")
 
@@ -44,16 +44,39 @@ def network(activation: str = "relu", width: int = 24, n_a: int = 2) -> tuple[di
     return model_card("mlp", training, activation=activation), arrays
 
 
+@cache
+def serial(modules: int = 2) -> tuple[dict, dict]:
+    """Modules in a row, each a polynomial of three chambers that bends, twists and lengthens: strictly convex on
+    [0, 20]^3, turns of up to two radians."""
+    rng, n = np.random.default_rng(5), 3
+    indices = np.array([one for one in product(range(4), repeat=n) if sum(one) <= 3])
+    degree, falls = indices.sum(axis=1), 4.0 ** -indices.sum(axis=1)
+    psi = np.where((degree == 2) & (indices.max(axis=1) == 2), 900.0, 0.0) + 80 * falls * rng.normal(size=len(indices))
+    end = falls[:, None] * rng.normal(size=(len(indices), 6)) * [20.0, 20.0, 20.0, 1.2, 1.2, 1.2]
+    quantities = {"potential": psi[:, None], "effector": end, "effector_compliance": np.zeros((len(indices), 21))}
+    chosen = {name: Series(indices, coefficients) for name, coefficients in quantities.items()}
+    to_box, offset = np.eye(n) / 10, -np.ones(n)
+    indices, coefficients = series(chosen, to_box, n)
+    arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": coefficients}
+    training = dataset(60, 1, n * modules, unilateral=False)
+    names = {"effectors": [f"end.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")]}
+    module = model_card("spectral", dataset(60, 1, n, unilateral=False))
+    module |= {"rows": {**names, "actuators": module["rows"]["actuators"]}, "rest_e": [55.0, 0, 0, 0, 0, 0]}
+    meta = model_card("serial", training, module=module, softer=[1.0, 1.7, 0.6][:modules])
+    return meta | {"rest_e": [55.0 * modules, 0.0, 0.0]}, arrays
+
+
 def states(form: str, n_a: int, count: int = 120, parameters: bool = False) -> np.ndarray:
     test = dataset(count, 2, n_a, unilateral=n_a == 2, parameters=parameters)
     return test.delta_a if form == "displacement" else test.lambda_a
 
 
-def export(folder: Path, model: tuple[dict, dict], **spec) -> dict:
+def export(folder: Path, model: tuple[dict, dict], pressures: np.ndarray | None = None, **spec) -> dict:
     """Writes the folder; its report."""
     meta, arrays = model
     n_a = len(meta["rows"]["actuators"])
-    return write_c(folder, meta, arrays, CSpec(**spec), states(meta["form"], n_a, parameters=bool(meta["parameters"])))
+    s = states(meta["form"], n_a, parameters=bool(meta["parameters"]))
+    return write_c(folder, meta, arrays, CSpec(**spec), s, pressures)
 
 
 def tool(name: str) -> str:

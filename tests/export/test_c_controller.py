@@ -18,8 +18,8 @@ LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT = 1, 2, 4, 8, 16, 32
 MEASURED_AT = np.array([6.0, 4.0])
 
 
-def compiled(folder, model=None, **controller) -> CompiledController:
-    export(folder, model or spectral(), controller=controller)
+def compiled(folder, model=None, pressures=None, **controller) -> CompiledController:
+    export(folder, model or spectral(), pressures, controller=controller)
     return CompiledController(folder)
 
 
@@ -131,6 +131,40 @@ def test_commanded_forces_keep_their_rate_and_their_bounds(tmp_path):
         assert np.abs(command.lambda_a - before).max() <= 0.3 + 1e-9
         assert (command.lambda_a >= 0).all() and (command.lambda_a <= 6).all() and not command.status & HELD
         before = command.lambda_a
+
+
+def test_stated_pressures_bound_each_actuator_and_free_its_course(tmp_path):
+    """As `cfem control` has it: commanded between stated bounds, a chamber may grow as far as the model knows."""
+    model, stated = build(*spectral()), np.array([[0.5, 60.0], [0.0, 3.0]])
+    reach = np.array([[0.0, 6.0], [0.0, 6.0]])
+    meta = {**model.meta, "reach": reach.tolist()}
+    controller = compiled(tmp_path, (meta, spectral()[1]), stated, command="force", force_rate="1 MPa")
+    goal = model.rest_e + model.at_displacement(np.array([12.0, 12.0])).delta_e
+    ticks = [controller.step(goal) for _ in range(60)]
+    lam = np.array([one.lambda_a for one in ticks[1:]])
+    assert (lam >= stated[:, 0] - 1e-12).all() and (lam <= stated[:, 1] + 1e-12).all() and lam[:, 1].max() == 3.0
+    assert np.abs(np.diff(lam, axis=0)).max() <= 1.0 + 1e-9
+    assert ticks[-1].delta_a[0] > 8.0 and ticks[-1].status & HELD == 0
+    bounded = compiled(tmp_path / "course", (meta, spectral()[1]), stated, command="displacement")
+    assert max(bounded.step(goal).delta_a.max() for _ in range(60)) <= 6.0 + 1e-9
+
+
+def test_damping_holds_actuators_where_they_are(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="displacement", observer="measured", halvings=0, damping=1e-3)
+    aim = Aim(
+        curve(model, 3)[0] - model.rest_e,
+        np.ones(3),
+        ridge_of(1e-10, model.reach, model.length),
+        0.0,
+        ridge_of(1e-3, model.reach, model.length),
+    )
+    at = model.at_displacement(MEASURED_AT)
+    expected = inverse_step(at, aim, limits_of(model).within(at.delta_a, 5.0))
+    free = inverse_step(at, Aim(aim.goal, aim.weights, aim.ridge), limits_of(model).within(at.delta_a, 5.0))
+    found = controller.step(curve(model, 3)[0], delta_a=MEASURED_AT)
+    assert found.delta_a == pytest.approx(expected.delta_a, rel=1e-8)
+    assert np.abs(expected.delta_a - free.delta_a).max() > 0.01
 
 
 def test_a_course_that_forces_exclude_is_softened(tmp_path):

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from export.embedded import export, needs_compiler, network, spectral, states
+from export.embedded import export, needs_compiler, network, serial, spectral, states
 
 from cfem.core.errors import InputError, SpecError
 from cfem.export.compiled import CompiledController
+from cfem.predict.energy import layout
 from cfem.predict.load import build
 
 pytestmark = needs_compiler
@@ -50,6 +51,33 @@ def test_the_energy_model(tmp_path, case, scalar):
     if arguments[0] == "force" and values:
         s = s / model.softer(p)
     assert largest_difference(CompiledController(tmp_path), model, s, p) <= TOLERANCE[scalar]
+
+
+@pytest.mark.parametrize("scalar", ["double", "float"])
+@pytest.mark.parametrize("modules", [1, 2, 3])
+def test_modules_in_a_row(tmp_path, modules, scalar):
+    """And where a module does not turn, where the closed form of its Jacobian is 0 / 0."""
+    meta, arrays = serial(modules)
+    export(tmp_path, (meta, arrays), scalar=scalar)
+    model, controller = build(meta, arrays), CompiledController(tmp_path)
+    s = states("displacement", 3 * modules, 40)
+    turns = np.array([model.module.at(one[:3]).delta_e[3:] for one in s])
+    assert 0.5 < np.linalg.norm(turns, axis=1).max() < np.pi
+    assert largest_difference(controller, model, s, full=False) <= TOLERANCE[scalar]
+    still = {**arrays, "series": arrays["series"].copy()}
+    still["series"][layout(3, 6)["effector"]][3:] *= 1e-5
+    still["series"][layout(3, 6)["effector_gradient"]][9:] *= 1e-5
+    export(tmp_path / "still", (meta, still), scalar=scalar)
+    difference = largest_difference(CompiledController(tmp_path / "still"), build(meta, still), s, full=False)
+    assert difference <= TOLERANCE[scalar]
+
+
+def test_what_modules_in_a_row_have_no_c_code_for(tmp_path):
+    meta, arrays = serial()
+    with pytest.raises(SpecError, match=r"c\.full"):
+        export(tmp_path, (meta, arrays), full=True)
+    with pytest.raises(InputError, match="energy_net"):
+        export(tmp_path, (meta | {"module": meta["module"] | {"kind": "energy_net"}}, arrays))
 
 
 def test_the_energy_is_that_of_the_series(tmp_path):

@@ -1,7 +1,7 @@
 """A trained model and the user's choices as the constants of the C controller: parameters, units and standardisation
 are folded in, what control does not use is left out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from cfem.export.spec import ControllerSpec, CSpec
 from cfem.predict.energy import layout
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor
 
 ACTIVATIONS = ("relu", "tanh", "silu")
 OBSERVERS = ("measured", "previous_step", "equilibrium")
@@ -26,35 +27,48 @@ class Layer:
 
 
 @dataclass(frozen=True)
+class Group:
+    """Terms of a series up to `end` that share all degrees but the last; depth: the coordinate from which on their sums
+    are complete."""
+
+    end: int
+    depth: int
+    degrees: list[int]
+
+
+@dataclass(frozen=True)
 class Surrogate:
     """defines: names and values; arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees;
-    layers: of a network; groups: of a series' terms, where each ends and the degrees that its terms share; reference:
-    the predictor in double precision that the C code is compared with."""
+    layers: of a network; groups: of the terms of each series; reference: the predictor in double precision that the C
+    code is compared with."""
 
     defines: dict[str, int]
     arrays: dict[str, np.ndarray]
     layers: list[Layer]
-    groups: list[tuple[int, list[int]]]
+    groups: dict[str, list[Group]]
     reference: Predictor
 
     @property
     def coefficient_bytes(self) -> int:
         """What the model's numbers take in flash."""
         arrays = [*self.arrays.values(), *(a for one in self.layers for a in (one.weight, one.step, one.bias))]
-        return sum(a.nbytes for a in arrays if a is not None) + sum(2 + len(degrees) for _, degrees in self.groups)
+        return sum(a.nbytes for a in arrays if a is not None) + sum(
+            2 * ((4 + max(len(one.degrees), 1)) // 2) for groups in self.groups.values() for one in groups
+        )
 
 
 def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
     """The model's constants, and the values (n_p,) of its parameters. InputError for a model that the C controller
     cannot hold."""
-    if meta["kind"] not in ("spectral", "mlp"):
-        raise InputError(f"kind {meta['kind']!r} has no C code", do="train kind: spectral or mlp, or export ONNX")
+    learned = meta["module"]["kind"] if meta["kind"] == "serial" else meta["kind"]
+    if learned != "spectral" and meta["kind"] != "mlp":
+        raise InputError(f"kind {learned!r} has no C code", do="train kind: spectral or mlp, or export ONNX")
     if meta.get("n_c"):
         raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
     p = _parameters(predictor, spec)
-    kind = _spectral if meta["kind"] == "spectral" else _mlp
-    return kind(predictor, arrays, p, spec), p
+    kinds = {"spectral": _spectral, "mlp": _mlp, "serial": _serial}
+    return kinds[meta["kind"]](predictor, arrays, p, spec), p
 
 
 def _parameters(predictor: Predictor, spec: CSpec) -> np.ndarray:
@@ -84,44 +98,79 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
     potential = potential / softer
     if predictor.form == "force":
         to_box = to_box * softer
-    value = np.vstack([potential, effector])
-    kept = (value != 0).any(axis=0) | (spec.full & (compliance != 0).any(axis=0))
-    order, axes, ends = _grouped(indices, np.flatnonzero(kept))
-    degrees = indices[order][:, axes]
-    constants = {
-        "cfem_to_box": to_box[axes],
-        "cfem_offset": offset[axes],
-        "cfem_degrees": degrees[:, -1].astype(np.uint8),
-        "cfem_series": np.ascontiguousarray(value[:, order].T).astype(scalar),
-    }
-    if spec.full:
-        constants["cfem_compliance_series"] = np.ascontiguousarray(compliance[:, order].T).astype(scalar)
+    outputs = np.vstack([effector, compliance]) if spec.full else effector
+    series = {"potential": potential, "effector": outputs}
+    kept = {name: np.flatnonzero((value != 0).any(axis=0)) for name, value in series.items()}
+    axes, trees = _trees(indices, kept)
+    constants = {"cfem_to_box": to_box[axes], "cfem_offset": offset[axes]}
+    for name, tree in trees.items():
+        value = np.ascontiguousarray(series[name][:, tree.order].T).astype(scalar)
+        constants[f"cfem_{name}"] = value[:, 0] if name == "potential" else value
+        constants[f"cfem_{name}_degrees"] = indices[tree.order, axes[-1]].astype(np.uint8)
     sizes = {
         "CFEM_SPECTRAL": 1,
         "CFEM_MLP": 0,
+        "CFEM_SERIAL": 0,
+        "CFEM_SERIES_NA": n_a,
+        "CFEM_SERIES_NE": n_e,
+        "CFEM_SERIES_OUTPUTS": len(outputs),
         "CFEM_NZ": len(axes),
-        "CFEM_TERMS": len(order),
-        "CFEM_GROUPS": len(ends),
-        "CFEM_DEGREE": max(int(degrees.max(initial=1)), 1),
+        "CFEM_DEGREE": max(int(indices[np.union1d(*kept.values())].max(initial=1)), 1),
+        **{f"CFEM_{name.upper()}_GROUPS": len(tree.groups) for name, tree in trees.items()},
     }
-    groups = [(int(end), degrees[end - 1, :-1].tolist()) for end in ends]
-    return Surrogate(sizes, constants, [], groups, predictor)
+    return Surrogate(sizes, constants, [], {name: tree.groups for name, tree in trees.items()}, predictor)
 
 
-def _grouped(indices: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Terms (M,) in an order in which those that differ in one coordinate only follow each other; the coordinates (n,),
-    that one last; where each group ends. The one that makes the fewest groups is taken."""
+def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
+    """The module's series, and what the modules are beside it."""
+    if spec.full:
+        raise SpecError("modules in a row have W_aa, W_ea and delta_free alone", where="c.full")
+    module = _spectral(predictor.module, arrays, p, spec)
+    softer = np.asarray(predictor.meta["softer"], float)
+    return replace(
+        module,
+        defines={**module.defines, "CFEM_SERIAL": 1, "CFEM_MODULES": len(softer)},
+        arrays={**module.arrays, "cfem_softer": softer, "cfem_module_rest": predictor.module.rest_e[:3]},
+        reference=predictor,
+    )
+
+
+@dataclass(frozen=True)
+class Tree:
+    """order (M,) of the terms, by degree in the first coordinate, then in the second, ...; groups of terms that differ
+    in the last coordinate only."""
+
+    order: np.ndarray
+    groups: list[Group]
+
+
+def _trees(indices: np.ndarray, kept: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, Tree]]:
+    """Of the terms `kept` of each series: the order of the coordinates (n,), the same for all, that makes the fewest
+    groups among those that differ in which is last."""
     n = indices.shape[1]
     best = None
     for last in range(n):
         axes = np.array([*(i for i in range(n) if i != last), last])
-        degrees = indices[kept][:, axes]
-        order = np.lexsort(degrees.T[::-1])  # by the first coordinate, then the second, ...
-        others = degrees[order][:, :-1]
-        ends = np.append(np.flatnonzero((others[1:] != others[:-1]).any(axis=1)) + 1, len(order))
-        if best is None or len(ends) < len(best[2]):
-            best = kept[order], axes, ends
-    return best
+        trees = {name: _tree(indices[:, axes], terms) for name, terms in kept.items()}
+        count = sum(len(tree.groups) for tree in trees.values())
+        if best is None or count < best[0]:
+            best = count, axes, trees
+    return best[1:]
+
+
+def _tree(indices: np.ndarray, kept: np.ndarray) -> Tree:
+    order = kept[np.lexsort(indices[kept].T[::-1])]
+    others = indices[order][:, :-1]
+    apart = others[1:] != others[:-1]
+    ends = np.append(np.flatnonzero(apart.any(axis=1)) + 1, len(order))
+    # What a group adds to is complete from the first coordinate in which the next group differs.
+    return Tree(
+        order,
+        [
+            Group(int(end), int(apart[end - 1].argmax()) if end < len(order) else 0, others[end - 1].tolist())
+            for end in ends
+        ],
+    )
 
 
 def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
@@ -153,12 +202,13 @@ def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spe
     sizes = {
         "CFEM_SPECTRAL": 0,
         "CFEM_MLP": 1,
+        "CFEM_SERIAL": 0,
         "CFEM_MLP_LAYERS": depth,
         "CFEM_MLP_WIDTH": max([n_a] + [len(one.bias) for one in layers[:-1]]),
         "CFEM_MLP_OUTPUTS": len(chosen),
         "CFEM_ACTIVATION": ACTIVATIONS.index(predictor.meta["activation"]),
     }
-    return Surrogate(sizes, {}, layers, [], reference)
+    return Surrogate(sizes, {}, layers, {}, reference)
 
 
 def _as(values: np.ndarray, scalar: str) -> np.ndarray:
@@ -186,8 +236,26 @@ def _mlp_outputs(n_a: int, n_e: int, softer: float, full: bool) -> tuple[np.ndar
     return np.array(W + free + W_ee), np.array(scales)
 
 
-def controller(predictor: Predictor, p: np.ndarray, spec: ControllerSpec, scalar: str) -> tuple[dict, dict]:
-    """Defines and arrays (all double) of the controller. SpecError where a list has the wrong length."""
+def multipliers(spec: ControllerSpec, n_a: int, pressures: np.ndarray | None) -> np.ndarray:
+    """(n_a, 2) smallest and largest, N or MPa; pressures: (n_a, 2) that the scene states, if any."""
+    box = np.tile([0.0 if spec.unilateral else -np.inf, np.inf], (n_a, 1)) if pressures is None else pressures
+    return box if spec.largest_force is None else np.clip(box, -spec.largest_force, spec.largest_force)
+
+
+def _courses(predictor: Predictor, spec: ControllerSpec, pressures: np.ndarray | None) -> np.ndarray:
+    """(n_a, 2) mm or mm^3. Where pressures are commanded within stated bounds, these protect the robot, and the course
+    only has to be one that the model knows, as in `cfem control`."""
+    if spec.command == "displacement" or pressures is None:
+        return predictor.reach
+    known = np.stack([predictor.reach, predictor.domain.delta_a.T])
+    return np.column_stack([known[..., 0].min(axis=0), known[..., 1].max(axis=0)])
+
+
+def controller(
+    predictor: Predictor, p: np.ndarray, spec: ControllerSpec, scalar: str, pressures: np.ndarray | None = None
+) -> tuple[dict, dict]:
+    """Defines and arrays (all double) of the controller; pressures: (n_a, 2) MPa that the scene states, if any.
+    SpecError where a list has the wrong length."""
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     weights = np.ones(n_e) if spec.weights is None else np.array(spec.weights)
     start = np.zeros(n_a) if spec.start is None else np.asarray(spec.start, float)
@@ -199,17 +267,18 @@ def controller(predictor: Predictor, p: np.ndarray, spec: ControllerSpec, scalar
     home = start
     if predictor.form == "force":
         home = np.zeros(n_a) if spec.start is None else predictor.at_displacement(start, p if len(p) else None).lambda_a
-    most = np.inf if spec.largest_force is None else spec.largest_force
-    everywhere = np.ones(n_a)
+    everywhere, box, courses = np.ones(n_a), multipliers(spec, n_a, pressures), _courses(predictor, spec, pressures)
+    full_course = predictor.length / np.abs(predictor.reach).max(axis=1)
     domain, softer = predictor.domain, _softer(predictor, p)
     arrays = {
         "cfem_rest_e": predictor.rest_e,
         "cfem_effector_weight": weights,
-        "cfem_ridge": np.sqrt(spec.regularisation) * predictor.length / np.abs(predictor.reach).max(axis=1),
-        "cfem_lambda_low": everywhere * (0.0 if spec.unilateral else -most),
-        "cfem_lambda_high": everywhere * most,
-        "cfem_delta_low": predictor.reach[:, 0],
-        "cfem_delta_high": predictor.reach[:, 1],
+        "cfem_ridge": np.sqrt(spec.regularisation) * full_course,
+        "cfem_damping": np.sqrt(spec.damping) * full_course,
+        "cfem_lambda_low": box[:, 0],
+        "cfem_lambda_high": box[:, 1],
+        "cfem_delta_low": courses[:, 0],
+        "cfem_delta_high": courses[:, 1],
         "cfem_step_limit": everywhere * spec.step,
         "cfem_delta_rate": everywhere * (np.inf if spec.rate is None else spec.rate),
         "cfem_lambda_rate": everywhere * (np.inf if spec.force_rate is None else spec.force_rate),

@@ -11,8 +11,7 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
     program when every one of its `program_steps` is taken, which is a bound, not an expectation; tick: all of it, the
     observer's queries and a softened course included."""
     n_a, n_e = defines["CFEM_NA"], defines["CFEM_NE"]
-    query = _spectral(model, n_a, n_e) if model.defines["CFEM_SPECTRAL"] else _network(model)
-    query += n_a**3 + (n_e + 2) * n_a**2 + n_e * n_a  # inverse, W_ea, delta_free
+    query = _query(model, n_a, n_e)
     steps = 10 * (2 * n_a + 1)
     program = _program(n_a, n_e + n_a, n_a, steps)
     softened = _program(2 * n_a, 3 * n_a, 0, steps) + program
@@ -29,6 +28,19 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
     }
 
 
+def _query(model: Surrogate, n_a: int, n_e: int) -> int:
+    sizes = model.defines
+    if sizes["CFEM_SERIAL"]:
+        n = sizes["CFEM_SERIES_NA"]
+        module = _spectral(model, n, sizes["CFEM_SERIES_NE"]) + n**3 + (n_e + 2) * n**2 + n_e * n
+        rotations = (
+            3 * 27 + 2 * 15 + 9 + 24 * n
+        )  # products of three by three, exp and Jacobian, the arm; twists and tip
+        return sizes["CFEM_MODULES"] * (module + rotations) + n_e * n_a
+    query = _spectral(model, n_a, n_e) if sizes["CFEM_SPECTRAL"] else _network(model)
+    return query + n_a**3 + (n_e + 2) * n_a**2 + n_e * n_a  # inverse, W_ea, delta_free
+
+
 def _searches(model: Surrogate, spec: CSpec) -> bool:
     """Whether the observer has to solve for the model's input."""
     observer, command = spec.controller.observer, spec.controller.command
@@ -37,12 +49,12 @@ def _searches(model: Surrogate, spec: CSpec) -> bool:
 
 
 def _spectral(model: Surrogate, n_a: int, n_e: int) -> int:
-    n, terms = model.defines["CFEM_NZ"], model.defines["CFEM_TERMS"]
+    n, outputs = model.defines["CFEM_NZ"], model.defines["CFEM_SERIES_OUTPUTS"]
     count = n * n_a + 6 * n * (model.defines["CFEM_DEGREE"] + 1)  # polynomials and their derivatives
-    count += (3 + 2 * n_e) * terms
-    for _, degrees in model.groups:
-        active = sum(degree > 0 for degree in degrees)
-        count += active**2 + 5 * active + active * (active - 1) // 2 * (active + 1) + 2 + n_e * (2 + active)
+    count += 3 * len(model.arrays["cfem_potential"]) + 2 * model.arrays["cfem_effector"].size
+    for name, groups in model.groups.items():
+        for left in (n - d for one in groups for d in range(one.depth, n - 1)):  # coordinates from d on
+            count += (left + 1) * (left + 2) // 2 if name == "potential" else (left + 1) * outputs
     return count + 2 * n_a * n**2 + n_e * n_a * n
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from cfem.core.errors import NumericalError
 from cfem.core.files import write_whole
 from cfem.export import c_text
-from cfem.export.c_constants import OBSERVERS, Surrogate, controller, surrogate
+from cfem.export.c_constants import OBSERVERS, Surrogate, controller, multipliers, surrogate
 from cfem.export.c_cost import operations
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
@@ -16,19 +16,28 @@ from cfem.predict.protocol import Predictor
 SOURCES = Path(__file__).parent / "c"
 TOLERANCE = {"double": 1e-12, "float": 1e-5}
 GOAL_TOLERANCE = {"double": 1e-6, "float": 1e-4}  # of the robot's length
+COEFFICIENTS = ("cfem_potential", "cfem_effector")  # in the scalar type: all else acts on double inputs
 MARGIN = 0.02  # of course and force: goals nearer than this to a bound are not asked of the self-test
 
 
-def write_c(folder: Path, meta: dict, arrays: dict[str, np.ndarray], spec: CSpec, states: np.ndarray) -> dict:
-    """Fills `folder`; states (m, n_a): inputs of the model for the self-test. Returns what it costs, without
-    compiling it."""
+def write_c(
+    folder: Path,
+    meta: dict,
+    arrays: dict[str, np.ndarray],
+    spec: CSpec,
+    states: np.ndarray,
+    pressures: np.ndarray | None = None,
+) -> dict:
+    """Fills `folder`; states (m, n_a): inputs of the model for the self-test; pressures: (n_a, 2) MPa that the scene
+    states, if any. Returns what it costs, without compiling it."""
     shutil.copytree(SOURCES, folder, dirs_exist_ok=True)
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
-    defines, constants = controller(predictor, p, spec.controller, spec.scalar)
+    defines, constants = controller(predictor, p, spec.controller, spec.scalar, pressures)
     if predictor.form == "force" and len(p):
         states = states / predictor.softer(p)  # the data are of the reference: lambda ~ E
-    vectors = [_vector(predictor, p, s, spec) for s in states[: spec.vectors]]
+    box = multipliers(spec.controller, predictor.rows.n_a, pressures)
+    vectors = [_vector(predictor, p, s, spec, box) for s in states[: spec.vectors]]
     reachable = [one["x_e"] for one in vectors if one["reachable"]]
     constants["cfem_example_goal"] = reachable[0] if reachable else predictor.rest_e
     header, data = _data(meta, model, {**defines, "CFEM_FULL": int(spec.full)}, constants, spec.scalar)
@@ -70,17 +79,18 @@ def _data(
         if values.dtype == np.uint8:
             add(name, values, "uint8_t")
         else:
-            folded = name in ("cfem_to_box", "cfem_offset")  # these stay double: they act on the double input
-            add(name, values, "double" if folded else "cfem_real")
+            add(name, values, "cfem_real" if name in COEFFICIENTS else "double")
     if model.groups:
-        n = max(len(model.groups[0][1]), 1)
+        n = max(model.defines["CFEM_NZ"] - 1, 1)
         header.append(
-            "\n/* Terms that share the degrees of all coordinates but the last. */\n"
-            f"typedef struct {{\n    uint16_t end;\n    uint8_t degrees[{n}];\n}} cfem_group;\n\n"
-            "extern const cfem_group cfem_groups[CFEM_GROUPS];\n"
+            "\n/* Terms up to `end` that share the degrees of all coordinates but the last; from the coordinate `depth` on their\n"
+            "   sums are complete. */\n"
+            f"typedef struct {{\n    uint16_t end;\n    uint8_t depth, degrees[{n}];\n}} cfem_group;\n\n"
         )
-        rows = [f"{{{end}, {{{', '.join(map(str, degrees or [0]))}}}}}" for end, degrees in model.groups]
-        body.append("const cfem_group cfem_groups[CFEM_GROUPS] = {" + ",\n".join(rows) + "};\n")
+        for name, groups in model.groups.items():
+            header.append(f"extern const cfem_group cfem_{name}_groups[CFEM_{name.upper()}_GROUPS];\n")
+            rows = [f"{{{one.end}, {one.depth}, {{{', '.join(map(str, one.degrees or [0]))}}}}}" for one in groups]
+            body.append(f"const cfem_group cfem_{name}_groups[] = {{" + ",\n".join(rows) + "};\n\n")
     if model.layers:
         header.append(
             "\ntypedef struct {\n    int inputs, outputs;\n    const cfem_real *weight; /* (inputs, outputs), or: */\n"
@@ -103,8 +113,9 @@ def _data(
     return "".join([*header, "\n#endif\n"]), "".join(body)
 
 
-def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec) -> dict:
-    """What the Python model says at s (n_a,), and whether the controller can go there."""
+def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec, box: np.ndarray) -> dict:
+    """What the Python model says at s (n_a,), and whether the controller, multipliers within box (n_a, 2), can go
+    there."""
     rows = predictor.rows
     condensed = predictor.at(s, p if len(p) else None)
     W, free = condensed.W, condensed.delta_free
@@ -113,10 +124,8 @@ def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec) -> 
     inside = (delta[rows.a] > predictor.reach[:, 0] + MARGIN * width) & (
         delta[rows.a] < predictor.reach[:, 1] - MARGIN * width
     )
-    most = np.inf if spec.controller.largest_force is None else spec.controller.largest_force
     scale = float(np.abs(predictor.domain.lambda_a).max())
-    least = 0.0 if spec.controller.unilateral else -most
-    strong = (lam > least + MARGIN * scale) & (lam < most - MARGIN * scale)
+    strong = (lam > box[:, 0] + MARGIN * scale) & (lam < box[:, 1] - MARGIN * scale)
     found = {
         "s": s,
         "delta_a": delta[rows.a],

@@ -13,7 +13,15 @@ import numpy as np
 
 from cfem.core.errors import InputError
 
-CORE = ("cfem_controller.c", "cfem_condense.c", "cfem_spectral.c", "cfem_mlp.c", "cfem_qp.c", "cfem_data.c")
+CORE = (
+    "cfem_controller.c",
+    "cfem_condense.c",
+    "cfem_serial.c",
+    "cfem_spectral.c",
+    "cfem_mlp.c",
+    "cfem_qp.c",
+    "cfem_data.c",
+)
 STANDARD = ("-std=c99", "-ffp-contract=fast")
 CORTEX_M7 = ("-Os", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
 

@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveInt
 
 from cfem.core.spec import Spec
-from cfem.core.units import Force, Length, LengthVector
+from cfem.core.units import Course, Effort, Length, LengthVector, VolumeVector
 
 Format = Literal["arrays", "onnx", "torchscript", "c"]
 
 
 class ControllerSpec(Spec):
-    """The controller around the model, on one robot.
+    """The controller around the model, on one robot. Displacements are mm of cables and mm^3 of chambers, forces N
+    and MPa.
 
     command: what the drives take; observer: of where the actuators stand (measured by a sensor; previous_step: the
     last linearisation, the paper's; equilibrium: the model under the last command, by Newton's method); iterations:
@@ -20,7 +21,8 @@ class ControllerSpec(Spec):
     step tried, each half the last, until the model says that it leads nearer to the goal, 0 takes it unseen, as the
     paper does; tolerance: a smaller move of every actuator is not made; rate, force_rate: by which the command may
     change in a tick; unilateral: actuators pull and do not push; largest_force: of any actuator; regularisation: what
-    full course costs relative to missing by the robot's length; weights: of effector rows; K_P, K_I: gains on the
+    full course costs relative to missing by the robot's length; damping: what a move by full course in a tick costs,
+    which keeps redundant actuators from wandering; weights: of effector rows; K_P, K_I: gains on the
     measured error, per tick; integral_limit: longest that K_I sum(e) becomes; start: where the actuators stand at
     first, 0 unless given."""
 
@@ -28,18 +30,19 @@ class ControllerSpec(Spec):
     observer: Literal["measured", "previous_step", "equilibrium"] = "previous_step"
     iterations: Annotated[int, Field(ge=1, le=50)] = 1
     halvings: Annotated[int, Field(ge=0, le=20)] = 8
-    tolerance: Length = 1e-5
-    step: Length = 5.0
-    rate: Length | None = None
-    force_rate: Force | None = None
+    tolerance: Course = 1e-5
+    step: Course = 5.0
+    rate: Course | None = None
+    force_rate: Effort | None = None
     unilateral: bool = True
-    largest_force: Force | None = None
+    largest_force: Effort | None = None
     regularisation: float = Field(1e-10, gt=0)
+    damping: float = Field(0.0, ge=0)
     weights: list[Annotated[float, Field(ge=0)]] | None = None
     K_P: float = Field(0.01, ge=0)
     K_I: float = Field(0.002, ge=0)
     integral_limit: Length = 10.0
-    start: LengthVector | None = None
+    start: LengthVector | VolumeVector | None = None
 
 
 class CSpec(Spec):
@@ -57,9 +60,10 @@ class CSpec(Spec):
 
 
 class ExportSpec(Spec):
-    """model: folder of `cfem train`."""
+    """model: folder of `cfem train`; scene: for the format c, whose stated pressures bound the multipliers."""
 
     model: Path
+    scene: Path | None = None
     out: Path
     formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")
     c: CSpec = CSpec()

@@ -3,7 +3,7 @@
  * Each tick: where the actuators stand (observer) -> W, delta_free there (model) -> the actuation that brings the effectors
  * nearest to their goal within the limits (quadratic program, exact) -> a command.
  *
- *     minimise over lambda  |w (W_ea lambda + delta_free_e - goal)|^2 + |r delta_a|^2
+ *     minimise over lambda  |w (W_ea lambda + delta_free_e - goal)|^2 + |r delta_a|^2 + |d (delta_a - delta_a now)|^2
  *     subject to            bounds of lambda,  bounds of delta_a = W_aa lambda + delta_free_a,  steps a tick
  *
  * Units: mm, N, MPa (cables: delta_a in mm, lambda_a in N; chambers: mm^3, MPa). Vectors hold CFEM_NA actuators or CFEM_NE

@@ -17,7 +17,7 @@ static int positive_definite(double W[CFEM_NA][CFEM_NA]) {
 }
 #endif
 
-#if CFEM_SPECTRAL
+#if CFEM_SPECTRAL && !CFEM_SERIAL
 
 unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
     cfem_parts part;
@@ -51,7 +51,7 @@ unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
     return status;
 }
 
-#else
+#elif CFEM_MLP
 
 unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
     cfem_real out[CFEM_MLP_OUTPUTS];

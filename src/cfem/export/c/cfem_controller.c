@@ -64,8 +64,10 @@ static unsigned inverse_step(const cfem_condensed *m, const double *aim, const l
         d[e] = cfem_effector_weight[e] * (aim[e] - m->free_e[e]);
     }
     for (int i = 0; i < NA; i++) {
-        for (int j = 0; j < NA; j++) M[NE + i][j] = cfem_ridge[i] * m->W_aa[i][j];
-        d[NE + i] = -cfem_ridge[i] * m->free_a[i];
+        /* |r delta_a|^2 + |d (delta_a - here)|^2 is |h delta_a - d^2 here / h|^2, h^2 = r^2 + d^2, and a constant. */
+        const double r = cfem_ridge[i], held = cfem_damping[i], h = sqrt(r * r + held * held);
+        for (int j = 0; j < NA; j++) M[NE + i][j] = h * m->W_aa[i][j];
+        d[NE + i] = held * held / h * m->delta_a[i] - h * m->free_a[i];
         low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
         low[NA + i] = l->delta_low[i] - m->free_a[i], high[NA + i] = l->delta_high[i] - m->free_a[i];
     }

@@ -1,4 +1,5 @@
-/* What a kind of surrogate gives at an input; cfem_condense.c makes the condensed model of it. */
+/* What a kind of surrogate gives at an input; cfem_condense.c makes the condensed model of it, cfem_serial.c that of modules in
+ * a row. */
 #ifndef CFEM_PARTS_H
 #define CFEM_PARTS_H
 
@@ -6,18 +7,18 @@
 
 #if CFEM_SPECTRAL
 typedef struct {
-    double gradient[CFEM_NA];                   /* of the potential, by the input */
-    double hessian[CFEM_NA][CFEM_NA];           /* of the potential */
-    double effector[CFEM_NE];                   /* mm from rest */
-    double effector_gradient[CFEM_NE][CFEM_NA]; /* by the input */
+    double gradient[CFEM_SERIES_NA];                          /* of the potential, by the input */
+    double hessian[CFEM_SERIES_NA][CFEM_SERIES_NA];           /* of the potential */
+    double effector[CFEM_SERIES_NE];                          /* mm from rest */
+    double effector_gradient[CFEM_SERIES_NE][CFEM_SERIES_NA]; /* by the input */
 #if CFEM_FULL
     double energy;
-    double compliance[CFEM_NE][CFEM_NE];
+    double compliance[CFEM_SERIES_NE][CFEM_SERIES_NE];
 #endif
 } cfem_parts;
 
 /* The potential's and the effectors' Chebyshev series and their derivatives at s. */
-void cfem_spectral(const double s[CFEM_NA], cfem_parts *parts);
+void cfem_spectral(const double s[CFEM_SERIES_NA], cfem_parts *parts);
 #endif
 
 #if CFEM_MLP

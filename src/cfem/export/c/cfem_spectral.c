@@ -1,12 +1,19 @@
-/* sum_m c_m prod_i T_{k_mi}(z_i), z = to_box s + offset: value, gradient and Hessian by s from the coefficients of the value
- * alone. Terms that differ in the degree of the last coordinate only form a group: they are summed first, with the
- * derivatives by that coordinate, and what belongs to the other coordinates is done once a group. */
+/* sum_m c_m prod_i T_{k_mi}(z_i), z = to_box s + offset, of the potential and of the effectors: value and derivatives by s from the
+ * coefficients of the value alone. Terms are sorted by their degrees in the first coordinate, then the second, ...: a tree, which is
+ * summed from its leaves. What terms share they are multiplied by once. */
 #include "cfem_parts.h"
 
 #if CFEM_SPECTRAL
 
 #define N CFEM_NZ
-#define NE CFEM_NE
+#define NA CFEM_SERIES_NA
+#define NE CFEM_SERIES_NE
+#define OUTPUTS CFEM_SERIES_OUTPUTS /* the effectors; with CFEM_FULL their compliance too */
+#if defined(__GNUC__) && !defined(__clang__)
+#define EACH(o) _Pragma("GCC unroll 8") for (int o = 0; o < OUTPUTS; o++)
+#else
+#define EACH(o) for (int o = 0; o < OUTPUTS; o++)
+#endif
 
 /* T_k, T_k', T_k'', k = 0 ... CFEM_DEGREE, of one coordinate. */
 typedef struct {
@@ -26,97 +33,116 @@ static void evaluate(double z, polynomials *t) {
     }
 }
 
-void cfem_spectral(const double s[CFEM_NA], cfem_parts *parts) {
-    polynomials t[N];
-    const polynomials *const last = &t[N - 1];
-    cfem_real gradient[N] = {0}, hessian[N][N] = {{0}}, effector[NE] = {0}, effector_gradient[NE][N] = {{0}};
-#if CFEM_FULL
-    cfem_real energy = 0, compliance[NE * (NE + 1) / 2] = {0};
+/* Value, gradient and Hessian (upper triangle) of the potential. A sum of depth d is over the terms that share the degrees of the
+ * coordinates before d, with the polynomials of the others. */
+typedef struct {
+    cfem_real value, gradient[N], hessian[N][N];
+} quadratic;
+
+static void potential(const polynomials *t, quadratic *out) {
+    static const quadratic nothing;
+    quadratic sum[N];
+    const cfem_group *group = cfem_potential_groups;
+    for (int d = 0; d < N; d++) sum[d] = nothing;
+    for (int g = 0, m = 0; g < CFEM_POTENTIAL_GROUPS; g++, group++) {
+        quadratic *const leaf = &sum[N - 1];
+        for (; m < group->end; m++) {
+            const int k = cfem_potential_degrees[m];
+            leaf->value += cfem_potential[m] * t[N - 1].value[k];
+            leaf->gradient[N - 1] += cfem_potential[m] * t[N - 1].first[k];
+            leaf->hessian[N - 1][N - 1] += cfem_potential[m] * t[N - 1].second[k];
+        }
+        for (int d = N - 2; d >= group->depth; d--) {
+            const int k = group->degrees[d];
+            const cfem_real value = t[d].value[k], first = t[d].first[k];
+            const quadratic *from = &sum[d + 1];
+            quadratic *to = &sum[d];
+            to->value += value * from->value;
+            to->gradient[d] += first * from->value;
+            to->hessian[d][d] += t[d].second[k] * from->value;
+            for (int i = d + 1; i < N; i++) {
+                to->gradient[i] += value * from->gradient[i];
+                to->hessian[d][i] += first * from->gradient[i];
+                for (int j = i; j < N; j++) to->hessian[i][j] += value * from->hessian[i][j];
+            }
+            sum[d + 1] = nothing;
+        }
+    }
+    *out = sum[0];
+}
+
+/* out[i], i < N: derivative of the outputs by z_i; out[N]: their values. */
+static void effectors(const polynomials *t, cfem_real out[N + 1][OUTPUTS]) {
+    cfem_real sum[N][N + 1][OUTPUTS] = {{{0}}};
+    const cfem_group *group = cfem_effector_groups;
+    for (int g = 0, m = 0; g < CFEM_EFFECTOR_GROUPS; g++, group++) {
+        cfem_real leaf[OUTPUTS] = {0}, leaf_first[OUTPUTS] = {0};
+        for (; m < group->end; m++) {
+            const cfem_real *c = cfem_effector[m];
+            const cfem_real value = t[N - 1].value[cfem_effector_degrees[m]];
+            const cfem_real first = t[N - 1].first[cfem_effector_degrees[m]];
+            EACH(o) leaf[o] += c[o] * value, leaf_first[o] += c[o] * first;
+        }
+#if CFEM_NZ == 1
+        EACH(o) sum[0][N][o] = leaf[o], sum[0][0][o] = leaf_first[o];
+#else
+        const int l = group->degrees[N - 2];
+        const cfem_real before = t[N - 2].value[l], before_first = t[N - 2].first[l];
+        EACH(o) {
+            sum[N - 2][N][o] += before * leaf[o];
+            sum[N - 2][N - 1][o] += before * leaf_first[o];
+            sum[N - 2][N - 2][o] += before_first * leaf[o];
+        }
+        for (int d = N - 3; d >= group->depth; d--) {
+            const int k = group->degrees[d];
+            const cfem_real value = t[d].value[k], first = t[d].first[k];
+            EACH(o) sum[d][d][o] += first * sum[d + 1][N][o];
+            for (int i = d + 1; i <= N; i++)
+                EACH(o) sum[d][i][o] += value * sum[d + 1][i][o], sum[d + 1][i][o] = 0;
+        }
 #endif
+    }
+    for (int i = 0; i <= N; i++) EACH(o) out[i][o] = sum[0][i][o];
+}
+
+void cfem_spectral(const double s[NA], cfem_parts *parts) {
+    polynomials t[N];
+    quadratic psi;
+    cfem_real e[N + 1][OUTPUTS];
     for (int i = 0; i < N; i++) {
         double z = cfem_offset[i];
-        for (int j = 0; j < CFEM_NA; j++) z += cfem_to_box[i][j] * s[j];
+        for (int j = 0; j < NA; j++) z += cfem_to_box[i][j] * s[j];
         evaluate(z, &t[i]);
     }
-    for (int g = 0, m = 0; g < CFEM_GROUPS; g++) {
-        /* Sums over the group: of the potential with its derivatives by the last coordinate, of the effectors with the first. */
-        cfem_real sum = 0, sum_first = 0, sum_second = 0, of_e[NE] = {0}, of_e_first[NE] = {0};
-#if CFEM_FULL
-        cfem_real of_c[NE * (NE + 1) / 2] = {0};
-        for (int k = m; k < cfem_groups[g].end; k++)
-            for (int c = 0; c < NE * (NE + 1) / 2; c++)
-                of_c[c] += cfem_compliance_series[k][c] * last->value[cfem_degrees[k]];
-#endif
-        for (; m < cfem_groups[g].end; m++) {
-            const int k = cfem_degrees[m];
-            const cfem_real *c = cfem_series[m], value = last->value[k], first = last->first[k];
-            sum += c[0] * value, sum_first += c[0] * first, sum_second += c[0] * last->second[k];
-            for (int e = 0; e < NE; e++) of_e[e] += c[1 + e] * value, of_e_first[e] += c[1 + e] * first;
-        }
-
-        /* The other coordinates: those of degree zero are constants. */
-        const uint8_t *degree = cfem_groups[g].degrees;
-        int on[N] = {0}, count = 0;
-        cfem_real value = 1, slope[N];
-        for (int i = 0; i < N - 1; i++)
-            if (degree[i]) on[count++] = i, value *= t[i].value[degree[i]];
-        for (int a = 0; a < count; a++) { /* the product of the other values stands beside each derivative */
-            const int i = on[a];
-            cfem_real others = 1;
-            for (int b = 0; b < count; b++)
-                if (b != a) others *= t[on[b]].value[degree[on[b]]];
-            slope[a] = t[i].first[degree[i]] * others;
-            gradient[i] += sum * slope[a];
-            hessian[i][i] += sum * t[i].second[degree[i]] * others;
-            hessian[i][N - 1] += sum_first * slope[a];
-            for (int b = a + 1; b < count; b++) {
-                cfem_real rest = sum * t[i].first[degree[i]] * t[on[b]].first[degree[on[b]]];
-                for (int k = 0; k < count; k++)
-                    if (k != a && k != b) rest *= t[on[k]].value[degree[on[k]]];
-                hessian[i][on[b]] += rest;
-            }
-        }
-        gradient[N - 1] += sum_first * value;
-        hessian[N - 1][N - 1] += sum_second * value;
-        for (int e = 0; e < NE; e++) {
-            effector[e] += of_e[e] * value;
-            effector_gradient[e][N - 1] += of_e_first[e] * value;
-            for (int a = 0; a < count; a++) effector_gradient[e][on[a]] += of_e[e] * slope[a];
-        }
-#if CFEM_FULL
-        energy += sum * value;
-        for (int c = 0; c < NE * (NE + 1) / 2; c++) compliance[c] += of_c[c] * value;
-#endif
-    }
+    potential(t, &psi);
+    effectors(t, e);
     /* From z to s: gradients by to_box^T, the Hessian on both sides. */
     for (int i = 0; i < N; i++)
-        for (int k = 0; k < i; k++) hessian[i][k] = hessian[k][i];
-    for (int i = 0; i < CFEM_NA; i++) {
+        for (int k = 0; k < i; k++) psi.hessian[i][k] = psi.hessian[k][i];
+    for (int i = 0; i < NA; i++) {
         double row[N];
         parts->gradient[i] = 0.0;
         for (int k = 0; k < N; k++) {
-            parts->gradient[i] += cfem_to_box[k][i] * (double)gradient[k];
+            parts->gradient[i] += cfem_to_box[k][i] * (double)psi.gradient[k];
             row[k] = 0.0;
-            for (int l = 0; l < N; l++) row[k] += cfem_to_box[l][i] * (double)hessian[l][k];
+            for (int l = 0; l < N; l++) row[k] += cfem_to_box[l][i] * (double)psi.hessian[l][k];
         }
-        for (int j = 0; j < CFEM_NA; j++) {
+        for (int j = 0; j < NA; j++) {
             parts->hessian[i][j] = 0.0;
             for (int k = 0; k < N; k++) parts->hessian[i][j] += row[k] * cfem_to_box[k][j];
         }
     }
-    for (int e = 0; e < CFEM_NE; e++) {
-        parts->effector[e] = (double)effector[e];
-        for (int i = 0; i < CFEM_NA; i++) {
-            parts->effector_gradient[e][i] = 0.0;
-            for (int k = 0; k < N; k++)
-                parts->effector_gradient[e][i] += (double)effector_gradient[e][k] * cfem_to_box[k][i];
+    for (int o = 0; o < NE; o++) {
+        parts->effector[o] = (double)e[N][o];
+        for (int i = 0; i < NA; i++) {
+            parts->effector_gradient[o][i] = 0.0;
+            for (int k = 0; k < N; k++) parts->effector_gradient[o][i] += (double)e[k][o] * cfem_to_box[k][i];
         }
     }
 #if CFEM_FULL
-    parts->energy = (double)energy;
-    for (int i = 0, packed = 0; i < CFEM_NE; i++)
-        for (int j = i; j < CFEM_NE; j++, packed++)
-            parts->compliance[i][j] = parts->compliance[j][i] = (double)compliance[packed];
+    parts->energy = (double)psi.value;
+    for (int i = 0, packed = NE; i < NE; i++)
+        for (int j = i; j < NE; j++, packed++) parts->compliance[i][j] = parts->compliance[j][i] = (double)e[N][packed];
 #endif
 }
 
