@@ -9,6 +9,8 @@ import pytest
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
 from cfem.design.stage import run
+from cfem.robot.cad import File
+from cfem.robot.meshing import measure
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.stage import run as simulate_sample
 from cfem.surrogate.stage import run as train
@@ -161,3 +163,12 @@ def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):
     first = ["verify=no"] if "mesh=null" not in overrides else []
     with pytest.raises(SpecError, match=message):
         run(folder / "design.yaml", [*first, *overrides], tmp_path / "out", QUIET)
+
+
+def test_best_designs_come_as_cad_files(folder):
+    asked = ("verify=no", "task=null", "figures=false", "front=null", "blends={}", "cad=true", "grid=[3, 3]")
+    made = run(folder / "design.yaml", asked, folder / "with-cad", QUIET)
+    entry = made["results"]["designs"]["dexterity"]
+    volume, _ = measure(File(str(folder / "with-cad" / "dexterity.step")))
+    assert volume == pytest.approx(entry["p"]["height"] * entry["p"]["length"] * 10, rel=1e-9)
+    assert measure(File(str(folder / "with-cad" / "dexterity.stl")))[0] == pytest.approx(volume, rel=1e-6)

@@ -95,9 +95,8 @@ class DesignSpec(Spec):
     elements to verify by. vary: all parameters unless given; fixed: values of the others, the scene's unless given.
     blends: weights of normalised objectives, each blend with a best design of its own. constraints: inequalities of
     parameters (numbers in their units, mm and MPa) and of `volume` (mm^3), or functions; largest_force: of any
-    actuator. grid:
-    points along each parameter. verify: the best designs and the front's corners, or all of the front, by finite
-    elements."""
+    actuator. grid: points along each parameter. verify: the best designs and the front's corners, or all of the front,
+    by finite elements. cad: also write each best design as STEP, and as STL for printing."""
 
     model: Path
     out: Path
@@ -116,6 +115,7 @@ class DesignSpec(Spec):
     starts: PositiveInt = 3
     verify: Literal["fe", "fe-front", "no"] = "no"
     figures: bool = True
+    cad: bool = False
 
     @model_validator(mode="after")
     def _names(self) -> "DesignSpec":

@@ -226,9 +226,28 @@ def _search(
         f"{len(grid.z)} designs in {1e3 * seconds['grid']:.0f} ms of CPU time; slopes agree with differences of "
         f"second order to {results['slopes_checked']:.0e}"
     )
+    if spec.cad:
+        _write_cad(folder, {name: problem.p(one.z) for name, one in designs.items()}, family, paths)
     if spec.figures:
         _draw(folder, problem, grid, designs, front, checked, results)
     return results
+
+
+def _write_cad(folder: Path, designs: dict[str, np.ndarray], family: Any, paths: dict[str, Path]) -> None:
+    """`<name>.step` and `<name>.stl` of each design."""
+    from cfem.robot.meshing import CATALOGUE, write_cad
+    from cfem.robot.spec import SceneSpec
+    from cfem.sample.parameters import with_values
+
+    if "scene" not in paths:
+        raise SpecError("the shapes of designs need the scene", where="cad", do="name it under `scene`")
+    scene = load_spec(paths["scene"], SceneSpec)
+    if type(scene.geometry) not in CATALOGUE:
+        raise SpecError(f"geometry of kind {scene.geometry.kind} has no designs", where="cad")
+    for name, p in designs.items():
+        geometry = with_values(scene, [one.key for one in family.parameters], p).geometry
+        files = [folder / f"{name.replace(' ', '-')}{suffix}" for suffix in (".step", ".stl")]
+        write_cad(CATALOGUE[type(geometry)](geometry), files)
 
 
 def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpec) -> dict[bytes, Any]:
