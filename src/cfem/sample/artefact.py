@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from cfem.core.errors import NumericalError
+from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, read_table
 from cfem.dataset.writer import content_hash, write_table
@@ -25,9 +25,9 @@ def fill(
     begin = time.perf_counter()
     files = {split: folder / f"{split}.parquet" for split in spec.splits}
     shards = folder / "shards"
-    if all(file.exists() for file in files.values()):
+    try:
         tables = {split: read_table(file) for split, file in files.items()}
-    else:
+    except InputError:  # not there yet
         with worker_pool(workers) as executor:
             tables = sample(spec, factory, shards, executor, made_from, quiet)
         for split, table in tables.items():

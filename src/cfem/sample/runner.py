@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
 from cfem.condensed.pose import COORDINATES
-from cfem.core.errors import CfemError, SpecError
+from cfem.core.errors import CfemError, InputError, SpecError
 from cfem.core.files import plain
 from cfem.core.progress import progress
 from cfem.core.provenance import versions
@@ -97,7 +97,7 @@ def contact_plan(spec: SampleSpec, n_a: int) -> ContactPlan | None:
 
 def solve_skeleton(job: Job, rows: np.ndarray, executor: Executor, advance: Advance = _unseen) -> Path:
     """The file with these rows (indices into job.u), made if it is not there, and beside it their states."""
-    if not (job.skeleton_rows.exists() and job.skeleton_states.exists()):
+    if not _has_skeleton(job):
         with _live_workers():
             executor.submit(shard.solve_skeleton, job, rows).result()
         advance(len(rows))
@@ -127,12 +127,22 @@ def solve_rows(
 
 def _holds(job: Job, number: int, piece: np.ndarray) -> bool:
     """Whether the shard is solved. Rows that were chosen by a model may be others after it was trained anew."""
-    file = job.shard_rows(number)
-    if not file.exists():
+    try:
+        table = read_table(job.shard_rows(number))
+    except InputError:  # missing, or damaged since
         return False
-    table = read_table(file)
     same = np.array_equal(column_array(table, "u"), job.u[piece])
     return same and table["id"].to_pylist() == [job.id[index] for index in piece]
+
+
+def _has_skeleton(job: Job) -> bool:
+    """Whether its rows and its states are there, and whole."""
+    try:
+        read_table(job.skeleton_rows)
+        shard.read_knots(job.skeleton_states)
+    except InputError:
+        return False
+    return True
 
 
 def _finished(job: Job, first: np.ndarray, rest: np.ndarray, size: int) -> int:

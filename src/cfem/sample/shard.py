@@ -2,6 +2,8 @@
 
 import io
 import time
+import zipfile
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,7 +17,7 @@ from cfem.condensed import Condensed, pack_upper
 from cfem.condensed.parameters import sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.restrict import onto_patch, slopes_onto_patch
-from cfem.core.errors import NumericalError
+from cfem.core.errors import InputError, NumericalError
 from cfem.core.files import write_whole
 from cfem.dataset.writer import write_rows
 from cfem.equilibrium.actuation import Actuation
@@ -166,6 +168,10 @@ def write_knots(path: Path, knots: Sequence[Knot]) -> None:
 
 
 def read_knots(path: Path) -> list[Knot]:
-    with np.load(path) as stacked:
-        arrays = {name: stacked[name] for name in Knot.__dataclass_fields__}
+    """What `write_knots` wrote. Raises InputError where it is missing or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as stacked:
+            arrays = {name: stacked[name] for name in Knot.__dataclass_fields__}
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"is damaged: {error}", where=str(path), do="remove it and run again") from None
     return [Knot(*row) for row in zip(*arrays.values(), strict=True)]
