@@ -98,7 +98,9 @@ stiff-flop-experiments: .venv/all
 	  --set 'loop.settle.at_most=400 s' --set 'loop.controllers=$(BY_FE)' \
 	  --set 'trajectories={B: {kind: goals, points: {mm: [[106, 26, 32.5]]}}}'
 	$(CFEM) report $(EXPERIMENT)/report.yaml
-	$(PYTHON) benchmarks/stiff_flop_stability.py
+	$(PYTHON) benchmarks/stiff_flop_experiments.py data/$@
+	$(PYTHON) benchmarks/stiff_flop_stability.py --alike
+	$(PYTHON) benchmarks/stiff_flop_stability.py --seeds 200
 	$(PYTHON) benchmarks/control_process.py models/stiff-flop/spectral-export --ticks
 
 # The comparison with the paper's network (about 15 minutes), and all that the README's table states.
