@@ -1,7 +1,9 @@
 """The exported C controller against Python's, on the finger. Prints one JSON object.
 
-Usage: embedded.py loop | arc | tick | python | osqp, with the artefacts of `make embedded` in place:
+Usage: embedded.py loop | arc | trunk | tick | python | osqp, with the artefacts of `make embedded` in place:
   loop    both close the loop on the FE plant along the closed curve
+  trunk   both follow the pneumatic trunk's circle of 40 mm on its FE plant, open and closed, with the artefacts of
+          `make stiff-flop`
   arc     both follow the paper's quarter circle, mostly out of reach
   tick    bytes, time of a tick here and instructions on emulated Cortex-M4 and M7, scalar by scalar and kind by kind
   python  a process without torch: memory and time of a tick, free running and paced at 1 kHz
@@ -16,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
@@ -26,6 +29,8 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "models/soft-finger/embedded/c"
 MODEL = ROOT / "models/soft-finger/spectral-large"
 NETWORK = ROOT / "models/soft-finger/mlp"
+TRUNK = ROOT / "pipelines/stiff-flop"
+PUBLISHED = ["c.scalar=float", "c.controller.halvings=0", "c.controller.observer=previous_step"]
 CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 
 
@@ -117,6 +122,105 @@ def arc(ticks: int = 5) -> dict:
     return {"ticks_a_goal": ticks, "farther_mm": {"max": max(farther), "min": min(farther)}, "missed_mm": max(missed)}
 
 
+def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
+    """Errors in mm at the end of each goal of the circle: open loop into the robot of the model, by growths and by
+    pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
+    of 0.1 mm, its pressures rounded to 0.2 kPa."""
+    from cfem.control.closed_loop import Gains, Pace, run_loop
+    from cfem.control.experiment import Controller, Tracker
+    from cfem.control.fem_plant import FemPlant
+    from cfem.control.imperfect_plant import Imperfection, ImperfectPlant
+    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.loop import Settings
+    from cfem.control.tick import Pilot
+    from cfem.control.trajectory import arc
+    from cfem.core.spec import load_spec
+    from cfem.predict.load import load_model
+    from cfem.robot.build import build_robot
+    from cfem.robot.load import load_scene_and_mesh
+    from cfem.robot.spec import SceneSpec
+
+    scene = TRUNK / "scene.yaml"
+    spec, nodes = load_scene_and_mesh(scene, ROOT / "data/stiff-flop/mesh")
+    robot = build_robot(spec, nodes)
+    stiffer = build_robot(
+        load_spec(scene, SceneSpec, ["material.young=165 kPa", "materials.0.material.young=99 kPa"]), nodes
+    )
+    goals = arc(robot.rest_e, 40.0, 0.0, 2 * np.pi * (1 - 1 / goals_count), "yz", goals_count)
+    ridge, damping = ridge_of(1e-8, robot.reach, robot.length), ridge_of(1e-7, robot.reach, robot.length)
+    weights, pace = np.ones(3), Pace(0.0, 1, ticks_a_goal=ticks, approach=20 * ticks)
+    imperfection = Imperfection(noise=0.1, delay=1, quantum=2e-4)
+    gains = {"open": None, "paper": Gains(0.01, 0.002, 10.0), "tuned": Gains(0.0, 0.347, 10.0)}
+    result = {"length": robot.length, "goals": goals_count, "ticks_a_goal": ticks}
+    for name in ("spectral", "serial"):
+        model, found = load_model(ROOT / "models/stiff-flop" / name), {}
+        limits = Limits(robot.forces, robot.reach)
+        tracker = Tracker(
+            Controller(name, model, Settings(), Settings()), limits, weights, ridge, robot.rest_e, 0.0, damping
+        )
+        plans = [tracker.towards(goal).delta_a for goal in goals]
+        plant = FemPlant(robot)
+        found["python, open, growths"] = _errors(
+            [_missed(plant, plan, goal) for plan, goal in zip(plans, goals, strict=True)]
+        )
+        for command, kind in (("displacement", "growths"), ("force", "pressures")):
+            with _compiled(name, f"c.controller.command={command}") as compiled:
+                missed, plant = [], FemPlant(robot)
+                for goal in goals:
+                    for _ in range(60):
+                        told = compiled.step(goal)
+                    told = told.delta_a if command == "displacement" else told.lambda_a
+                    missed.append(_missed(plant, told, goal, command))
+            found[f"c, open, {kind}"] = _errors(missed)
+
+        low, high = np.stack([robot.reach, model.domain.delta_a.T], axis=-1).swapaxes(0, 1)
+        limits = Limits(robot.forces, np.column_stack([low.min(axis=-1), high.max(axis=-1)]))
+        pilot = Pilot(model, "force", "equilibrium", limits, weights, ridge, Settings(iterations=1), damping=damping)
+        for label, gain in gains.items():
+            plant = ImperfectPlant(FemPlant(stiffer), imperfection, 0)
+            moments = run_loop(goals, pilot, plant, robot.rest_e, pace, gain)
+            found[f"python, {label}"] = _at_the_end([one.index for one in moments], [one.error for one in moments])
+            plant = ImperfectPlant(FemPlant(stiffer), imperfection, 0)
+            gain = gain or Gains(0.0, 0.0)
+            options = f"c.controller.K_P={gain.proportional}", f"c.controller.K_I={gain.integral}"
+            with _compiled(name, *options) as compiled:
+                errors, indices, told, measured, heard = [], [], {}, None, 0
+                for tick, index in enumerate((one.index for one in moments), 1):
+                    error = None
+                    if measured is not None and measured.t > heard:
+                        heard = measured.t
+                        error = told[heard].reference - measured.x_e
+                    told[tick] = compiled.step(goals[index], error)
+                    measured = plant.step(told[tick].lambda_a, "force")
+                    errors.append(float(np.linalg.norm(plant.actual.x_e - goals[index])))
+                    indices.append(index)
+            found[f"c, {label}"] = _at_the_end(indices, errors)
+        result[name] = found
+    return result
+
+
+@contextmanager
+def _compiled(model: str, *overrides: str):
+    """The trunk's controller in C by the spec of its pipeline, with some of it overridden."""
+    from cfem.core.stage import Options
+    from cfem.export.compiled import CompiledController
+    from cfem.export.stage import run
+
+    spec = TRUNK / ("export-c.yaml" if model == "spectral" else "export-c-serial.yaml")
+    with tempfile.TemporaryDirectory() as place:
+        run(spec, overrides, Path(place) / "out", Options(quiet=True))
+        yield CompiledController(Path(place) / "out/c")
+
+
+def _missed(plant, told: np.ndarray, goal: np.ndarray, command: str = "displacement") -> float:
+    return float(np.linalg.norm(plant.step(told, command).x_e - goal))
+
+
+def _at_the_end(indices: list[int], errors: list[float]) -> dict[str, float]:
+    """Of each goal."""
+    return _errors([errors[max(i for i, one in enumerate(indices) if one == goal)] for goal in sorted(set(indices))])
+
+
 def tick() -> dict:
     """By variant: bytes and what measure.c says here and emulated."""
     variants = {
@@ -125,19 +229,27 @@ def tick() -> dict:
         "spectral, float, the paper's step": (MODEL, ["c.scalar=float", "c.controller.halvings=0"]),
         "mlp 3x450, float": (NETWORK, ["c.scalar=float"]),
         "mlp 3x450, 16-bit": (NETWORK, ["c.scalar=float", "c.hidden_weights=int16"]),
+        "trunk, spectral, float": (TRUNK / "export-c.yaml", ["c.scalar=float"]),
+        "trunk, spectral, float, the paper's step": (TRUNK / "export-c.yaml", PUBLISHED),
+        "trunk, serial, double": (TRUNK / "export-c-serial.yaml", []),
+        "trunk, serial, float": (TRUNK / "export-c-serial.yaml", ["c.scalar=float"]),
+        "trunk, serial, float, the paper's step": (TRUNK / "export-c-serial.yaml", PUBLISHED),
     }
     return {name: _variant(*one) for name, one in variants.items()}
 
 
-def _variant(model: Path, overrides: list[str]) -> dict:
+def _variant(source: Path, overrides: list[str]) -> dict:
+    """source: of a spec, or the folder of a model."""
     from cfem.core.stage import Options
     from cfem.export.stage import run
 
     with tempfile.TemporaryDirectory() as place:
-        spec = Path(place) / "export.yaml"
-        spec.write_text(f"model: {model}\nout: out\nformats: [c]\n")
-        results = run(spec, overrides, None, Options(quiet=True))["results"]
-        folder = spec.parent / "out/c"
+        spec = source
+        if source.is_dir():
+            spec = Path(place) / "export.yaml"
+            spec.write_text(f"model: {source}\nout: out\nformats: [c]\n")
+        results = run(spec, overrides, Path(place) / "out", Options(quiet=True))["results"]
+        folder = Path(place) / "out/c"
         here = make(folder, "test", "measure")
         found = {"parity": results["parity"]["c"], **{key: results["c"][key] for key in ("bytes", "coefficient_bytes")}}
         found["operations"] = results["c"]["operations"]
@@ -267,5 +379,5 @@ def emulated(place: Path, options: list[str], sources: list[Path]) -> dict:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["loop", "arc", "tick", "python", "osqp"])
+    parser.add_argument("what", choices=["loop", "arc", "trunk", "tick", "python", "osqp"])
     print(json.dumps(globals()[parser.parse_args().what](), indent=1))

@@ -83,8 +83,8 @@ def _data(
     if model.groups:
         n = max(model.defines["CFEM_NZ"] - 1, 1)
         header.append(
-            "\n/* Terms up to `end` that share the degrees of all coordinates but the last; from the coordinate `depth` on their\n"
-            "   sums are complete. */\n"
+            "\n/* Terms up to `end` that share the degrees of all coordinates but the last; from the coordinate\n"
+            "   `depth` on their sums are complete. */\n"
             f"typedef struct {{\n    uint16_t end;\n    uint8_t depth, degrees[{n}];\n}} cfem_group;\n\n"
         )
         for name, groups in model.groups.items():
