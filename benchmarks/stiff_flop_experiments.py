@@ -16,7 +16,7 @@ BUDGET, RADIUS, PUSHED = 80.0, 0.5, 180
 
 def read(folder: Path) -> dict[tuple[str, str], dict[str, np.ndarray]]:
     """Columns by trajectory and controller."""
-    table = pq.read_table(artefact_file(folder, "loop.parquet"), columns=COLUMNS, page_checksum_verification=True)
+    table = pq.read_table(artefact_file(folder, "loop.parquet"), columns=list(COLUMNS), page_checksum_verification=True)
     columns = {name: np.array(table[name].to_pylist()) for name in COLUMNS}
     keys = dict.fromkeys(zip(columns["trajectory"], columns["controller"], strict=True))
     masks = {key: (columns["trajectory"] == key[0]) & (columns["controller"] == key[1]) for key in keys}
