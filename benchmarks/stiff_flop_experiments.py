@@ -38,7 +38,7 @@ def points(folder: Path, name: str) -> None:
     for trajectory, controllers in found.items():
         for controller, row in controllers.items():
             wait, rate = row["ticks_to_converge"], row["ticks"] / row["seconds"]
-            held = f"{wait['median']:.0f} ticks, {wait['median'] / rate:.2g} s" if wait["held"] else "not held"
+            held = f"{wait['median']:.0f} ticks, {wait['median'] / rate:.3g} s" if wait["held"] else "not held"
             end = row["error_at_goals"]["max"]
             print(f"| {name} | {trajectory} | {controller} | {held} | {end:.2g} |")
 
