@@ -15,7 +15,7 @@ from cfem.control.fem_patch import FemPatch
 from cfem.control.grip_plant import GripPlant
 from cfem.control.loop import Model
 from cfem.control.spec import ControlSpec, RobotSpec
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.grip import Finger, Free
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
@@ -63,9 +63,10 @@ def assembled(
     fem = [FemPatch(robot, turns=max(n_pose.values()) == 6) for _ in places]
     origin = fem[0].patch.origin
     for name, predictor in predictors.items():
-        mine = np.tile(_taut_state(predictor, n_pose[name]), count)
-        home = mine if home is None else home
-        coupled[name] = Coupled(holds([predictor] * count, n_pose[name], origin), held, mine, spec.updates)
+        mine = holds([predictor] * count, n_pose[name], origin)
+        start = _stable(mine, held, np.tile(_taut_state(predictor, n_pose[name]), count))
+        home = start if home is None else home
+        coupled[name] = Coupled(mine, held, start, spec.updates)
     mesh = robot.body.mesh
     points, surface = box_surface(spec.object.centre, spec.object.half_size, mesh.facets.shape[1])
     plant = CoupledPlant(holds(fem, fem[0].patch.n, origin), held, np.tile(robot.unilateral, count), home, points)
@@ -132,6 +133,19 @@ def _pose_rows(predictor: Predictor, robot: Robot, where: Path) -> int:
         what = f"has rows {predictor.rows.actuators}, the scene actuators {robot.rows.actuators} and a held patch"
         raise InputError(what, where=str(where), do="train it on samples with `contact`")
     return n_pose
+
+
+def _stable(holds: list[Hold], held: RigidObject, taut: np.ndarray) -> np.ndarray:
+    """The largest share of `taut` (n_a,) at which the robots hold the object. NumericalError where there is none."""
+    for share in (1.0, 0.5, 0.25, 0.0):
+        try:
+            Coupled(holds, held).at_displacement(share * taut)
+        except NumericalError:
+            if not share:
+                raise
+        else:
+            break
+    return share * taut
 
 
 def _taut_state(predictor: Predictor, n_pose: int) -> np.ndarray:
