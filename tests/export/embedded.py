@@ -47,12 +47,12 @@ def network(activation: str = "relu", width: int = 24, n_a: int = 2) -> tuple[di
 @cache
 def serial(modules: int = 2) -> tuple[dict, dict]:
     """Modules in a row, each a polynomial of three chambers that bends, twists and lengthens: strictly convex on
-    [0, 20]^3, turns of up to two radians."""
+    [0, 20]^3, turns of up to a radian."""
     rng, n = np.random.default_rng(5), 3
     indices = np.array([one for one in product(range(4), repeat=n) if sum(one) <= 3])
     degree, falls = indices.sum(axis=1), 4.0 ** -indices.sum(axis=1)
     psi = np.where((degree == 2) & (indices.max(axis=1) == 2), 900.0, 0.0) + 80 * falls * rng.normal(size=len(indices))
-    end = falls[:, None] * rng.normal(size=(len(indices), 6)) * [20.0, 20.0, 20.0, 1.2, 1.2, 1.2]
+    end = falls[:, None] ** 1.5 * rng.normal(size=(len(indices), 6)) * [20.0, 20.0, 20.0, 1.0, 1.0, 1.0]
     quantities = {"potential": psi[:, None], "effector": end, "effector_compliance": np.zeros((len(indices), 21))}
     chosen = {name: Series(indices, coefficients) for name, coefficients in quantities.items()}
     to_box, offset = np.eye(n) / 10, -np.ones(n)

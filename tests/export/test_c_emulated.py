@@ -5,7 +5,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from export.embedded import export, spectral, tool
+from export.embedded import export, serial, spectral, tool
 
 
 def measured(folder, *target: str) -> tuple[np.ndarray, str]:
@@ -17,15 +17,22 @@ def measured(folder, *target: str) -> tuple[np.ndarray, str]:
 
 
 @pytest.mark.parametrize(
-    ("cpu", "scalar", "tolerance"), [("m7", "double", 1e-9), ("m7", "float", 1e-6), ("m4", "float", 1e-6)]
+    ("robot", "cpu", "scalar", "tolerance", "most"),
+    [
+        (spectral, "m7", "double", 1e-9, 40_000),
+        (spectral, "m7", "float", 1e-6, 40_000),
+        (spectral, "m4", "float", 1e-6, 400_000),
+        (serial, "m7", "double", 1e-9, 120_000),
+    ],
 )
-def test_it_commands_what_it_commands_here(tmp_path, cpu, scalar, tolerance):
+def test_it_commands_what_it_commands_here(tmp_path, robot, cpu, scalar, tolerance, most):
     tool("arm-none-eabi-gcc"), tool("qemu-system-arm")
-    export(tmp_path, spectral(), scalar=scalar, vectors=30)
+    options = {"unilateral": robot is spectral, "damping": 1e-7}
+    export(tmp_path, robot(), scalar=scalar, vectors=30, controller=options)
     here, _ = measured(tmp_path, "measure")
     there, said = measured(tmp_path, "emulate", f"CPU={cpu}")
     assert ", 0 failed" in said
     assert np.abs(here - there).max() <= tolerance * np.abs(here).max() and len(here) >= 5
     median, stack = re.search(r"median (\d+) .* instructions", said), re.search(r"stack (\d+) bytes", said)
-    assert 0 < int(median[1]) < (40_000 if cpu == "m7" else 400_000)
-    assert 0 < int(stack[1]) < 4096
+    assert 0 < int(median[1]) < most
+    assert 0 < int(stack[1]) < (4096 if robot is spectral else 16384)

@@ -28,7 +28,7 @@ MODELS = {
         lambda: spectral("force"),
         {"scalar": "float", "controller": {"command": "force", "observer": "equilibrium"}},
     ),
-    "modules": (serial, {"scalar": "float", "controller": {"regularisation": 1e-8}}),
+    "modules": (serial, {"scalar": "float", "controller": {"damping": 1e-7, "unilateral": False}}),
     "network": (network, {"scalar": "float", "hidden_weights": "int16"}),
 }
 

@@ -24,7 +24,7 @@ def energy_net(form: str) -> tuple[dict, dict]:
 
 
 def network_of_forces() -> tuple[dict, dict]:
-    meta, arrays = network("silu")
+    _, arrays = network("silu")
     return model_card("mlp", dataset(60, 1), "force", activation="silu"), arrays
 
 

@@ -6,7 +6,8 @@
  *     minimise over lambda  |w (W_ea lambda + delta_free_e - goal)|^2 + |r delta_a|^2 + |d (delta_a - delta_a now)|^2
  *     subject to            bounds of lambda,  bounds of delta_a = W_aa lambda + delta_free_a,  steps a tick
  *
- * Units: mm, N, MPa (cables: delta_a in mm, lambda_a in N; chambers: mm^3, MPa). Vectors hold CFEM_NA actuators or CFEM_NE
+ * Units: mm, N, MPa (cables: delta_a in mm, lambda_a in N; chambers: mm^3, MPa, in the place of mm and N wherever an actuator's
+ * are meant). Vectors hold CFEM_NA actuators or CFEM_NE
  * effector coordinates in the order of CFEM_ACTUATORS and CFEM_EFFECTORS (cfem_data.h). All that depends on the robot is in
  * cfem_data.h and cfem_data.c, which `cfem export` wrote; the other files are the same for every robot.
  *
@@ -40,15 +41,15 @@ typedef struct {
     cfem_real goal[CFEM_NE];    /* mm, absolute: where the effectors should be */
     cfem_real error[CFEM_NE];   /* mm: cfem_output.reference of the tick that the latest measurement of the effectors
                                    belongs to, minus that measurement; read only where measured != 0 */
-    cfem_real delta_a[CFEM_NA]; /* mm: where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
+    cfem_real delta_a[CFEM_NA]; /* mm (mm^3): where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
     int measured;               /* 1: `error` is new since the last tick, and moves the goal by K_P e + K_I sum e; 0: the goal
                                    stays moved as it was (open loop, as long as it never was 1) */
 } cfem_input;
 
 /* What it commands: take the one that the drives take (CFEM_COMMAND_FORCE says which it was exported for). */
 typedef struct {
-    cfem_real delta_a[CFEM_NA];  /* mm */
-    cfem_real lambda_a[CFEM_NA]; /* N */
+    cfem_real delta_a[CFEM_NA];  /* mm (mm^3) */
+    cfem_real lambda_a[CFEM_NA]; /* N (MPa) */
     cfem_real reference[CFEM_NE]; /* mm, absolute: where the effectors will be if the outer loop is right: the goal, or what
                                      the limits leave of it. Errors are measured from here, so that nothing is added up that no
                                      command can change (anti-windup) */
