@@ -88,13 +88,13 @@ stiff-flop-experiments: .venv/all
 	$(CFEM) mesh pipelines/stiff-flop/scene.yaml --set 'mesh.size=1.375 mm' --out data/$@/mesh-fine
 	$(CFEM) mesh pipelines/stiff-flop-bbrfem/scene.yaml --set 'mesh.size=3.4375 mm' --out data/$@/mesh-bbrfem-fine
 	for spec in circle circle-bbrfem points points-bbrfem disturbance; do \
-	  $(CFEM) control $(EXPERIMENT)/$$spec.yaml || exit; \
+	  $(CFEM) control $(EXPERIMENT)/control-$$spec.yaml || exit; \
 	done
-	$(CFEM) control $(EXPERIMENT)/circle.yaml --out data/$@/circle-published --set 'search=$(PUBLISHED)'
-	$(CFEM) control $(EXPERIMENT)/points.yaml --out data/$@/points-softer --set 'loop.real=$(SOFTER)'
-	$(CFEM) control $(EXPERIMENT)/points.yaml --out data/$@/points-finer --set 'loop.real=$(FINER)' \
+	$(CFEM) control $(EXPERIMENT)/control-circle.yaml --out data/$@/circle-published --set 'search=$(PUBLISHED)'
+	$(CFEM) control $(EXPERIMENT)/control-points.yaml --out data/$@/points-softer --set 'loop.real=$(SOFTER)'
+	$(CFEM) control $(EXPERIMENT)/control-points.yaml --out data/$@/points-finer --set 'loop.real=$(FINER)' \
 	  --set 'loop.controllers={tuned: {mode: closed}}'
-	$(CFEM) control $(EXPERIMENT)/points.yaml --out data/$@/points-5hz --set 'loop.rate=5 Hz' \
+	$(CFEM) control $(EXPERIMENT)/control-points.yaml --out data/$@/points-5hz --set 'loop.rate=5 Hz' \
 	  --set 'loop.settle.at_most=400 s' --set 'loop.controllers=$(BY_FE)' \
 	  --set 'trajectories={B: {kind: goals, points: {mm: [[106, 26, 32.5]]}}}'
 	$(CFEM) report $(EXPERIMENT)/report.yaml
