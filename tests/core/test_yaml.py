@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from cfem.core.errors import InputError, SpecError
@@ -29,8 +31,32 @@ def test_aliases_that_grow_without_end_are_refused():
         f"{name}: &{name} [{','.join(['*' + before] * 9)}]\n"
         for before, name in zip("abcdefgh", "bcdefghi", strict=True)
     )
-    with pytest.raises(SpecError, match="refused"):
+    with pytest.raises(SpecError, match="aliases that expand"):
         parse_yaml(bomb, "spec")
+
+
+@pytest.mark.parametrize(
+    "text, what",
+    [
+        ("a: " + "[" * 60 + "]" * 60, "more than 50 levels"),
+        ("a: " + "[" * 5000 + "]" * 5000, "not valid YAML"),
+        ("b: 1\na: " + "x" * 10_001, "10000 characters"),
+        ('a: {b: "x\\0y"}', "cannot be printed"),
+        ('"a\\x07": 1', "cannot be printed"),
+        ("a: 1" + "0" * 5000, "not valid YAML"),
+    ],
+)
+def test_what_no_spec_has_is_refused_in_one_line(text, what):
+    with pytest.raises(SpecError, match=what) as refused:
+        parse_yaml(text, "spec")
+    assert str(refused.value).startswith("spec") and len(str(refused.value).splitlines()) == 1
+
+
+def test_no_more_of_a_file_is_read_than_a_spec_may_have(tmp_path):
+    with pytest.raises(SpecError, match="larger than"):
+        read_yaml(Path("/dev/zero"))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_yaml(tmp_path)
 
 
 def test_missing_and_unreadable_files(tmp_path):

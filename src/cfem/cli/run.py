@@ -8,7 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 from cfem.core.errors import CfemError
+from cfem.core.files import DISK
 from cfem.core.stage import Options
+
+LONGEST = 2000  # characters of an error
 
 
 def run_command(
@@ -31,7 +34,9 @@ def run_command(
     except OSError as error:
         if os.environ.get("CFEM_DEBUG"):
             raise
-        _fail(f"{error.filename or 'a file'}: {error.strerror or error} (look at its disk and permissions)", 7)
+        if error.errno in DISK:
+            _fail(f"{error.filename or 'a file'}: {error.strerror} (look at its disk and permissions)", 7)
+        _fail(f"{error.filename or 'a file'}: cannot be read: {error.strerror or error}", 3)
     except MemoryError:
         _fail("out of memory (make the problem smaller, or use fewer --workers)", 4)
     except Exception as error:
@@ -47,7 +52,9 @@ def _interrupt(number: int, frame: Any) -> None:
 
 
 def _fail(message: str, code: int) -> None:
-    print(f"cfem: {message}", file=sys.stderr)
+    """One line, whatever a spec or a file made of it."""
+    line = "".join(char if char.isprintable() else " " for char in message)
+    print(f"cfem: {line if len(line) <= LONGEST else line[:LONGEST] + ' ...'}", file=sys.stderr)
     sys.exit(code)
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import socket
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,6 +73,8 @@ def sync_tree(folder: Path) -> None:
 def file_sha256(path: Path) -> str:
     """Hex digest of a file's bytes; InputError where it cannot be read."""
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):  # a device or a pipe may never end
+            raise InputError("is no file", where=str(path), do="check the path")
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except FileNotFoundError:

@@ -6,26 +6,32 @@ from typing import Any
 from cfem.core.errors import InputError, SpecError
 
 Key = str | int
+# No spec comes near any of these; what does is a mistake, or meant to fill the memory.
 MAX_BYTES = 1_000_000
+MAX_VALUES = 100_000
+MAX_DEPTH = 50
+MAX_LENGTH = 10_000  # characters of one text
 
 
 def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
     """Plain data of a YAML mapping, and the line (from 1) of every key path in it."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with open(path, "rb") as file:
+            data = file.read(MAX_BYTES + 1)  # no more, whatever the file
+        if len(data) > MAX_BYTES:
+            raise SpecError(f"larger than {MAX_BYTES} bytes, which no spec is", where=str(path))
+        text = data.decode()
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", where=str(path)) from error
-    if len(text) > MAX_BYTES:
-        raise SpecError(f"larger than {MAX_BYTES} bytes, which no spec is", where=str(path))
     return parse_yaml(text, str(path))
 
 
 def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]]:
     """As `read_yaml`, from text; `source` is named in errors."""
     from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+    from ruamel.yaml.error import MarkedYAMLError
 
     try:
         tree = YAML(typ="rt", pure=True).load(text)
@@ -34,14 +40,24 @@ def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]
         line = f":{mark.line + 1}" if mark else ""
         problem = (error.problem or "not valid YAML").strip().splitlines()[0]
         raise SpecError(problem, where=f"{source}{line}", do="mend the YAML there") from None
-    except (YAMLError, ValueError, RecursionError) as error:
+    except Exception as error:  # besides YAMLError, ruamel stumbles over garbage in many ways
         raise SpecError(
             f"not valid YAML: {str(error).splitlines()[0] if str(error) else error!r}", where=source
         ) from None
     if not isinstance(tree, dict):
         raise SpecError("expected a mapping of keys to values at the top", where=source)
     lines: dict[tuple[Key, ...], int] = {(): 1}
-    return _plain(tree, (), lines, set()), lines
+    try:
+        return _plain(tree, (), lines, set()), lines
+    except _Refused as refused:
+        line = f":{lines[refused.path]}" if refused.path in lines else ""
+        raise SpecError(f"{refused}, which no spec has", where=f"{source}{line}") from None
+
+
+class _Refused(Exception):
+    def __init__(self, what: str, path: tuple[Key, ...]):
+        super().__init__(what)
+        self.path = path
 
 
 def parse_value(text: str) -> Any:
@@ -54,27 +70,36 @@ def _plain(node: Any, path: tuple[Key, ...], lines: dict, open_nodes: set[int]) 
     from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
     if not isinstance(node, CommentedMap | CommentedSeq):
-        return _scalar(node)
-    if id(node) in open_nodes or len(lines) > 100_000:
-        raise SpecError("aliases that expand without end are refused")
+        return _scalar(node, path)
+    if id(node) in open_nodes:
+        raise _Refused("aliases that expand without end", path)
+    if len(path) >= MAX_DEPTH:
+        raise _Refused(f"more than {MAX_DEPTH} levels", path)
     open_nodes.add(id(node))
     items = node.items() if isinstance(node, CommentedMap) else enumerate(node)
     plain = {}
     for key, value in items:
-        key = key if isinstance(key, int) else str(key)
+        key = key if isinstance(key, int) else _scalar(str(key), path)
         where = node.lc.key(key) if isinstance(node, CommentedMap) and key in (node.lc.data or {}) else None
         where = where or (node.lc.item(key) if isinstance(node, CommentedSeq) else (node.lc.line, 0))
         lines[(*path, key)] = where[0] + 1
+        if len(lines) > MAX_VALUES:
+            raise _Refused(f"more than {MAX_VALUES} values, by aliases that expand or in full", path)
         plain[key] = _plain(value, (*path, key), lines, open_nodes)
     open_nodes.discard(id(node))
     return plain if isinstance(node, CommentedMap) else list(plain.values())
 
 
-def _scalar(node: Any) -> Any:
+def _scalar(node: Any, path: tuple[Key, ...]) -> Any:
     """ruamel's scalar subclasses (which remember their notation) as plain Python values."""
-    for kind in (bool, int, float, str):
+    for kind in (bool, int, float):
         if isinstance(node, kind):
             return kind(node)
     if node is None:
         return None
-    return str(node)
+    text = str(node)
+    if len(text) > MAX_LENGTH:
+        raise _Refused(f"a text of more than {MAX_LENGTH} characters", path)
+    if any(not char.isprintable() and char not in "\n\t" for char in text):
+        raise _Refused(f"a text with characters that cannot be printed, {text[:40]!r}", path)
+    return text

@@ -112,6 +112,8 @@ def read_table(path: Path) -> pa.Table:
     try:
         table = pq.ParquetFile(path, page_checksum_verification=True).read()
         meta = metadata(table)
+        if not isinstance(meta, dict):
+            raise ValueError("its metadata is no JSON object")
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="run cfem simulate-sample") from None
     except (OSError, ValueError, pa.ArrowException) as error:
@@ -123,9 +125,18 @@ def read_table(path: Path) -> pa.Table:
         raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path), do=do)
     columns = set(table.column_names)
     known = REQUIRED <= columns <= {column.name for column in COLUMNS}
-    if not known or not {"format", "rows", "units", "parameters"} <= set(meta):
+    if not known or not _speaks(meta):
         raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
     return table
+
+
+def _speaks(meta: dict[str, Any]) -> bool:
+    """Whether the metadata says all that reading needs."""
+    try:
+        rows_of(meta), parameters_of(meta)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return False
+    return {"format", "rows", "units", "parameters"} <= set(meta)
 
 
 def column_array(table: pa.Table, name: str) -> np.ndarray:
