@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded soft-gripper stiff-flop stiff-flop-experiments parametric-finger $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -121,6 +121,11 @@ embedded: .venv/all
 	$(CFEM) train pipelines/soft-finger/train-large.yaml
 	$(CFEM) export pipelines/soft-finger/export-c.yaml
 	$(MAKE) -C models/soft-finger/embedded/c test measure size
+
+# The trunk's, of both models.
+embedded-stiff-flop: stiff-flop
+	for spec in export-c export-c-serial; do $(CFEM) export pipelines/$</$$spec.yaml || exit; done
+	for model in spectral serial; do $(MAKE) -C models/$</$$model-embedded/c test measure size || exit; done
 
 figures: soft-finger-paper
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
