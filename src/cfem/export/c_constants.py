@@ -14,6 +14,7 @@ from cfem.predict.protocol import Predictor
 from cfem.predict.serial import SerialPredictor
 
 ACTIVATIONS = ("relu", "tanh", "silu")
+KINDS = ("spectral", "mlp", "serial")
 OBSERVERS = ("measured", "previous_step", "equilibrium")
 
 
@@ -60,9 +61,12 @@ class Surrogate:
 def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
     """The model's constants, and the values (n_p,) of its parameters. InputError for a model that the C controller
     cannot hold."""
-    learned = meta["module"]["kind"] if meta["kind"] == "serial" else meta["kind"]
-    if learned != "spectral" and meta["kind"] != "mlp":
-        raise InputError(f"kind {learned!r} has no C code", do="train kind: spectral or mlp, or export ONNX")
+    if meta["kind"] not in KINDS:
+        raise InputError(f"kind {meta['kind']!r} has no C code", do=f"train kind: {', '.join(KINDS)}, or export ONNX")
+    if meta["kind"] == "serial" and meta["module"]["kind"] != "spectral":
+        raise InputError(
+            f"modules of kind {meta['module']['kind']!r} have no C code", do="train the module with kind: spectral"
+        )
     if meta.get("n_c"):
         raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
