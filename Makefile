@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger regenerate $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -139,6 +139,10 @@ discretisation: .venv/all
 # All that the tables of the mechanics state: tours, orders of convergence, stability.
 mechanics: .venv/dev discretisation
 	$(PYTHON) scripts/figures.py measure discretisation tours convergence stability
+
+# Datasets of the small scenes: made anew where stale, compared with tests/gold. CI runs it.
+regenerate: .venv/dev
+	$(PYTHON) scripts/regenerate.py
 
 # Every kind of model on every robot, and the paper's studies of sampling and of meshes: `make surrogates`.
 include pipelines/surrogates/study.mk
