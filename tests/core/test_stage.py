@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from cfem.core.errors import GateError, InputError, OutputError
+from cfem.core.errors import GateError, InputError, OutputError, SpecError
 from cfem.core.files import content_sha256, locked, write_whole
 from cfem.core.spec import Spec
 from cfem.core.stage import Options, Stage, artefact_file, partial_folder, read_manifest, run_stage
@@ -81,6 +81,12 @@ def test_an_interrupted_stage_finds_its_part_again_and_another_one_does_not(tmp_
         run_stage(stage(tmp_path, value=3), interrupt, Options())
     run_stage(stage(tmp_path, value=4), lambda folder: seen.append((folder / "half").exists()) or {}, Options())
     assert seen == [True, False]
+
+
+def test_a_name_that_leads_out_of_the_folder_is_refused(tmp_path):
+    with pytest.raises(SpecError, match="outside the artefact"):
+        run_stage(stage(tmp_path), lambda folder: write_whole(folder / "../../picture.png", b"x") or {}, Options())
+    write_whole(tmp_path / "free.txt", b"x")
 
 
 def test_precious_output_is_replaced_only_by_force(tmp_path):

@@ -9,12 +9,13 @@ import socket
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.core.errors import DiskError, InputError, OutputError
+from cfem.core.errors import DiskError, InputError, OutputError, SpecError
 
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 
@@ -32,8 +33,24 @@ def disk_errors(path: Path) -> Iterator[None]:
         raise
 
 
+_ROOT: ContextVar[Path | None] = ContextVar("root", default=None)
+
+
+@contextmanager
+def confined(folder: Path) -> Iterator[None]:
+    """Within, `write_whole` refuses what lies outside `folder`: names of a spec become names of files."""
+    token = _ROOT.set(folder)
+    try:
+        yield
+    finally:
+        _ROOT.reset(token)
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Temporary file, fsync, rename, fsync of the folder: a reader sees the old file or the new one, never a part."""
+    root = _ROOT.get()
+    if root is not None and not Path(os.path.abspath(path)).is_relative_to(os.path.abspath(root)):
+        raise SpecError("a name would become a file outside the artefact", where=str(path), do="use plain names")
     with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")

@@ -16,6 +16,7 @@ from typing import Any
 
 from cfem.core.errors import GateError, InputError, OutputError
 from cfem.core.files import (
+    confined,
     content_sha256,
     disk_errors,
     file_sha256,
@@ -152,7 +153,8 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
             partial.mkdir(parents=True)
             write_whole(mark, made_from.encode())
     start = time.perf_counter()
-    results = dict(work(partial))
+    with confined(partial):
+        results = dict(work(partial))
     made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
     files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
     manifest = {
