@@ -152,8 +152,8 @@ def test_a_device_is_a_plant(tmp_path, model_folder):
     "pipeline",
     [
         *(f"soft-finger/control-{name}" for name in ("closed-loop", "device")),
-        *(f"stiff-flop-experiments/{name}" for name in ("circle", "circle-bbrfem", "points", "points-bbrfem")),
-        "stiff-flop-experiments/disturbance",
+        *(f"stiff-flop-experiments/control-{name}" for name in ("circle", "circle-bbrfem", "points", "points-bbrfem")),
+        "stiff-flop-experiments/control-disturbance",
     ],
 )
 def test_pipelines_are_valid(pipeline):

@@ -7,7 +7,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, WithJsonSchema, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, ForceVector, Frequency, Length, Time, parse_quantity
+from cfem.core.units import Angle, ForceVector, Frequency, Length, Point, Time, parse_quantity
+from cfem.robot.selection import Direction
 
 
 def _either(one: str, other: str):
@@ -107,12 +108,21 @@ class SensorSpec(Spec):
     delay: NonNegativeInt = 0
 
 
+class WallSpec(Spec):
+    """A plane without friction that the first effector cannot pass. point: on it; normal: to the side where the
+    effector may be."""
+
+    point: Point
+    normal: Direction
+
+
 class RealSpec(Spec):
-    """What the real robot has that the model does not know. scene: overrides `key=value` of the scene (plant: fem);
-    mesh: another one (plant: fem); stiffer: times the model's stiffness (plant: model)."""
+    """What the real robot has that the model does not know. scene: overrides `key=value` of the scene, mesh: another
+    one, wall: something in its way (plant: fem); stiffer: times the model's stiffness (plant: model)."""
 
     scene: list[str] = Field(default=[])
     mesh: Path | None = None
+    wall: WallSpec | None = None
     stiffer: float = Field(1.0, gt=0)
 
 

@@ -197,9 +197,16 @@ def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple
     scene = base / spec.scene
     _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
     robot = build_robot(load_spec(scene, SceneSpec, real.scene), nodes)
-    if push is None:
-        return FemPlant(robot), None
-    return FemPlant(robot), FemPlant(pushed(robot, push))
+    if real.wall:
+        from cfem.control.walled_plant import Wall, WalledPlant
+
+        normal = np.asarray(real.wall.normal, float)
+        wall = Wall(real.wall.point, normal / np.linalg.norm(normal))
+        robots = [robot] if push is None else [robot, pushed(robot, push)]
+        plants = [WalledPlant(one, wall) for one in robots]
+    else:
+        plants = [FemPlant(robot)] + ([] if push is None else [FemPlant(pushed(robot, push))])
+    return plants[0], plants[1] if push is not None else None
 
 
 def _write(path: Path, records: list[dict[str, Any]], robot: Robot) -> None:

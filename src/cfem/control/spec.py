@@ -172,8 +172,8 @@ class ControlSpec(Spec):
         unknown = {one.model for one in loop.controllers.values()} - {None, FE_BASED, *self.models}
         if unknown:
             raise ValueError(f"loop.controllers: models {sorted(unknown)} are not among {sorted(self.models)}")
-        if self.plant != "fem" and (loop.real.scene or loop.real.mesh):
-            raise ValueError("loop.real.scene and loop.real.mesh need plant: fem")
+        if self.plant != "fem" and (loop.real.scene or loop.real.mesh or loop.real.wall):
+            raise ValueError("loop.real.scene, loop.real.mesh and loop.real.wall need plant: fem")
         if self.plant != "model" and loop.real.stiffer != 1:
             raise ValueError("loop.real.stiffer needs plant: model; with plant: fem override the scene's material")
         return self

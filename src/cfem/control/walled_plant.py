@@ -1,0 +1,65 @@
+"""An FE robot whose effector meets a wall that the model knows nothing of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.control.fem_plant import FemPlant, pushed
+from cfem.control.plant import Command, Measurement
+from cfem.equilibrium.robot import Robot
+
+TOLERANCE, ITERATIONS = 1e-6, 30  # mm of the gap; trial forces
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A plane without friction: point (3,) mm on it, normal (3,) unit out of it, on the side where the effector may
+    be."""
+
+    point: np.ndarray
+    normal: np.ndarray
+
+    def gap(self, x_e: np.ndarray) -> float:
+        """mm from the wall to the first effector, negative inside."""
+        return float(self.normal @ (x_e[:3] - self.point))
+
+
+class WalledPlant:
+    """`Plant`. Signorini's law (1933) of one point: gap >= 0, force >= 0, one of them 0. The force on the first
+    effector is found by the secant method, every trial a full solve.
+
+    force: (N) that the wall pushes with now; at: (push (n_e,) N) -> the robot under it, for tests"""
+
+    def __init__(self, robot: Robot, wall: Wall, at: Callable[[np.ndarray], FemPlant] | None = None):
+        self._wall, self._n_e = wall, robot.rows.n_e
+        self._free = FemPlant(robot)
+        self._at = at or (lambda push: FemPlant(pushed(robot, push)))
+        self._t, self.force, self._softness = 0, 0.0, None
+
+    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """As the robot's own, or, where that ends inside the wall, under the force that keeps it out."""
+        self._t += 1
+        found, self.force = self._free.step(u, kind), 0.0
+        gap = self._wall.gap(found.x_e) if found.status == "converged" else 0.0
+        if gap >= 0:
+            return self._numbered(found)
+        known = (0.0, gap)
+        trial = 1e-3 if self._softness is None else -gap / self._softness
+        for _ in range(ITERATIONS):
+            push = np.zeros(self._n_e)
+            push[:3] = trial * self._wall.normal
+            found = self._at(push).step(u, kind)
+            if found.status != "converged":
+                return self._numbered(found)
+            gap = self._wall.gap(found.x_e)
+            if abs(gap) <= TOLERANCE:
+                self.force = trial
+                return self._numbered(found)
+            self._softness = (gap - known[1]) / (trial - known[0])
+            known, trial = (trial, gap), max(trial - gap / self._softness, 0.0)
+        nothing = np.full(len(u), np.nan)
+        return Measurement(np.full(self._n_e, np.nan), nothing, nothing, self._t, "the wall's force is not found")
+
+    def _numbered(self, found: Measurement) -> Measurement:
+        return Measurement(found.x_e, found.delta_a, found.lambda_a, self._t, found.status)

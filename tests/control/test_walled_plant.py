@@ -1,0 +1,42 @@
+"""A bar whose tip meets a wall: against the robot under the wall's force, and where it is free."""
+
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.control.fem_plant import FemPlant, pushed
+from cfem.control.walled_plant import Wall, WalledPlant
+
+LIFT = np.array([-1.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return bar(element="tet4")
+
+
+def wall_at(robot, share):
+    """Below which the tip may be, at that share of how high it would rise."""
+    free = FemPlant(robot).step(LIFT)
+    rise = free.x_e - robot.rest_e
+    return Wall(robot.rest_e + share * rise, np.array([0.0, 0.0, -1.0])), free
+
+
+def test_away_from_the_wall_the_robot_is_free(robot):
+    wall, free = wall_at(robot, 1.5)
+    plant = WalledPlant(robot, wall)
+    np.testing.assert_array_equal(plant.step(LIFT).x_e, free.x_e)
+    assert plant.force == 0.0
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_the_wall_stops_the_tip_with_the_force_that_it_takes(robot, kind):
+    wall, free = wall_at(robot, 0.6)
+    plant = WalledPlant(robot, wall)
+    u = LIFT if kind == "displacement" else free.lambda_a
+    stopped = plant.step(u, kind)
+    assert stopped.status == "converged" and abs(wall.gap(stopped.x_e)) <= 1e-6 and plant.force > 0
+    alone = FemPlant(pushed(robot, plant.force * wall.normal)).step(u, kind)
+    np.testing.assert_allclose(stopped.x_e, alone.x_e, atol=1e-8)
+    back = plant.step(np.zeros(2), kind)
+    assert plant.force == 0.0 and wall.gap(back.x_e) > 0 and back.t == 2
