@@ -188,3 +188,12 @@ def test_two_fe_bars_on_an_object_are_one_fe_bar_with_a_rigid_middle():
 
 def face(robot, x):
     return np.flatnonzero(np.abs(robot.X[:, 0] - x) < 1e-9)
+
+
+def test_an_object_that_nobody_pushes_is_at_rest():
+    """All forces vanish there, so that there is nothing for their sum to be small beside."""
+    plain = two_robots(wrench=(0.0, 0.0, 0.0))
+    at = plain.at_displacement(np.zeros(4))
+    assert np.abs(at.X).max() < 1e-12 and max(at.balance) <= 1e-9
+    noisy = two_robots(wrench=(0.0, 1e-12, 0.0)).at_displacement(np.zeros(4))
+    assert noisy.updates <= 1

@@ -27,6 +27,7 @@ from cfem.control.loop import Model
 from cfem.core.errors import NumericalError
 
 TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it
+UNSEEN = 1e-4  # mm
 ITERATIONS = 30
 
 
@@ -193,6 +194,10 @@ class Coupled:
             force, moment = max(force, float(np.linalg.norm(push[:3]))), max(moment, float(np.linalg.norm(push[3:])))
         if now is not None:
             K[n_a + 3 :, n_a + 3 :] += np.tensordot(now.second, pulled, 2)
+        # robots that carry next to nothing: no less than what holds the object against a shift that nobody sees
+        held = np.abs(K[n_a:, n_a:])
+        force = max(force, UNSEEN * float(held[:3, :3].max()))
+        moment = max(moment, UNSEEN / self._length * float(held[3:, 3:].max(initial=0.0)))
         return parts, g, (K + K.T) / 2, (force, moment)
 
     def _poses(self, X: np.ndarray, now: Turn | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
