@@ -86,7 +86,7 @@ def mutated(data, chance, others):
                 parent.extend([copy.deepcopy(parent[key])] * chance.choice([1, 3, 50]))
             case 3:
                 parent[key] = copy.deepcopy(_subtree(chance.choice(others), chance))
-            case 4 if isinstance(parent[key], int | float) and not isinstance(parent[key], bool):
+            case 4 if type(parent[key]) in (int, float) and abs(parent[key]) < 1e300:
                 parent[key] = parent[key] * chance.choice([-1, 0, 1e-12, 1e12, 0.5])
             case _:
                 parent[key] = copy.deepcopy(chance.choice(ODD))

@@ -70,7 +70,13 @@ class Dataset:
 
 def read_dataset(path: Path) -> Dataset:
     """Raises InputError naming the file where it is missing, damaged, or no dataset of cfem."""
-    return as_dataset(read_table(path))
+    table = read_table(path)
+    try:
+        return as_dataset(table)
+    except (KeyError, TypeError, ValueError, IndexError, pa.ArrowException) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        do = "make it anew with cfem simulate-sample --force"
+        raise InputError(f"is damaged: {reason}", where=str(path), do=do) from None
 
 
 def as_dataset(table: pa.Table) -> Dataset:
@@ -124,10 +130,24 @@ def read_table(path: Path) -> pa.Table:
         do = "make it anew with cfem simulate-sample --force"
         raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path), do=do)
     columns = set(table.column_names)
-    known = REQUIRED <= columns <= {column.name for column in COLUMNS}
+    known = REQUIRED <= columns <= {column.name for column in COLUMNS} and _typed(table.schema)
     if not known or not _speaks(meta):
         raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
     return table
+
+
+def _typed(found: pa.Schema) -> bool:
+    """Whether the columns are numbers and lists of a fixed size as `schema` has them."""
+    for column in COLUMNS:
+        if column.name in found.names:
+            kind = found.field(column.name).type
+            if column.size is not None:
+                if not pa.types.is_fixed_size_list(kind):
+                    return False
+                kind = kind.value_type
+            if kind != column.kind:
+                return False
+    return True
 
 
 def _speaks(meta: dict[str, Any]) -> bool:
