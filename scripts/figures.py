@@ -282,8 +282,11 @@ def contact_table(f: dict) -> str:
             )
             if fe:
                 rows.append((f"{name}: the same by FE-based control", "", spread(fe["distance_to_reachable_goals"])))
-            once = controllers["spectral@1"]["distance_to_reachable_goals"]
-            rows.append((f"{name}: one inverse step a goal, one update of the pose (`@1`)", "", spread(once)))
+            once = controllers["spectral@1"]
+            there = spread(once["distance_to_reachable_goals"])
+            if once["reachable"] < learned["reachable"]:
+                there = f"{once['reachable']} of {once['goals']} goals, {there}"
+            rows.append((f"{name}: one inverse step a goal, one update of the pose (`@1`)", "", there))
             rows.append(
                 (
                     f"{name}: an inverse step, learned{' / FE-based' if fe else ''}, median",
