@@ -1,7 +1,8 @@
 /* What a tick costs: runs the controller along its test goals, on the PC or on an emulated Cortex-M, and prints the cost of a
- * tick and the commands. `make measure`, `make emulate`. */
+ * tick and the commands. `make measure`, `make emulate`. `./measured paced`, `make paced`: on the PC, a tick every millisecond,
+ * timed from when it was due. */
 #if !defined(__arm__)
-#define _POSIX_C_SOURCE 199309L
+#define _POSIX_C_SOURCE 200112L
 #include <time.h>
 #endif
 
@@ -22,6 +23,7 @@
 #define PER_COUNT 40
 #define TIMER ((volatile uint32_t *)0x40000000u)
 static uint64_t now(void) { return (uint64_t)(0xffffffffu - TIMER[1]) * PER_COUNT; }
+static uint64_t wait(void) { return now(); }
 static void start(void) { TIMER[1] = TIMER[2] = 0xffffffffu, TIMER[0] = 1u; }
 
 /* The stack below this program, painted; how much of it was written to since. */
@@ -43,6 +45,14 @@ static uint64_t now(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
+}
+static uint64_t period, due; /* ns; 0: as fast as it goes */
+static uint64_t wait(void) {
+    if (!period) return now();
+    due = due ? due + period : now() + period;
+    const struct timespec t = {(time_t)(due / 1000000000u), (long)(due % 1000000000u)};
+    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL)) {}
+    return due;
 }
 static void start(void) {}
 static void paint(void) {}
@@ -73,7 +83,7 @@ static int follow(int print) {
             const double share = (tick + 1.0) / TICKS_A_GOAL;
             for (int e = 0; e < CFEM_NE; e++)
                 in.goal[e] = (cfem_real)(from[e] + share * (cfem_vectors[v].goal[e] - from[e]));
-            const uint64_t begin = now();
+            const uint64_t begin = wait();
             cfem_step(&controller, &in, &out);
             cost[ticks++] = (uint32_t)(now() - begin);
             for (int i = 0; i < CFEM_NA; i++) in.delta_a[i] = out.delta_a[i];
@@ -88,7 +98,34 @@ static int follow(int print) {
     return ticks;
 }
 
-int main(void) {
+#if !defined(__arm__)
+/* Of `rounds` times the goals; a tick is missed that ends after the next is due. */
+static int paced(int rounds) {
+    static uint32_t all[100 * TICKS];
+    int count = 0, missed = 0;
+    period = 1000000u;
+    for (int round = 0; round < rounds; round++) {
+        due = 0;
+        const int ticks = follow(0);
+        for (int i = 0; i < ticks; i++) missed += cost[i] > period;
+        memcpy(all + count, cost, (size_t)ticks * sizeof *cost);
+        count += ticks;
+    }
+    if (!count) return 1;
+    qsort(all, (size_t)count, sizeof *all, by_size);
+    printf("paced at 1 kHz, from when due to done: median %u p99 %u p99.9 %u max %u ns, %d of %d ticks missed\n",
+           (unsigned)all[count / 2], (unsigned)all[(int)(count * 0.99)], (unsigned)all[(int)(count * 0.999)],
+           (unsigned)all[count - 1], missed, count);
+    return 0;
+}
+#endif
+
+int main(int words, char **word) {
+#if !defined(__arm__)
+    if (words > 1 && !strcmp(word[1], "paced")) return paced(words > 2 ? atoi(word[2]) % 101 : 10);
+#else
+    (void)words, (void)word;
+#endif
     start();
     follow(1);
     paint();
