@@ -7,10 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from cfem.calibrate.measurements import Measurements
-from cfem.condensed.parameters import Parameter
 from cfem.core.errors import InputError
 from cfem.parametric.differences import with_slopes
-from cfem.parametric.family import Family, from_shares, shares
+from cfem.parametric.family import Family, Varied
 from cfem.parametric.states import States
 
 
@@ -32,7 +31,7 @@ def relative(measured: Measurements) -> Noise:
 
 
 @dataclass
-class Residuals:
+class Residuals(Varied):
     """The residuals of a family's robots as a function of z, shares of the ranges of the parameters `free`; those not
     free stay as in p0 (n_p,).
 
@@ -48,19 +47,6 @@ class Residuals:
     def __post_init__(self) -> None:
         if not len(self.target):
             raise InputError("nothing was measured of what is used", do="see `use:` and the columns of the table")
-
-    @property
-    def parameters(self) -> list[Parameter]:
-        return [self.family.parameters[i] for i in self.free]
-
-    def p(self, z: np.ndarray) -> np.ndarray:
-        """(..., n_free) -> (..., n_p)."""
-        out = np.broadcast_to(self.p0, (*z.shape[:-1], len(self.p0))).copy()
-        out[..., list(self.free)] = from_shares(self.parameters, z)
-        return out
-
-    def z(self, p: np.ndarray) -> np.ndarray:
-        return shares(self.parameters, np.asarray(p)[..., list(self.free)])
 
     def states(self, z: np.ndarray) -> States:
         """(k, n_free) -> of every robot all m states, robot by robot."""

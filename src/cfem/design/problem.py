@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfem.condensed.parameters import Parameter
 from cfem.design.objectives import Objective
 from cfem.parametric.differences import Stencil, with_slopes
-from cfem.parametric.family import Family, Kind, from_shares, shares
+from cfem.parametric.family import Family, Kind, Varied
 from cfem.parametric.states import States
 
 Constraint = Callable[[States], np.ndarray]
@@ -28,7 +27,7 @@ class Scores(NamedTuple):
 
 
 @dataclass
-class Problem:
+class Problem(Varied):
     """kind, u (n_a,): how every design is actuated. free: numbers of the parameters that vary; p0 (n_p,): values of the
     others. evaluations: designs so far."""
 
@@ -42,21 +41,8 @@ class Problem:
     evaluations: int = field(default=0, init=False)
 
     @property
-    def parameters(self) -> list[Parameter]:
-        return [self.family.parameters[i] for i in self.free]
-
-    @property
     def names(self) -> list[str]:
         return list(self.objectives)
-
-    def p(self, z: np.ndarray) -> np.ndarray:
-        """(..., n) -> (..., n_p)."""
-        out = np.broadcast_to(self.p0, (*z.shape[:-1], len(self.p0))).copy()
-        out[..., list(self.free)] = from_shares(self.parameters, z)
-        return out
-
-    def z(self, p: np.ndarray) -> np.ndarray:
-        return shares(self.parameters, np.asarray(p)[..., list(self.free)])
 
     def score(self, states: States) -> Scores:
         m = len(states)

@@ -168,3 +168,27 @@ def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
     return tuple(
         coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
     )
+
+
+class Varied:
+    """For problems over some of a family's parameters: a family, values p0 (n_p,) of all, and which of them are `free`;
+    z (..., n) are their shares of the ranges."""
+
+    family: Family
+    p0: np.ndarray
+    free: Sequence[int]
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """The free ones."""
+        return [self.family.parameters[i] for i in self.free]
+
+    def p(self, z: np.ndarray) -> np.ndarray:
+        """(..., n) -> (..., n_p)."""
+        out = np.broadcast_to(self.p0, (*z.shape[:-1], len(self.p0))).copy()
+        out[..., list(self.free)] = from_shares(self.parameters, z)
+        return out
+
+    def z(self, p: np.ndarray) -> np.ndarray:
+        """(..., n_p) -> (..., n)."""
+        return shares(self.parameters, np.asarray(p)[..., list(self.free)])
