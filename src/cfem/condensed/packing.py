@@ -17,6 +17,11 @@ def pack_upper(matrix: np.ndarray) -> np.ndarray:
     return matrix[..., rows, columns]
 
 
+def entries(W: np.ndarray, delta_free: np.ndarray) -> np.ndarray:
+    """(..., n, n), (..., n) -> (..., n (n + 3) / 2): the upper triangle of W, then delta_free."""
+    return np.concatenate([pack_upper(W), delta_free], axis=-1)
+
+
 def unpack_upper(packed: np.ndarray) -> np.ndarray:
     """(..., n (n + 1) / 2) -> (..., n, n) symmetric."""
     n = int((np.sqrt(8 * packed.shape[-1] + 1) - 1) / 2)

@@ -1,9 +1,12 @@
-"""The paper's network F: actuator displacements (or forces) and parameters to the entries of W and delta_free, each
-learned on its own."""
+"""The paper's network F: actuator displacements (or forces), and what tells one robot from another, to the entries of W
+and delta_free, each learned on its own.
+
+What tells the robots apart are their parameters, or, as in the paper, the entries of W and delta_free at rest, which
+another model (the paper's G) gives of the parameters."""
 
 import numpy as np
 
-from cfem.condensed import unpack_upper
+from cfem.condensed import entries, unpack_upper
 from cfem.predict.protocol import ArrayPredictor
 
 
@@ -14,13 +17,29 @@ def _silu(x: np.ndarray) -> np.ndarray:
 ACTIVATIONS = {"relu": lambda x: np.maximum(x, 0), "tanh": np.tanh, "silu": _silu}
 
 
+AT_REST = "at_rest."  # before the names of G's arrays
+
+
+def rest_arrays(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """G's arrays, among those of a pair."""
+    return {name.removeprefix(AT_REST): values for name, values in arrays.items() if name.startswith(AT_REST)}
+
+
+def rest_entries(model: ArrayPredictor, q: np.ndarray) -> np.ndarray:
+    """(..., n_q) -> (..., n (n + 3) / 2): W (upper triangle) and delta_free that `model` gives where s = 0."""
+    return entries(*model.learned(np.zeros((*q.shape[:-1], model.rows.n_a)), q))
+
+
 class MlpPredictor(ArrayPredictor):
-    """arrays: in_mean, in_scale (n_a + n_q,) of s and the learned parameters' coordinates; out_mean, out_scale (k,);
-    weight_i (outputs, inputs) and bias_i of layer i, float32 as trained. Outputs are the packed upper triangle of W,
-    then delta_free."""
+    """arrays: in_mean, in_scale (n_a + k,) of s and of what is `beside` it; out_mean, out_scale; weight_i (outputs,
+    inputs) and bias_i of layer i, float32 as trained; those of G, behind AT_REST. Outputs are the packed upper triangle
+    of W, then delta_free. meta: at_rest, model.json of G, where there is one."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        from cfem.predict.load import build  # which knows of this kind
+
         super().__init__(meta)
+        self._at_rest = build(meta["at_rest"], rest_arrays(arrays)) if "at_rest" in meta else None
         self._activation = ACTIVATIONS[meta["activation"]]
         self._in, self._out = (
             (arrays[f"{side}_mean"].astype(float), arrays[f"{side}_scale"].astype(float)) for side in ("in", "out")
@@ -29,9 +48,13 @@ class MlpPredictor(ArrayPredictor):
         # Transposed and contiguous: a row-vector product then streams each weight once.
         self._layers = [(np.ascontiguousarray(arrays[f"weight_{i}"].T), arrays[f"bias_{i}"]) for i in range(depth)]
 
+    def beside(self, q: np.ndarray) -> np.ndarray:
+        """(..., n_q) coordinates of the learned parameters -> (..., k) inputs beside s."""
+        return q if self._at_rest is None else rest_entries(self._at_rest, q)
+
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mean, scale = self._in
-        hidden = ((np.concatenate([s, q], axis=-1) - mean) / scale).astype(self._layers[0][0].dtype)
+        hidden = ((np.concatenate([s, self.beside(q)], axis=-1) - mean) / scale).astype(self._layers[0][0].dtype)
         for weight, bias in self._layers[:-1]:
             hidden = self._activation(hidden @ weight + bias)
         weight, bias = self._layers[-1]

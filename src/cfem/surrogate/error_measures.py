@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed import Rows, pack_upper
+from cfem.condensed import Rows, entries
 
 CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
+SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as at rest without load it is rounding alone
 
 
 def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
@@ -57,18 +58,21 @@ def paper_loss(
 ) -> dict[str, Any]:
     """Mean squared error of the entries of W (upper triangle) and delta_free, standardised by the mean and standard
     deviation of the true ones; entries constant to rounding are left out and counted."""
-    varying, errors = [], []
-    for true, model in ((pack_upper(W), pack_upper(W_model)), (delta_free, delta_free_model)):
-        deviation = true.std(axis=0)
-        varies = deviation > CONSTANT * np.abs(true).max()
-        varying.append(varies)
-        errors.append((model - true)[:, varies] / deviation[varies])
-    varying = np.concatenate(varying)
+    true, model = entries(W, delta_free), entries(W_model, delta_free_model)
+    deviation = true.std(axis=0)
+    varies = deviation > CONSTANT * sizes(true, W.shape[-1])
+    errors = (model - true)[:, varies] / deviation[varies]
     return {
-        "loss": float(np.mean(np.hstack(errors) ** 2)) if varying.any() else 0.0,
-        "entries": int(varying.sum()),
-        "constant_entries": int((~varying).sum()),
+        "loss": float(np.mean(errors**2)) if varies.any() else 0.0,
+        "entries": int(varies.sum()),
+        "constant_entries": int((~varies).sum()),
     }
+
+
+def sizes(values: np.ndarray, n: int) -> np.ndarray:
+    """(n (n + 3) / 2,) how large each of the `entries` (m, n (n + 3) / 2) may be: the largest of its kind."""
+    W, delta_free = np.abs(values[:, :-n]).max(), max(np.abs(values[:, -n:]).max(), SIZE)
+    return np.repeat([W, delta_free], [values.shape[1] - n, n])
 
 
 def _statistics(values: np.ndarray) -> dict[str, float]:

@@ -1,9 +1,9 @@
 """Trains the paper's network F on the entries of W and delta_free, standardised, by mean squared error.
 
-The inputs are delta_a, or lambda_a in the force form, and the coordinates of the sampled parameters p. For designs the
-paper feeds F with (delta_a, W0, delta_free0), the condensed model at rest, which a second network G makes of the
-design; here the few numbers p that determine W0 and delta_free0 are inputs themselves. The network is the same for any
-number of actuators. W is symmetric because its upper triangle is what is learned; nothing makes it positive definite.
+The inputs are delta_a, or lambda_a in the force form, and the coordinates of the sampled parameters p; or, in place of
+p, W0 and delta_free0, the condensed model at rest, which another model makes of p (`at_rest`): the paper's F and G. The
+network is the same for any number of actuators. W is symmetric because its upper triangle is what is learned; nothing
+makes it positive definite.
 
 Every tenth training row validates: it steers the schedule, picks the epoch and judges a search. Test rows never come
 here."""
@@ -19,11 +19,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from cfem.condensed import pack_upper
+from cfem.condensed import entries
+from cfem.condensed.parameters import sampled
 from cfem.core.errors import InputError
 from cfem.core.spec import meaning
+from cfem.predict.load import build, read_arrays, read_meta
+from cfem.predict.mlp import AT_REST, rest_entries
 from cfem.surrogate.descent import descend
-from cfem.surrogate.error_measures import CONSTANT
+from cfem.surrogate.error_measures import CONSTANT, SIZE, sizes
 from cfem.surrogate.observations import inputs
 from cfem.surrogate.search import Report, search
 from cfem.surrogate.spec import MlpSpec
@@ -58,9 +61,12 @@ def fit(
         facts["search"] = search(partial(judge, dataset, trial), spec.search, spec.seed, table)
         spec = spec.model_copy(update={"search": None, **facts["search"]["choice"]})
     found = train(dataset, spec, None if files is None else files.with_suffix(".pt"))
-    own = {name: getattr(spec, name) for name in ("form", "activation")}
+    arrays, own = found.model.arrays(), {name: getattr(spec, name) for name in ("form", "activation")}
+    if spec.at_rest is not None:
+        own["at_rest"], rest = rest_model(spec.at_rest, dataset)
+        arrays |= {AT_REST + name: values for name, values in rest.items()}
     validated = {"best_epoch": found.best_epoch, "validation_loss": found.validation}
-    return found.model.arrays(), {**own, **validated, "device": device_of(spec).type, **facts}, found.history
+    return arrays, {**own, **validated, "device": device_of(spec).type, **facts}, found.history
 
 
 def judge(dataset: Any, spec: MlpSpec, choice: dict[str, Any], report: Report) -> float:
@@ -78,9 +84,10 @@ def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: R
         raise InputError(f"{m} training rows leave none to validate a network", do=f"use {VALIDATION_STRIDE} or more")
     with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
         torch.manual_seed(spec.seed)
-        s, q = inputs(dataset, spec.form)
-        model = Mlp(dataset.rows, q.shape[1], spec.width, spec.depth, spec.activation, spec.dropout)
-        rows = standardise(model, np.hstack([s, q]), dataset, ~validates)
+        given, size = network_inputs(dataset, spec)
+        k = given.shape[1] - dataset.rows.n_a
+        model = Mlp(dataset.rows, k, spec.width, spec.depth, spec.activation, spec.dropout)
+        rows = standardise(model, given, size, dataset, ~validates)
         fitted, held_out = (tuple(values[chosen].to(device) for values in rows) for chosen in (~validates, validates))
         record = descend(model.net.to(device), fitted, held_out, spec, checkpoint, report)
     return Training(model.cpu().eval(), record["best_epoch"], record["best"], record["history"])
@@ -94,16 +101,46 @@ def device_of(spec: MlpSpec) -> torch.device:
     return torch.device("cuda" if gpu and spec.device != "cpu" else "cpu")
 
 
-def standardise(model: Mlp, values: np.ndarray, dataset: Any, fitted: np.ndarray) -> tuple[Tensor, Tensor]:
-    """Sets the model's means and scales from the rows `fitted` (m,) bool of its inputs `values` (m, n_a + n_q) and its
-    outputs; returns all rows of both standardised, float32."""
-    packed, delta_free = pack_upper(dataset.W), dataset.delta_free
-    outputs = np.hstack([packed, delta_free])
-    size = np.repeat([np.abs(packed).max(), np.abs(delta_free).max()], [packed.shape[1], delta_free.shape[1]])
+def network_inputs(dataset: Any, spec: MlpSpec) -> tuple[np.ndarray, np.ndarray]:
+    """(m, n_a + k) s and what is beside it, and (n_a + k,) how large each may be."""
+    s, q = inputs(dataset, spec.form)
+    size = np.maximum(np.abs(s).max(axis=0), SIZE)
+    if spec.at_rest is None:
+        return np.hstack([s, q]), np.concatenate([size, np.abs(q).max(axis=0)])
+    beside = rest_entries(build(*rest_model(spec.at_rest, dataset)), q)
+    return np.hstack([s, beside]), np.concatenate([size, sizes(beside, dataset.rows.n)])
+
+
+def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """model.json and arrays of the model at rest. InputError where it is of other robots or does not know rest."""
+    meta, arrays = read_meta(folder), read_arrays(folder)
+    meta.pop("history", None)
+    model = build(meta, arrays)
+    own, asked = ([(one.key, one.coordinate) for one in sampled(given.parameters)] for given in (model, dataset))
+    if not asked or own != asked or model.rows != dataset.rows:
+        raise InputError(
+            f"is of parameters {[key for key, _ in own]} and rows {', '.join(model.rows.names)}, the dataset of "
+            f"{[key for key, _ in asked]} and {', '.join(dataset.rows.names)}",
+            where=str(folder),
+            do="train it on rest rows of the same scene and parameters",
+        )
+    low, high = model.domain.delta_a if model.form == "displacement" else model.domain.lambda_a
+    if (low > CONSTANT * SIZE).any() or (high < -CONSTANT * SIZE).any():
+        do = "train it on a dataset with space: rest, in the form force if the scene carries loads"
+        raise InputError("has seen no state at rest", where=str(folder), do=do)
+    return meta, arrays
+
+
+def standardise(
+    model: Mlp, values: np.ndarray, size: np.ndarray, dataset: Any, fitted: np.ndarray
+) -> tuple[Tensor, Tensor]:
+    """Sets the model's means and scales from the rows `fitted` (m,) bool of its inputs `values` (m, n_a + k), each as
+    large as `size` at most, and its outputs; returns all rows of both standardised, float32."""
+    outputs = entries(dataset.W, dataset.delta_free)
     out_mean, out_scale = outputs[fitted].mean(axis=0), outputs[fitted].std(axis=0)
-    constant = out_scale <= CONSTANT * size
+    constant = out_scale <= CONSTANT * sizes(outputs, dataset.rows.n)
     in_mean, in_scale = values[fitted].mean(axis=0), values[fitted].std(axis=0)
-    in_scale[in_scale <= CONSTANT * np.abs(values).max(axis=0)] = np.inf  # what never varied says nothing
+    in_scale[in_scale <= CONSTANT * size] = np.inf  # what never varied says nothing
     numbers = {
         "in_mean": in_mean,
         "in_scale": in_scale,
@@ -118,7 +155,7 @@ def standardise(model: Mlp, values: np.ndarray, dataset: Any, fitted: np.ndarray
 
 def identity(dataset: Any, spec: MlpSpec) -> str:
     """Names what a fit is of: its rows and its spec."""
-    digest = hashlib.sha256(json.dumps(meaning(spec)).encode())
-    for values in (*inputs(dataset, spec.form), dataset.W, dataset.delta_free):
+    digest = hashlib.sha256(json.dumps(meaning(spec, {"at_rest"})).encode())
+    for values in (*network_inputs(dataset, spec), dataset.W, dataset.delta_free):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()[:16]

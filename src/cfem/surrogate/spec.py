@@ -56,13 +56,15 @@ class MlpSearch(Spec):
 
 
 class MlpSpec(Spec):
-    """The paper's network of entries. form: what it is a function of, displacements or forces of the actuators; depth,
-    width: of its hidden layers; optimiser: muon takes larger batches and rates (225, 4e-3), reaches a lower loss with a
-    smooth activation, and wants a processor with bfloat16 arithmetic; patience: epochs without a better one on
-    validation rows after which training ends; device: auto is a GPU where there is one."""
+    """The paper's network of entries. form: what it is a function of, displacements or forces of the actuators;
+    at_rest: folder of a model of the same robots, whose W and delta_free at rest are then inputs in place of the
+    parameters; depth, width: of its hidden layers; optimiser: muon takes larger batches and rates (225, 4e-3), reaches
+    a lower loss with a smooth activation, and wants a processor with bfloat16 arithmetic; patience: epochs without a
+    better one on validation rows after which training ends; device: auto is a GPU where there is one."""
 
     kind: Literal["mlp"]
     form: Literal["displacement", "force"] = "displacement"
+    at_rest: Path | None = None
     depth: PositiveInt = 3
     width: PositiveInt = 450
     activation: Activation = "relu"

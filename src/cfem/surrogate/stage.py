@@ -30,9 +30,11 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
     spec = load_spec(spec_path, TrainSpec, overrides)
     folder = spec_path.parent / spec.dataset
     inputs, found = {"dataset": folder}, spec
-    if isinstance(spec.model, SerialSpec):
-        inputs["module"] = spec_path.parent / spec.model.module
-        found = spec.model_copy(update={"model": spec.model.model_copy(update={"module": inputs["module"]})})
+    for name in ("module", "at_rest"):  # models that this one is made of
+        part = getattr(spec.model, name, None)
+        if part is not None:
+            inputs[name] = spec_path.parent / part
+            found = spec.model_copy(update={"model": spec.model.model_copy(update={name: inputs[name]})})
     stage = Stage(
         name="train",
         version=2,

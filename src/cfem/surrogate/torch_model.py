@@ -11,8 +11,10 @@ import torch
 from torch import Tensor, nn
 
 from cfem.condensed import Rows
+from cfem.condensed.packing import upper_indices
 from cfem.condensed.parameters import Parameter, from_json
 from cfem.predict.energy import Form, layout, unpacking
+from cfem.predict.mlp import rest_arrays
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh, "silu": nn.SiLU}
 
@@ -103,13 +105,13 @@ class Spectral(nn.Module):
 class Mlp(nn.Module):
     """The paper's F: hidden layers of equal width, float32 within, standardised inputs and outputs.
 
-    Inputs are s, then the n_q coordinates of the learned parameters. Outputs are the packed upper triangle of W, then
+    Inputs are s, then k numbers that tell one robot from another. Outputs are the packed upper triangle of W, then
     delta_free; an entry with out_scale 0 is constant."""
 
-    def __init__(self, rows: Rows, n_q: int, width: int, depth: int, activation: str, dropout: float = 0.0):
+    def __init__(self, rows: Rows, k: int, width: int, depth: int, activation: str, dropout: float = 0.0):
         super().__init__()
         self.n = rows.n
-        inputs, outputs = rows.n_a + n_q, rows.n * (rows.n + 1) // 2 + rows.n
+        inputs, outputs = rows.n_a + k, rows.n * (rows.n + 1) // 2 + rows.n
         sizes = [inputs, *[width] * depth]
         hidden = [
             layer
@@ -137,6 +139,20 @@ class Mlp(nn.Module):
             arrays[f"weight_{i}"] = layer.weight.detach().numpy().copy()
             arrays[f"bias_{i}"] = layer.bias.detach().numpy().copy()
         return arrays
+
+
+class OnRest(nn.Module):
+    """The paper's pair: network F of s and of the entries of W and delta_free that model G gives where s = 0."""
+
+    def __init__(self, network: Mlp, model: nn.Module):
+        super().__init__()
+        self.network, self.model = network, model
+        rows, columns = upper_indices(network.n)
+        self.register_buffer("upper", torch.as_tensor(rows * network.n + columns))
+
+    def forward(self, s: Tensor, q: Tensor) -> tuple[Tensor, Tensor]:
+        W, delta_free = self.model(torch.zeros_like(s), q)
+        return self.network(s, torch.cat([W.flatten(1)[:, self.upper], delta_free], dim=1))
 
 
 def mlp_from_arrays(rows: Rows, arrays: dict[str, np.ndarray], activation: str) -> Mlp:
@@ -170,6 +186,8 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
         model = Serial(module, meta["softer"], np.array(meta["module"]["rest_e"][:3]), np.array(meta["rest_e"]))
     else:
         model = mlp_from_arrays(rows, arrays, meta["activation"])
+        if "at_rest" in meta:
+            model = OnRest(model, module_of(meta["at_rest"], rest_arrays(arrays)).learned)
     return (Parametric(model, meta["form"], parameters) if parameters else model).eval()
 
 
