@@ -1,10 +1,12 @@
 """Are the committed scenes' datasets still what they were? Used by `make regenerate` and by CI.
 
     regenerate.py [SCENE ...]           makes what is stale, compares with tests/gold/<scene>.json; 5 on a difference
+    regenerate.py --each [SCENE ...]    the same, and prints every number that differs, not the worst of each column
     regenerate.py --check [SCENE ...]   runs nothing; exit 5 where a dataset is stale
     regenerate.py --write [SCENE ...]   writes the gold files from the datasets as they are now
 
-A gold file holds mean and standard deviation of every number of the converged rows, and a few whole rows. Tolerances:
+Stale is what other inputs made, or another code: whether a number still comes out is asked of the code as it is. A
+gold file holds mean and standard deviation of every number of the converged rows, and a few whole rows. Tolerances:
 a number may be off by RELATIVE of its column's size, which is far above what machines and solvers round differently
 and far below what a change of the mechanics does."""
 
@@ -13,50 +15,72 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from cfem.condensed import Rows
+from cfem.condensed.packing import upper_indices
+from cfem.core.files import content_sha256, file_sha256
 from cfem.dataset.inspect import dataset_files
 from cfem.dataset.reader import CONVERGED, column_array, read_table
+from cfem.dataset.schema import metadata, rows_of
 
 SCENES = ("bar", "stiff-flop")
 GOLD = Path("tests/gold")
 RELATIVE = 1e-6
 ROWS = 3
 COLUMNS = ("u", "delta_a", "delta_e", "lambda_a", "W", "delta_free", "energy")
-STATE = {0: "up to date", 5: "stale"}
 CFEM = [str(Path(sys.executable).with_name("cfem"))]
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=SCENES)
+    parser.add_argument("--each", action="store_true")
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     if options.write:
         for scene in options.scenes:
-            (GOLD / f"{scene}.json").write_text(json.dumps(gold(Path("data") / scene / "samples"), indent=1) + "\n")
+            (GOLD / f"{scene}.json").write_text(json.dumps(gold(samples(scene)), indent=1) + "\n")
         return 0
     codes = [make(scene, options.check) for scene in options.scenes]
     if any(codes) or options.check:
         return max(codes)
-    different = [line for scene in options.scenes for line in compare(scene, Path("data") / scene / "samples", GOLD)]
-    print("\n".join(different) or f"{', '.join(options.scenes)}: all numbers as committed")
-    return 5 if different else 0
+    found = [compare(scene, samples(scene), GOLD) for scene in options.scenes]
+    notes, off = [line for one, _ in found for line in one], [each for _, one in found for each in one]
+    print("\n".join(notes + table(off, options.each)) or f"{', '.join(options.scenes)}: all numbers as committed")
+    return 5 if notes or off else 0
+
+
+def samples(scene: str) -> Path:
+    return Path("data") / scene / "samples"
 
 
 def make(scene: str, check: bool) -> int:
     """Exit code of the two stages; stale ones are made anew, unless `check`."""
+    mark, now = Path("data") / scene / ".code.json", code()
+    known = mark.exists() and json.loads(mark.read_text()) == now
     for stage, spec in (("mesh", "scene"), ("simulate-sample", "sample")):
         words = [*CFEM, stage, f"pipelines/{scene}/{spec}.yaml"]
-        code = subprocess.run([*words, "--check", "--json"], stdout=subprocess.DEVNULL).returncode
-        print(f"{scene} {stage}: {STATE.get(code, f'exit {code}')}", flush=True)
-        if code == 5 and not check:
-            code = subprocess.run([*words, "--force", "--quiet"], stdout=subprocess.DEVNULL).returncode
-        if code:
-            return code
+        done = subprocess.run([*words, "--check", "--json"], capture_output=True, text=True)
+        fresh = {0: "up to date" if known else "stale: made by another code", 5: "stale: other inputs, or none yet"}
+        print(f"{scene} {stage}: {fresh.get(done.returncode) or done.stderr.strip()}", flush=True)
+        left = 5 if done.returncode == 0 and not known else done.returncode
+        if left == 5 and not check:
+            left = subprocess.run([*words, "--force", "--quiet"], stdout=subprocess.DEVNULL).returncode
+        if left:
+            return left
+    if not check:
+        mark.write_text(json.dumps(now))
     return 0
+
+
+def code() -> str:
+    """Hash of all modules of cfem and of the versions that it is tested with."""
+    files = [*sorted(Path("src/cfem").rglob("*.py")), Path("constraints.txt")]
+    return content_sha256({path.as_posix(): file_sha256(path) for path in files})
 
 
 def gold(samples: Path) -> dict:
@@ -78,35 +102,77 @@ def summary(file: Path) -> dict:
     return found
 
 
-def compare(scene: str, samples: Path, folder: Path) -> list[str]:
-    """A line for each number that differs: where, committed, found, how far in units of the column's size."""
-    committed, found = json.loads((folder / f"{scene}.json").read_text()), gold(samples)
-    lines = []
+class Difference(NamedTuple):
+    """kind: 'mean', 'std', or 'gold' for a number of row `row` of those picked; name: of the number in its column;
+    off: in units of the column's size."""
+
+    where: str
+    column: str
+    kind: str
+    row: int
+    name: str
+    committed: float
+    found: float
+    off: float
+
+
+def size(one: Difference) -> float:
+    """For the worst of several: what is no number is worse than all."""
+    return np.inf if np.isnan(one.off) else one.off
+
+
+def compare(scene: str, folder: Path, golds: Path) -> tuple[list[str], list[Difference]]:
+    """Sentences on what cannot be compared, and every number that differs."""
+    committed, found = json.loads((golds / f"{scene}.json").read_text()), gold(folder)
+    names = {file.stem: number_names(rows_of(metadata(read_table(file)))) for file in dataset_files(folder)}
+    notes, off = [], []
     for split in sorted(committed.keys() | found.keys()):
-        old, new = committed.get(split), found.get(split)
+        old, new, where = committed.get(split), found.get(split), f"{scene}/{split}"
         if old is None or new is None:
-            lines.append(f"{scene}/{split}: {'not committed' if old is None else 'missing'}")
+            notes.append(f"{where}: {'not committed' if old is None else 'missing'}")
             continue
-        for key in ("rows", "failed", "ids"):
-            if old[key] != new[key]:
-                lines.append(f"{scene}/{split} {key}: {old[key]} -> {new[key]}")
-        for name in COLUMNS:
+        notes += [
+            f"{where} {key}: {old[key]} -> {new[key]}" for key in ("rows", "failed", "ids") if old[key] != new[key]
+        ]
+        for column in COLUMNS:
             for kind in ("mean", "std", "gold"):
-                lines += differences(f"{scene}/{split} {name} {kind}", old["columns"][name], new["columns"][name], kind)
-    return lines
+                before, after = (np.atleast_2d(one["columns"][column][kind]) for one in (old, new))
+                if before.shape != after.shape:
+                    notes.append(f"{where} {column} {kind}: {before.shape} numbers -> {after.shape}")
+                    continue
+                relative = np.abs(after - before) / (np.abs(old["columns"][column]["gold"]).max() or 1.0)
+                for row, k in np.argwhere(~(relative <= RELATIVE)):
+                    name = names[split].get(column, {}).get(int(k), f"{k}" if before.shape[1] > 1 else "")
+                    numbers = (float(one[row, k]) for one in (before, after, relative))
+                    off.append(Difference(where, column, kind, old["ids"][row], name, *numbers))
+    return notes, off
 
 
-def differences(where: str, old: dict, new: dict, kind: str) -> list[str]:
-    before, after = np.array(old[kind]), np.array(new[kind])
-    if before.shape != after.shape:
-        return [f"{where}: {before.shape} numbers -> {after.shape}"]
-    size = np.abs(old["gold"]).max()
-    off = np.abs(after - before) / (size or 1.0)
-    return [
-        f"{where}{list(map(int, place))}: {before[tuple(place)]:.9g} -> {after[tuple(place)]:.9g} "
-        f"({off[tuple(place)]:.1e} of the column's size, allowed {RELATIVE:g})"
-        for place in np.argwhere(~(off <= RELATIVE))
-    ]
+def number_names(rows: Rows) -> dict[str, dict[int, str]]:
+    """By column, of the numbers in it."""
+    pairs = [f"{rows.names[i]} x {rows.names[j]}" for i, j in zip(*upper_indices(rows.n), strict=True)]
+    named = {"delta_e": rows.effectors, "W": pairs, "delta_free": rows.names}
+    named |= dict.fromkeys(("u", "delta_a", "lambda_a"), rows.actuators)
+    return {column: dict(enumerate(names)) for column, names in named.items()}
+
+
+def table(off: list[Difference], each: bool) -> list[str]:
+    """Lines for a person: the worst number of each column, or every one; none where nothing differs."""
+    if not off:
+        return []
+    columns: dict[tuple[str, str], list[Difference]] = {}
+    for one in off:
+        columns.setdefault((one.where, one.column), []).append(one)
+    shown = [(one, 1) for one in off] if each else [(max(found, key=size), len(found)) for found in columns.values()]
+    cells = [("dataset", "column", "number", "committed", "found", "off by", "numbers off")]
+    for one, count in shown:
+        place = f"row {one.row}" if one.kind == "gold" else one.kind
+        figures = f"{one.committed:.9g}", f"{one.found:.9g}", f"{one.off:.1e}"
+        cells.append((one.where, one.column, f"{one.name} {place}".strip(), *figures, "" if each else f"{count}"))
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
+    says = f"{len(off)} numbers differ; 'off by' is relative to the column's size, allowed is {RELATIVE:g}"
+    return [*lines, says if each else f"{says}; the worst of each column, --each prints all"]
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -36,26 +37,72 @@ def changed(tmp_path, found, factor):
 
 def test_the_same_dataset_and_rounding_are_no_difference(script, gold, tmp_path):
     found, samples = gold
-    assert script.compare("robot", samples, tmp_path) == []
+    assert script.compare("robot", samples, tmp_path) == ([], [])
     changed(tmp_path, found, 1 + 1e-9)
-    assert script.compare("robot", samples, tmp_path) == []
+    assert script.compare("robot", samples, tmp_path) == ([], [])
+    assert script.table([], True) == []
 
 
 def test_a_changed_number_is_named_with_its_size(script, gold, tmp_path):
     found, samples = gold
+    committed = found["test"]["columns"]["W"]["gold"][1][3]
     changed(tmp_path, found, 1.001)
-    (line,) = script.compare("robot", samples, tmp_path)
-    assert line.startswith("robot/test W gold[1, 3]: ") and "of the column's size, allowed 1e-06" in line
+    notes, (off,) = script.compare("robot", samples, tmp_path)
+    assert notes == [] and off[:5] == ("robot/test", "W", "gold", found["test"]["ids"][1], "tip.x x cable0")
+    assert off.committed == pytest.approx(1.001 * committed) and off.found == committed
+    assert off.off == pytest.approx(
+        abs(off.committed - off.found) / np.abs(found["test"]["columns"]["W"]["gold"]).max()
+    )
     found["train"]["rows"] += 1
     found["train"]["columns"]["energy"]["mean"][0] = float("nan")
     (tmp_path / "robot.json").write_text(json.dumps(found))
-    assert len(script.compare("robot", samples, tmp_path)) == 3
+    notes, off = script.compare("robot", samples, tmp_path)
+    assert notes == ["robot/train rows: 41 -> 40"] and [one.column for one in off] == ["W", "energy"]
+
+
+def test_a_person_reads_the_worst_number_of_each_column_or_all(script):
+    off = [
+        script.Difference("bar/test", "W", "gold", 7, "tip.x x cable", 1.0, 1.1, 0.1),
+        script.Difference("bar/test", "W", "mean", 7, "tip.x x cable", 1.0, float("nan"), float("nan")),
+        script.Difference("bar/test", "energy", "gold", 7, "", 2.0, 2.5, 0.25),
+    ]
+    _, W, energy, says = script.table(off, each=False)
+    assert W.split() == ["bar/test", "W", "tip.x", "x", "cable", "mean", "1", "nan", "nan", "2"]
+    assert energy.split() == ["bar/test", "energy", "row", "7", "2", "2.5", "2.5e-01", "1"]
+    assert says.startswith("3 numbers differ") and len(script.table(off, each=True)) == 5
 
 
 def test_a_missing_split_is_said(script, gold, tmp_path):
     found, samples = gold
     (tmp_path / "robot.json").write_text(json.dumps(found | {"third": found["test"]}))
-    assert script.compare("robot", samples, tmp_path) == ["robot/third: missing"]
+    assert script.compare("robot", samples, tmp_path) == (["robot/third: missing"], [])
+
+
+def test_what_another_code_made_is_stale(script, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data" / "bar").mkdir(parents=True)
+    (tmp_path / "src" / "cfem").mkdir(parents=True)
+    module = tmp_path / "src" / "cfem" / "law.py"
+    module.write_text("constant = 1\n")
+    (tmp_path / "constraints.txt").write_text("")
+    calls = []
+
+    def run(words, **options):
+        calls.append(words[1:])
+        return subprocess.CompletedProcess(words, 0, "", "")
+
+    monkeypatch.setattr(script.subprocess, "run", run)
+
+    def made(check):
+        calls.clear()
+        return script.make("bar", check), sum("--force" in words for words in calls)
+
+    assert made(check=True) == (5, 0)  # nobody knows which code made it
+    assert made(check=False) == (0, 2)
+    assert made(check=True) == made(check=False) == (0, 0)
+    module.write_text("constant = 2\n")
+    assert made(check=True) == (5, 0)
+    assert made(check=False) == (0, 2)
 
 
 def test_gold_is_committed_for_every_scene_of_the_command(script):
