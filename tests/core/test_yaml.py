@@ -44,6 +44,7 @@ def test_aliases_that_grow_without_end_are_refused():
         ('a: {b: "x\\0y"}', "cannot be printed"),
         ('"a\\x07": 1', "cannot be printed"),
         ("a: 1" + "0" * 5000, "not valid YAML"),
+        ("b: 1\na: {mm: 1" + "0" * 400 + "}", "integer of more than 64 bits"),
     ],
 )
 def test_what_no_spec_has_is_refused_in_one_line(text, what):

@@ -11,6 +11,7 @@ MAX_BYTES = 1_000_000
 MAX_VALUES = 100_000
 MAX_DEPTH = 50
 MAX_LENGTH = 10_000  # characters of one text
+MAX_INTEGER = 2**63 - 1
 
 
 def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
@@ -94,6 +95,8 @@ def _scalar(node: Any, path: tuple[Key, ...]) -> Any:
     """ruamel's scalar subclasses (which remember their notation) as plain Python values."""
     for kind in (bool, int, float):
         if isinstance(node, kind):
+            if kind is int and abs(node) > MAX_INTEGER:
+                raise _Refused("an integer of more than 64 bits", path)
             return kind(node)
     if node is None:
         return None
