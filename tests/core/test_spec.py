@@ -96,3 +96,18 @@ def test_meaning_leaves_out_what_is_default_and_what_is_named():
     assert found["parts"][0] == {"size": 1.0} and set(found) == {"parts"}
     np.testing.assert_array_equal(found["parts"][1]["corners"], corners)
     assert meaning(Whole(out="x", parts=[], kind="other")) == {"out": "x", "parts": [], "kind": "other"}
+
+
+def test_meaning_compares_parts_that_hold_arrays_with_their_defaults():
+    class Part(Spec):
+        corners: LengthMatrix | None = None
+
+    class Whole(Spec):
+        part: Part = Part()
+        parts: tuple[Part, ...] = (Part(corners={"mm": [[1, 2]]}),)
+
+    given = {"corners": {"mm": [[1, 2]]}}
+    assert meaning(Whole(parts=[given])) == {}
+    found = meaning(Whole(part=given, parts=[given | {"corners": {"mm": [[1, 3]]}}]))
+    np.testing.assert_array_equal(found["part"]["corners"], [[1, 2]])
+    np.testing.assert_array_equal(found["parts"][0]["corners"], [[1, 3]])

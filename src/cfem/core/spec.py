@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from cfem.core.errors import SpecError
+from cfem.core.files import plain
 from cfem.core.yaml import parse_value, read_yaml
 
 
@@ -31,11 +32,20 @@ def meaning(spec: Any, without: Iterable[str] = ()) -> Any:
         return {
             name: meaning(value)
             for name, value in mine.items()
-            if type(spec).model_fields[name].is_required() or not np.array_equal(value, optional[name])
+            if type(spec).model_fields[name].is_required() or not _same(value, optional[name])
         }
     if isinstance(spec, dict):
         return {key: meaning(value) for key, value in spec.items()}
     return [meaning(value) for value in spec] if isinstance(spec, list | tuple) else spec
+
+
+def _same(one: Any, other: Any) -> bool:
+    """By value, arrays at any depth (of which pydantic's own comparison makes an error)."""
+    if isinstance(one, Spec) or isinstance(other, Spec):
+        return type(one) is type(other) and plain(meaning(one)) == plain(meaning(other))
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return np.array_equal(one, other)
 
 
 def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
