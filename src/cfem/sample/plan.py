@@ -37,7 +37,9 @@ def actuation(
     space: str, u: np.ndarray, reach: np.ndarray, compliance: np.ndarray, forces: np.ndarray | None = None
 ) -> Actuation:
     """What row u (n_a,) prescribes: a pull in proportion u within reach (n_a, 2) mm, or u of the box of the reach, or
-    of that of the forces (n_a, 2) N. compliance: (n_a, n_a) mm/N, W_aa at rest."""
+    of that of the forces (n_a, 2) N, or nothing at rest. compliance: (n_a, n_a) mm/N, W_aa at rest."""
+    if space == "rest":
+        return force(np.zeros(len(u)))
     if space == "force":
         return force(forces[:, 0] + u * (forces[:, 1] - forces[:, 0]))
     low, high = reach.T

@@ -85,7 +85,9 @@ class ContactSpec(Spec):
 
 class SampleSpec(Spec):
     """space: 'pulling' draws shares of a pull on all actuators (no actuator ever pushes); 'displacement' draws from the
-    box of actuator displacements, 'force' from the box of the forces (pressures) that the scene's actuators state.
+    box of actuator displacements, 'force' from the box of the forces (pressures) that the scene's actuators state;
+    'rest' leaves the actuators free, so that only the parameters differ: its designs are those of the other spaces, row
+    by row.
 
     parameters: numbers of the scene, each by a name, that are drawn with the actuation. Young's modulus of a robot of
     one material without loads is not: W ~ 1/E and lambda ~ E are exact. third_order: also record dW/dlambda, which
@@ -99,7 +101,7 @@ class SampleSpec(Spec):
     scene: Path
     mesh: Path
     out: Path
-    space: Literal["pulling", "displacement", "force"] = "pulling"
+    space: Literal["pulling", "displacement", "force", "rest"] = "pulling"
     splits: dict[Literal["train", "test"], SplitSpec] = Field(min_length=1)
     skeleton: int = Field(16, ge=1)
     shard: int = Field(50, ge=1)
@@ -123,9 +125,9 @@ class SampleSpec(Spec):
         return self
 
     @model_validator(mode="after")
-    def _forces_alone(self) -> "SampleSpec":
-        if self.space == "force" and (self.contact or self.until):
-            raise ValueError("space: force does not go with contact, which draws forces already, nor with until yet")
+    def _space_alone(self) -> "SampleSpec":
+        if self.space in ("force", "rest") and (self.contact or self.until):
+            raise ValueError(f"space: {self.space} does not go with contact, which draws forces, nor with until yet")
         return self
 
     @model_validator(mode="after")
