@@ -3,43 +3,64 @@
 from pathlib import Path
 from typing import Any
 
-from surrogate.synthetic import dataset
+from surrogate.synthetic import at_rest, dataset
 
 from cfem.condensed import pack_upper
+from cfem.condensed.parameters import from_json
 from cfem.core.files import content_sha256, file_sha256, write_json
 from cfem.core.stage import Options
 from cfem.dataset.schema import schema
 from cfem.dataset.writer import write_rows
-from cfem.surrogate.stage import run
+from cfem.surrogate.stage import run, write_arrays
 
 
-def store_dataset(folder: Path, n_a: int = 2, train: int = 40, test: int = 20, test_seed: int = 2) -> Path:
-    """Writes train.parquet, test.parquet and the manifest."""
+def store_dataset(
+    folder: Path,
+    n_a: int = 2,
+    train: int = 40,
+    test: int = 20,
+    test_seed: int = 2,
+    parameters: bool = False,
+    rest: bool = False,
+) -> Path:
+    """Writes train.parquet, test.parquet and the manifest. rest: of the robots with their actuators free."""
     for split, count, seed in (("train", train, 1), ("test", test, test_seed)):
-        states = dataset(count, seed, n_a, unilateral=n_a == 2)
+        states = dataset(count, seed, n_a, unilateral=n_a == 2, parameters=parameters)
+        states = at_rest(states) if rest else states
         counts = dict(status="converged", reason="", iterations=1, factorizations=1, steps=1, residual=0.0, seconds=0.1)
         records = [
             {
                 "id": i,
                 "split": split,
-                "u": states.delta_a[i] / 20,
+                "u": states.u[i],
                 "W": pack_upper(states.W[i]),
                 "slack": [False] * n_a,
                 **{
                     name: getattr(states, name)[i]
                     for name in ("delta_a", "delta_e", "lambda_a", "delta_free", "energy")
                 },
+                **({"p": states.p[i], "dpsi_dp": states.dpsi_dp[i]} if parameters else {}),
                 **counts,
             }
             for i in range(count)
         ]
-        meta = {key: value for key, value in states.meta.items() if key != "units"}
-        write_rows(folder / f"{split}.parquet", records, schema(states.rows, meta))
+        meta = {key: value for key, value in states.meta.items() if key not in ("units", "parameters")}
+        varied = from_json(states.meta["parameters"])
+        write_rows(folder / f"{split}.parquet", records, schema(states.rows, meta, varied))
     files = {path.name: file_sha256(path) for path in folder.glob("*.parquet")}
     write_json(
         folder / "manifest.json",
         {"stage": "simulate-sample", "content": content_sha256(files), "files": files},
     )
+    return folder
+
+
+def write_model(folder: Path, meta: dict[str, Any], arrays: dict[str, Any]) -> Path:
+    """A model in memory as `cfem train` leaves it."""
+    write_json(folder / "model.json", {"history": [], **meta})
+    write_arrays(folder / "weights.npz", arrays)
+    files = {path.name: file_sha256(path) for path in folder.iterdir()}
+    write_json(folder / "manifest.json", {"stage": "train", "content": content_sha256(files), "files": files})
     return folder
 
 

@@ -3,6 +3,8 @@
 In q = Q delta_a (mean shortening q_0, contrasts q_i) Psi = A (cosh(a q_0) - 1) + sum_i B q_i^2 / (1 + b q_0) + G q_i^4:
 strictly convex on the states sampled here. The tip bends by an angle k q_0 and leans by q_1."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 
@@ -145,3 +147,11 @@ def dataset(
         meta=meta,
         **states(delta_a, factor),
     )
+
+
+def at_rest(given: Dataset) -> Dataset:
+    """The same robots, actuators free: displacements and delta_free are what finite elements round."""
+    free = states(np.zeros_like(given.delta_a), stiffer(given.p) if given.p.size else np.ones(len(given)))
+    rng = np.random.default_rng(0)
+    rounding = {name: 1e-13 * rng.normal(size=free[name].shape) for name in ("delta_a", "delta_free")}
+    return replace(given, **free | rounding)

@@ -23,6 +23,7 @@ from cfem.condensed import entries
 from cfem.condensed.parameters import sampled
 from cfem.core.errors import InputError
 from cfem.core.spec import meaning
+from cfem.predict.domain import MARGIN
 from cfem.predict.load import build, read_arrays, read_meta
 from cfem.predict.mlp import AT_REST, rest_entries
 from cfem.surrogate.descent import descend
@@ -125,7 +126,7 @@ def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np
             do="train it on rest rows of the same scene and parameters",
         )
     low, high = model.domain.delta_a if model.form == "displacement" else model.domain.lambda_a
-    if (low > CONSTANT * SIZE).any() or (high < -CONSTANT * SIZE).any():
+    if (np.maximum(low, -high) > MARGIN * np.maximum(high - low, SIZE)).any():
         do = "train it on a dataset with space: rest, in the form force if the scene carries loads"
         raise InputError("has seen no state at rest", where=str(folder), do=do)
     return meta, arrays
