@@ -44,6 +44,9 @@ def test_aliases_that_grow_without_end_are_refused():
         ('a: {b: "x\\0y"}', "cannot be printed"),
         ('"a\\x07": 1', "cannot be printed"),
         ("a: 1" + "0" * 5000, "not valid YAML"),
+        ("b: 1\na: !!python/tuple [1]", "the tag '!!python/tuple'"),
+        ("a: !!python/object:os.system {b: 1}", "the tag '!!python/object:os.system'"),
+        ("a: !mine 3", "the tag '!mine'"),
         ("b: 1\na: {mm: 1" + "0" * 400 + "}", "integer of more than 64 bits"),
     ],
 )

@@ -70,6 +70,10 @@ def parse_value(text: str) -> Any:
 def _plain(node: Any, path: tuple[Key, ...], lines: dict, open_nodes: set[int]) -> Any:
     from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+    tag = getattr(node, "tag", None)
+    if tag is not None and tag.value:
+        name = str(tag.value).replace("tag:yaml.org,2002:", "!!")
+        raise _Refused(f"the tag {name[:40]!r}", path)
     if not isinstance(node, CommentedMap | CommentedSeq):
         return _scalar(node, path)
     if id(node) in open_nodes:
