@@ -2,16 +2,19 @@
 
 import copy
 import json
+import os
 import random
 from pathlib import Path
 
 import pytest
+from faults.from_schema import specs
+from hypothesis import HealthCheck, given, settings
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.core.errors import EXIT_CODES
 from cfem.core.files import content_sha256
-from cfem.core.manifest import write_manifest
+from cfem.core.manifest import MANIFEST, write_manifest
 from cfem.core.yaml import read_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -122,13 +125,39 @@ def test_mutated_specs_end_with_a_documented_code(project, count):
             if number % 3
             else garbled((ROOT / "pipelines" / path.parent.name / path.name).read_text(), chance)
         )
-        spec = path.with_name(f"hostile-{number}.yaml")
-        spec.write_bytes(text.encode(errors="replace"))
-        result = CliRunner().invoke(app, [command, str(spec), "--check"])
-        codes[result.exit_code] = codes.get(result.exit_code, 0) + 1
-        one = len(result.stderr.strip().splitlines()) == 1 and len(result.stderr) < 4000
-        if result.exit_code not in (0, 2, 3, 5) or (result.exit_code and not one):
-            bad.append((command, result.exit_code, result.stderr[-300:], text[-3000:]))
-        spec.unlink()
+        code, wrong = outcome(command, path.with_name(f"hostile-{number}.yaml"), text)
+        codes[code] = codes.get(code, 0) + 1
+        bad += wrong
     print({code: times for code, times in codes.items() if times})
     assert not bad, f"{len(bad)} of {count}; the first: {bad[0]}"
+
+
+@pytest.mark.parametrize("count", [25, pytest.param(1250, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_specs_drawn_from_the_schemas_end_with_a_documented_code(project, kind, count):
+    schema = json.loads((ROOT / "schemas" / f"{kind}.json").read_text())
+    folder = next(path.parent for _, path, _ in project if path.parent.name == "soft-finger")
+    artefacts = sorted({os.path.relpath(path.parent, folder) for path in folder.parents[1].rglob(MANIFEST)})
+    codes = dict.fromkeys(EXIT_CODES, 0)
+
+    @settings(
+        max_examples=count, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck)
+    )
+    @given(specs(schema, ["scene.yaml", *artefacts]))
+    def try_one(spec):
+        code, wrong = outcome(COMMANDS[kind], folder / "hostile.yaml", json.dumps(spec))
+        codes[code] += 1
+        assert not wrong
+
+    try_one()
+    print(kind, {code: times for code, times in codes.items() if times})
+
+
+def outcome(command, path, text):
+    """Exit code of the command on a spec of this text, and what is wrong with how it ended, none or one."""
+    path.write_bytes(text.encode(errors="replace"))
+    result = CliRunner().invoke(app, [command, str(path), "--check"])
+    path.unlink()
+    one = len(result.stderr.strip().splitlines()) == 1 and len(result.stderr) < 4000
+    fine = result.exit_code in (0, 2, 3, 5) and (one or not result.exit_code)
+    return result.exit_code, [] if fine else [(command, result.exit_code, result.stderr[-300:], text[-3000:])]

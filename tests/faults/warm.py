@@ -3,7 +3,22 @@
 import tempfile
 from pathlib import Path
 
+import onnx
+import onnxruntime
+import onnxscript
+import torch._dynamo
 from faults.sampling import make
+
+import cfem.control.stage
+import cfem.export.compiled
+import cfem.export.onnx
+import cfem.export.stage
+import cfem.export.torchscript
+import cfem.surrogate.energy_net
+import cfem.surrogate.mlp
+import cfem.surrogate.spectral
+
+__all__ = ["cfem", "onnx", "onnxruntime", "onnxscript", "torch"]
 
 with tempfile.TemporaryDirectory() as folder:
     make(Path(folder) / "out")

@@ -1,0 +1,46 @@
+"""Processes to be killed and interrupted: forks of one that has imported all, in their work after milliseconds."""
+
+import multiprocessing
+import os
+from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from cfem.cli.run import run_command
+from cfem.core.stage import Options
+
+
+@cache
+def processes() -> Any:
+    """A context of multiprocessing."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["faults.warm"])
+    # Before Python 3.13 it is not told sys.path; of threads a child of a fork would start anew, one is enough.
+    with patch.dict(os.environ, PYTHONPATH=str(Path(__file__).parents[1]), OMP_NUM_THREADS="1"):
+        first = context.Process(target=os.getpid)
+        first.start()
+        first.join()
+    return context
+
+
+def as_command(work: Any, arguments: tuple, said: Path) -> None:
+    """Calls `work(*arguments)` with the signals and the exit codes of the command line. said: file for what it prints,
+    there when signals are taken care of."""
+
+    def run(_: Options) -> Any:
+        os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 1)
+        os.dup2(1, 2)
+        return work(*arguments)
+
+    run_command(run)
+
+
+def stage(package: str, spec: Path, overrides: Sequence[str], out: Path) -> dict[str, Any]:
+    """The manifest that the stage of a package leaves. A training keeps its state as often as it can."""
+    from cfem.surrogate import descent, gauss_newton
+
+    descent.CHECKPOINT_SECONDS = gauss_newton.CHECKPOINT_SECONDS = 0.0
+    return import_module(f"cfem.{package}.stage").run(spec, overrides, out, Options(quiet=True))
