@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger regenerate $(SCENES)
+.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -71,6 +71,15 @@ parametric-finger: .venv/all
 	$(CFEM) simulate-sample pipelines/$@/sample-truth.yaml
 	for spec in calibrate calibrate-modulus; do $(CFEM) calibrate pipelines/$@/$$spec.yaml || exit; done
 	for spec in design design-one-point design-task; do $(CFEM) optimize-design pipelines/$@/$$spec.yaml || exit; done
+
+# The paper's pair of networks G and F, compared with the finger's models; ten minutes on one core.
+parametric-finger-paper: parametric-finger
+	for kind in mechanical geometric; do \
+	  $(CFEM) simulate-sample pipelines/$</sample-$$kind-rest.yaml && \
+	  $(CFEM) train pipelines/$</train-$$kind-g.yaml && \
+	  $(CFEM) train pipelines/$</train-$$kind-f.yaml && \
+	  $(PYTHON) benchmarks/designs.py $$kind --losses || exit; \
+	done
 
 # The paper's experiments on the trunk (docs/stiff-flop-experiments.md), after `make stiff-flop`; ten minutes.
 EXPERIMENT := pipelines/stiff-flop-experiments

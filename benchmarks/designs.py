@@ -1,9 +1,13 @@
 """One learned model against FE-based control over many designs: where the FE robot of each design ends up.
 
     python benchmarks/designs.py geometric [--unseen 50]
+    python benchmarks/designs.py geometric --losses
 
 The designs that the paper names, 25 goals of the closing motion each, then random ones that no training has seen, five
-goals each. Errors in mm and in % of the length 3 L of the scene's own robot; prints JSON."""
+goals each. Errors in mm and in % of the length 3 L of the scene's own robot; prints JSON.
+
+--losses: in place of that, the paper's loss of our model and of the paper's networks G and F, on test designs at rest
+and pulled, with the number of entries that vary there (after `make parametric-finger parametric-finger-paper`)."""
 
 import argparse
 import json
@@ -17,8 +21,12 @@ from cfem.control.fem_plant import FemPlant
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.trajectory import arc
+from cfem.core.stage import artefact_file
+from cfem.dataset.reader import read_dataset
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
+from cfem.surrogate.error_measures import paper_loss
+from cfem.surrogate.stage import predictions
 
 ROOT = Path(__file__).resolve().parents[1]
 # Navez, Menager et al. 2025, table of the parametric finger: E (kPa), nu; L, H, JH (mm)
@@ -65,11 +73,31 @@ def track(kind: str, values: tuple[float, ...], goals: int) -> dict:
     }
 
 
+def losses(kind: str) -> dict:
+    """By model, and by test rows: at rest those of {kind}-rest, pulled those of {kind}."""
+    rows = {
+        name: read_dataset(artefact_file(ROOT / f"data/parametric-finger/{kind}{folder}", "test.parquet"))
+        for name, folder in (("at_rest", "-rest"), ("pulled", ""))
+    }
+    found = {}
+    for name, on in (("export", list(rows)), ("g", ["at_rest"]), ("f", list(rows))):
+        model = load_model(ROOT / f"models/parametric-finger/{kind}-{name}")
+        found[name] = {"kind": model.meta["kind"], "samples": model.meta["dataset"]["samples"]}
+        for which in on:
+            test = rows[which]
+            found[name][which] = paper_loss(test.W, test.delta_free, *predictions(model, test))
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kind", choices=list(NAMED))
     parser.add_argument("--unseen", type=int, default=50)
+    parser.add_argument("--losses", action="store_true")
     given = parser.parse_args()
+    if given.losses:
+        print(json.dumps(losses(given.kind), indent=1))
+        return
     low, high = RANGES[given.kind].T
     random = low + np.random.default_rng(7).random((given.unseen, len(low))) * (high - low)
     named = [track(given.kind, one, 25) for one in NAMED[given.kind]]
