@@ -154,6 +154,7 @@ def test_a_changed_function_makes_the_output_stale(folder, done):
         (["constraints={a: 'volume <= depth'}"], "constraints.a: unknown name 'depth'"),
         (["constraints={a: {function: 'own.py:effort'}}"], "needs at_least or at_most"),
         (["objectives.dexterity.effector=nose"], "objectives.dexterity: no effector 'nose'"),
+        (["controller={parameters: {height: 10 mm}}"], "controller.parameters: each design has its own"),
         (["mesh=null"], "verify: fe needs scene and mesh"),
         (["task.weights=[1]"], "task.weights: 1 numbers for 3"),
         (["fixed={height: 40 mm}", "front=null"], "fixed.height: 40 is out of the range"),
@@ -165,10 +166,14 @@ def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):
         run(folder / "design.yaml", [*first, *overrides], tmp_path / "out", QUIET)
 
 
-def test_best_designs_come_as_cad_files(folder):
+def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
     asked = ("verify=no", "task=null", "figures=false", "front=null", "blends={}", "cad=true", "grid=[3, 3]")
+    asked += ("controller={controller: {K_P: 0.1}}",)
     made = run(folder / "design.yaml", asked, folder / "with-cad", QUIET)
     entry = made["results"]["designs"]["dexterity"]
     volume, _ = measure(File(str(folder / "with-cad" / "dexterity.step")))
     assert volume == pytest.approx(entry["p"]["height"] * entry["p"]["length"] * 10, rel=1e-9)
     assert measure(File(str(folder / "with-cad" / "dexterity.stl")))[0] == pytest.approx(volume, rel=1e-6)
+    for name, one in made["results"]["controllers"].items():
+        assert (folder / "with-cad" / f"{name}-controller" / "cfem_controller.c").exists()
+        assert one["parity"] is None or one["parity"] < 1e-12

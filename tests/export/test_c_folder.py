@@ -5,15 +5,14 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 from export.embedded import export, needs_compiler, network, serial, spectral, tool
 from surrogate.stored import train_folder
 
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import SpecError
 from cfem.core.stage import Options
 from cfem.export.compiled import CORE, CORTEX_M7
-from cfem.export.stage import run, stated_pressures
+from cfem.export.stage import run
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wshadow", "-Werror"]
@@ -113,16 +112,6 @@ def test_make_and_cmake_run_the_self_test(tmp_path):
     subprocess.run([tool("cmake"), "-S", tmp_path, "-B", tmp_path / "build"], check=True, capture_output=True)
     subprocess.run(["cmake", "--build", tmp_path / "build"], check=True, capture_output=True)
     subprocess.run([tmp_path / "build" / "selftest"], check=True, capture_output=True)
-
-
-def test_pressures_are_the_scene_s():
-    expected = np.tile([0.0, 0.2], (6, 1))
-    names = [f"{module}-{i}" for module in ("base", "top") for i in (1, 2, 3)]
-    assert (stated_pressures(PIPELINES / "stiff-flop/scene.yaml", names) == expected).all()
-    with pytest.raises(InputError, match="actuators are base-1"):
-        stated_pressures(PIPELINES / "stiff-flop/scene.yaml", names[:3])
-    with pytest.raises(InputError, match="not every actuator states"):
-        stated_pressures(PIPELINES / "soft-finger/scene.yaml", ["left", "right"])
 
 
 def test_the_command_exports_and_reports(tmp_path):

@@ -16,8 +16,8 @@ CASES = {
     "one cable": (("displacement", 1), {}),
     "three cables": (("displacement", 3), {}),
     "forces": (("force", 2), {}),
-    "robots": (("displacement", 2, True), {"parameters": {"poisson": 0.44, "young": 2.0}}),
-    "robots by forces": (("force", 2, True), {"parameters": {"poisson": 0.44, "young": 2.0}}),
+    "robots": (("displacement", 2, True), {"parameters": {"poisson": 0.44, "young": "2 MPa"}}),
+    "robots by forces": (("force", 2, True), {"parameters": {"poisson": 0.44, "young": "2 MPa"}}),
 }
 
 
@@ -45,7 +45,7 @@ def test_the_energy_model(tmp_path, case, scalar):
     meta, arrays = spectral(*arguments)
     model = build(meta, arrays)
     values = options.get("parameters", {})
-    p = np.array([values[one.name] for one in model.parameters]) if values else None
+    p = np.array([{"poisson": 0.44, "young": 2.0}[one.name] for one in model.parameters]) if values else None
     export(tmp_path, (meta, arrays), scalar=scalar, full=True, **options)
     s = states(arguments[0], arguments[1], 40, parameters=bool(values))
     if arguments[0] == "force" and values:

@@ -54,7 +54,7 @@ def test_only_the_formats_asked_for(tmp_path):
     train_folder(tmp_path, MODELS["spectral"])
     (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [arrays]\n")
     manifest = run(tmp_path / "export.yaml", [], None, Options())
-    assert set(manifest["files"]) == {"weights.npz", "model.json"}
+    assert set(manifest["files"]) == {"weights.npz", "model.json", "test_vectors.npz"}
 
 
 def test_an_unknown_format_is_a_spec_error(tmp_path):

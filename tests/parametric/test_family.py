@@ -99,3 +99,11 @@ def test_batched_condensed_states_agree_with_single_ones():
         K = np.linalg.inv(one.W_aa)
         locked = one.W[:3, :3] - one.W_ea @ K @ one.W_ea.T
         assert states.locked_compliance[i] == pytest.approx(locked)
+
+
+def test_a_model_of_several_shapes_needs_the_scene():
+    class Shapes:
+        parameters = (Parameter("L", "geometry.length", "mm", 38.0, 42.0, 40.0),)
+
+    with pytest.raises(InputError, match=r"several shapes.*give the scene"):
+        Learned(Shapes())

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt, model_validator
 
+from cfem.condensed.given import Value
 from cfem.core.spec import Spec
 from cfem.core.units import Force, Length
-from cfem.parametric.given import Value
 from cfem.sample.spec import ParameterSpec
 
 Source = Literal["effectors", "actuators"]

@@ -43,7 +43,7 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
     from cfem.calibrate.calibration import calibrate, coverage
     from cfem.calibrate.measurements import read_measurements
     from cfem.calibrate.residuals import Noise
-    from cfem.parametric.given import demand_known, vector
+    from cfem.condensed.given import demand_known, vector
 
     family = family_of(spec, paths)
     parameters = family.parameters
@@ -105,8 +105,8 @@ def family_of(spec: Any, paths: dict[str, Path]) -> Any:
 def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:
     """(k, n_p)."""
     from cfem.calibrate.fit import spread
+    from cfem.condensed.given import vector
     from cfem.parametric.family import from_shares
-    from cfem.parametric.given import vector
 
     if isinstance(spec.starts, list):
         given = [vector(parameters, start, f"starts.{i}") for i, start in enumerate(spec.starts)]
@@ -122,7 +122,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
 
 def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
     """All that the manifest says."""
-    from cfem.parametric.given import value_of
+    from cfem.condensed.given import value_of
 
     parameters = {one.name: one for one in found.problem.family.parameters}
     truth = {name: value_of(parameters[name], given, f"truth.{name}") for name, given in spec.truth.items()}

@@ -6,9 +6,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, PositiveInt, model_validator
 
+from cfem.condensed.given import Value
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Force, Forces, LengthMatrix, LengthVector, Point
-from cfem.parametric.given import Value
+from cfem.export.spec import CSpec
 
 Weight = Annotated[float, Field(ge=0)]
 
@@ -96,7 +97,8 @@ class DesignSpec(Spec):
     blends: weights of normalised objectives, each blend with a best design of its own. constraints: inequalities of
     parameters (numbers in their units, mm and MPa) and of `volume` (mm^3), or functions; largest_force: of any
     actuator. grid: points along each parameter. verify: the best designs and the front's corners, or all of the front,
-    by finite elements. cad: also write each best design as STEP, and as STL for printing."""
+    by finite elements. cad: also write each best design as STEP, and as STL for printing; controller: and its
+    controller in C."""
 
     model: Path
     out: Path
@@ -116,6 +118,7 @@ class DesignSpec(Spec):
     verify: Literal["fe", "fe-front", "no"] = "no"
     figures: bool = True
     cad: bool = False
+    controller: CSpec | None = None
 
     @model_validator(mode="after")
     def _names(self) -> "DesignSpec":
@@ -131,4 +134,6 @@ class DesignSpec(Spec):
                 raise ValueError(f"{where}: no objective '{unknown[0]}', known are {', '.join(self.objectives)}")
         if self.verify != "no" and (self.scene is None or self.mesh is None):
             raise ValueError(f"verify: {self.verify} needs scene and mesh")
+        if self.controller is not None and self.controller.parameters:
+            raise ValueError("controller.parameters: each design has its own")
         return self

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.condensed.given import vector
 from cfem.condensed.packing import upper_indices
 from cfem.core.errors import InputError, SpecError
 from cfem.export.spec import ControllerSpec, CSpec
@@ -70,20 +71,9 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
     if meta.get("n_c"):
         raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
-    p = _parameters(predictor, spec)
+    p = vector(predictor.parameters, spec.parameters, "c.parameters")
     kinds = {"spectral": _spectral, "mlp": _mlp, "serial": _serial}
     return kinds[meta["kind"]](predictor, arrays, p, spec), p
-
-
-def _parameters(predictor: Predictor, spec: CSpec) -> np.ndarray:
-    names = [one.name for one in predictor.parameters]
-    unknown = sorted(set(spec.parameters) - set(names))
-    if unknown:
-        raise SpecError(f"unknown {unknown}, the model has {names}", where="c.parameters")
-    for one in predictor.parameters:
-        if not one.low <= spec.parameters.get(one.name, one.reference) <= one.high:
-            raise SpecError(f"{one.name} is outside [{one.low}, {one.high}] {one.unit}", where="c.parameters")
-    return np.array([spec.parameters.get(one.name, one.reference) for one in predictor.parameters])
 
 
 def _softer(predictor: Predictor, p: np.ndarray) -> float:
@@ -180,20 +170,20 @@ def _tree(indices: np.ndarray, kept: np.ndarray) -> Tree:
 def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     depth = sum(name.startswith("weight_") for name in arrays)
-    wide = {name: np.asarray(array, float) for name, array in arrays.items()}
+    wide = {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()}
     reference = predictor
     if spec.hidden_weights == "int16":
         for i in range(1, depth - 1):
             step, weight = _quantised(wide[f"weight_{i}"].T)
             wide[f"weight_{i}"] = (weight * step[:, None]).T
         reference = build(predictor.meta, wide)
-    softer, q = _softer(predictor, p), predictor.q(p)
+    softer, beside = _softer(predictor, p), predictor.beside(predictor.q(p))
     chosen, scales = _mlp_outputs(n_a, n_e, softer, spec.full)
     layers = []
     for i in range(depth):
         weight, bias, step = wide[f"weight_{i}"], wide[f"bias_{i}"], None
         if i == 0:
-            known = (np.concatenate([np.zeros(n_a), q]) - wide["in_mean"]) / wide["in_scale"]
+            known = (np.concatenate([np.zeros(n_a), beside]) - wide["in_mean"]) / wide["in_scale"]
             bias = bias + weight @ known
             weight = (weight / wide["in_scale"])[:, :n_a] * (softer if predictor.form == "force" else 1.0)
         if i == depth - 1:

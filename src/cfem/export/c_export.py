@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.condensed.given import vector
 from cfem.core.errors import NumericalError
-from cfem.core.files import write_whole
+from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
 from cfem.export.c_constants import OBSERVERS, Surrogate, controller, multipliers, surrogate
 from cfem.export.c_cost import operations
@@ -30,12 +31,14 @@ def write_c(
 ) -> dict:
     """Fills `folder`; states (m, n_a): inputs of the model for the self-test; pressures: (n_a, 2) MPa that the scene
     states, if any. Returns what it costs, without compiling it."""
-    shutil.copytree(SOURCES, folder, dirs_exist_ok=True)
+    with disk_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in SOURCES.iterdir():
+            shutil.copyfile(path, folder / path.name)
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
     defines, constants = controller(predictor, p, spec.controller, spec.scalar, pressures)
-    if predictor.form == "force" and len(p):
-        states = states / predictor.softer(p)  # the data are of the reference: lambda ~ E
+    _, states = at_robot(predictor, spec, states)
     box = multipliers(spec.controller, predictor.rows.n_a, pressures)
     vectors = [_vector(predictor, p, s, spec, box) for s in states[: spec.vectors]]
     reachable = [one["x_e"] for one in vectors if one["reachable"]]
@@ -51,6 +54,15 @@ def write_c(
         "coefficient_bytes": model.coefficient_bytes,
         "operations": operations(model, defines, spec),
     }
+
+
+def at_robot(predictor: Predictor, spec: CSpec, states: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """p (n_p,) of the robot, None where the model has none, and inputs (m, n_a) of its model for those of the
+    reference: lambda ~ E."""
+    p = vector(predictor.parameters, spec.parameters, "c.parameters")
+    if not len(p):
+        return None, states
+    return p, states / predictor.softer(p) if predictor.form == "force" else states
 
 
 def _data(

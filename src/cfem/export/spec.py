@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt
 
+from cfem.condensed.given import Value
 from cfem.core.spec import Spec
 from cfem.core.units import Course, Effort, Length, LengthVector, VolumeVector
 
@@ -48,13 +49,12 @@ class ControllerSpec(Spec):
 class CSpec(Spec):
     """C99 for firmware. scalar: of the model, the program is always solved in double; hidden_weights: of a network's
     hidden layers, as the scalar or as 16-bit integers; full: also the energy and W_ee, which control does not use;
-    parameters: values of the model's parameters, the scene's own unless given, in the model's units; vectors: of the
-    self-test."""
+    parameters: values of the model's parameters, the scene's own unless given; vectors: of the self-test."""
 
     scalar: Literal["double", "float"] = "double"
     hidden_weights: Literal["scalar", "int16"] = "scalar"
     full: bool = False
-    parameters: dict[str, float] = {}
+    parameters: dict[str, Value] = {}
     vectors: PositiveInt = 100
     controller: ControllerSpec = ControllerSpec()
 

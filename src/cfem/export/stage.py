@@ -9,50 +9,37 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.errors import InputError
-from cfem.core.files import file_sha256, write_json, write_whole
+from cfem.core.files import disk_errors, file_sha256, plain, write_json, write_whole
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.spec import ExportSpec
 from cfem.predict.load import build, read_arrays, read_meta
 from cfem.robot.spec import SceneSpec
 
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c"}
+VECTORS = "test_vectors.npz"
+NOTHING = Embedding()
 
 
 def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The export's manifest; results: largest relative difference from the trained model and size, by format."""
     spec = load_spec(spec_path, ExportSpec, overrides)
     model = spec_path.parent / spec.model
-    pressures = None
-    if spec.scene is not None:
-        pressures = stated_pressures(spec_path.parent / spec.scene, read_meta(model)["rows"]["actuators"])
-    extra = {"pressures": pressures.tolist()} if pressures is not None else {}
+    embedded = NOTHING
+    if "c" in spec.formats:
+        scene = None if spec.scene is None else load_spec(spec_path.parent / spec.scene, SceneSpec)
+        embedded = embedding(read_meta(model), spec.c, scene)
     stage = Stage(
         name="export",
-        version=2,
+        version=3,
         spec=spec,
         inputs={"model": model},
         out=out or spec_path.parent / spec.out,
         paths=("model", "scene", "out"),
-        extra=extra | ({"c": _sources()} if "c" in spec.formats else {}),
+        extra={"c": _sources(), "embedding": plain(vars(embedded))} if "c" in spec.formats else {},
     )
-    return run_stage(stage, partial(work, spec=spec, model_folder=model, pressures=pressures), options)
-
-
-def stated_pressures(scene: Path, names: list[str]) -> np.ndarray:
-    """(n_a, 2) MPa, the smallest and largest of each actuator. InputError where one states none, or where they are not
-    those of the model (names)."""
-    actuators = load_spec(scene, SceneSpec).actuators
-    if [item.name for item in actuators] != names:
-        raise InputError(
-            f"its actuators are {', '.join(item.name for item in actuators)}, the model's {', '.join(names)}",
-            where=str(scene),
-        )
-    stated = [getattr(item, "pressure", None) for item in actuators]
-    if any(each is None for each in stated):
-        raise InputError("not every actuator states its pressures", where=str(scene), do="leave out `scene`")
-    return np.array(stated)
+    return run_stage(stage, partial(work, spec=spec, model_folder=model, embedded=embedded), options)
 
 
 def _sources() -> dict[str, str]:
@@ -62,14 +49,15 @@ def _sources() -> dict[str, str]:
     return {path.name: file_sha256(path) for path in sorted(SOURCES.iterdir())}
 
 
-def work(folder: Path, spec: ExportSpec, model_folder: Path, pressures: np.ndarray | None = None) -> dict[str, Any]:
-    """Writes every format, runs each from its file, compares. pressures: (n_a, 2) MPa, bounds of the multipliers."""
+def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding = NOTHING) -> dict[str, Any]:
+    """Writes every format, runs each from its file, compares."""
     meta, arrays = read_meta(model_folder), read_arrays(model_folder)
     if "arrays" in spec.formats:
-        shutil.copyfile(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
+        copy(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
     if {"onnx", "torchscript"} & set(spec.formats):
         write_graphs(folder, spec, meta, arrays)
-    vectors = read_arrays(model_folder, "test_vectors.npz")
+    copy(artefact_file(model_folder, VECTORS), folder / VECTORS)
+    vectors = read_arrays(model_folder, VECTORS)
     reference = vectors["W"], vectors["delta_free"]
     parity = {
         name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
@@ -77,57 +65,25 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, pressures: np.ndarr
         if name != "c"
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
-    embedded = None
+    report = None
     if "c" in spec.formats:
-        embedded = write_embedded(folder / FILES["c"], spec, meta, arrays, vectors, pressures)
-        sizes["c"] = embedded["coefficient_bytes"]
-        if embedded["parity"] is not None:
-            parity["c"] = embedded["parity"]
+        report = write_embedded(folder / FILES["c"], spec.c, meta, arrays, vectors["s"], embedded)
+        sizes["c"] = report["coefficient_bytes"]
+        if report["parity"] is not None:
+            parity["c"] = report["parity"]
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
         f"{name}: {sizes[name]} bytes, off by {error:.1e} from the trained model" for name, error in parity.items()
     ]
-    if embedded and embedded["parity"] is None:
+    if report and report["parity"] is None:
         headline.append("c: not compared with the trained model, there is no C compiler here")
     results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
-    return {**results, "c": embedded} if embedded else results
+    return {**results, "c": report} if report else results
 
 
-def write_embedded(
-    folder: Path,
-    spec: ExportSpec,
-    meta: dict,
-    arrays: dict[str, np.ndarray],
-    vectors: dict,
-    pressures: np.ndarray | None,
-) -> dict:
-    """What its report.json says, and parity: of the blocks that control uses, in the compiled code, with the trained
-    model at the scene's own parameters; None without a compiler, or with parameters of its own."""
-    from cfem.export.c_export import write_c
-    from cfem.export.compiled import CompiledController, compiler, sizes
-
-    report = write_c(folder, meta, arrays, spec.c, vectors["s"], pressures)
-    report["bytes"] = sizes(folder)
-    write_json(folder / "report.json", report)
-    if not compiler() or spec.c.parameters:
-        return {**report, "parity": None}
-    model, controller = build(meta, arrays), CompiledController(folder)
-    e, a = model.rows.e, model.rows.a
-    expected = [model.at(s) for s in vectors["s"]]
-    W, free, delta = (np.array([getattr(one, name) for one in expected]) for name in ("W", "delta_free", "delta"))
-    here = [controller.model(s) for s in vectors["s"]]
-    # delta_free is a part of delta, whose size it takes: of a robot as linear as a rod it is rounding alone.
-    blocks = {
-        "W_aa": (W[:, a, a], W[:, a, a]),
-        "W_ea": (W[:, e, a], W[:, e, a]),
-        "free_a": (free[:, a], delta[:, a]),
-        "free_e": (free[:, e], delta[:, e]),
-    }
-    off = [
-        np.abs(np.reshape([one[name] for one in here], block.shape) - block).max() / np.abs(size).max()
-        for name, (block, size) in blocks.items()
-    ]
-    return {**report, "parity": float(max(off))}
+def copy(source: Path, target: Path) -> None:
+    with disk_errors(target):
+        shutil.copyfile(source, target)
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:

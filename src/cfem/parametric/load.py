@@ -6,10 +6,10 @@ from pathlib import Path
 from cfem.condensed.parameters import Parameter
 from cfem.core.spec import load_spec
 from cfem.parametric.family import FiniteElements, Learned
-from cfem.parametric.rest import Rest
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import SceneSpec
+from cfem.sample.rest import Rest
 
 
 def learned(model: Path, scene: Path | None = None) -> Learned:

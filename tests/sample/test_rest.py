@@ -7,12 +7,10 @@ import pytest
 from parametric.synthetic import POISSON
 from robot.scenes import scene
 
-from cfem.core.errors import InputError
 from cfem.core.spec import load_spec
-from cfem.parametric.family import Learned
-from cfem.parametric.rest import Rest
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import scene_parameters
+from cfem.sample.rest import Rest
 from cfem.sample.spec import ParameterSpec
 
 FINGER = Path(__file__).parents[2] / "pipelines" / "parametric-finger" / "scene.yaml"
@@ -30,11 +28,3 @@ def test_the_tip_of_the_finger_follows_its_length_and_height():
 def test_materials_move_no_rest_position(tmp_path):
     rest = Rest(scene(tmp_path), (POISSON,), np.array([1.0, 2.0, 3.0]))
     assert np.array_equal(rest(np.array([[0.4], [0.45]])), [[1, 2, 3], [1, 2, 3]])
-
-
-def test_a_model_of_several_shapes_needs_the_scene():
-    class Shapes:
-        parameters = scene_parameters({"L": L}, FINGER)
-
-    with pytest.raises(InputError, match=r"several shapes.*give the scene"):
-        Learned(Shapes())

@@ -11,6 +11,11 @@ from cfem.robot.build import effector_points
 from cfem.sample.parameters import with_values
 
 
+def moves_effectors(parameters: Sequence[Parameter]) -> bool:
+    """Whether robots that differ in them rest elsewhere."""
+    return any(one.key.startswith(("geometry", "effectors")) for one in parameters)
+
+
 class Rest:
     """rest_e (n_e,) mm of the scene's own robot; parameters: those that p (m, n_p) has values of.
 
@@ -18,7 +23,7 @@ class Rest:
 
     def __init__(self, scene: Any, parameters: Sequence[Parameter], rest_e: np.ndarray):
         self._scene, self._keys = scene, [one.key for one in parameters]
-        self._moves = any(one.key.startswith(("geometry", "effectors")) for one in parameters)
+        self._moves = moves_effectors(parameters)
         self._rest_e = rest_e
         if not self._moves:
             return

@@ -1,0 +1,124 @@
+"""What is said of the designs that were found: design.json, tables, lines for a person."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from cfem.dataset.writer import write_table
+from cfem.design.front import Front
+from cfem.design.problem import Problem
+from cfem.design.search import Design, Grid
+from cfem.design.volume import Volume
+from cfem.parametric.differences import Stencil
+
+
+class Checked(NamedTuple):
+    """A design by finite elements: objectives (n_f,), constraints (n_g,); distance: mm between the effectors' places by
+    the model and by finite elements."""
+
+    objectives: np.ndarray
+    constraints: np.ndarray
+    distance: float
+
+
+def entry(
+    problem: Problem, grid: Grid, design: Design, checked: Checked | None, volume: Volume | None
+) -> dict[str, Any]:
+    """Of one design, for design.json."""
+    family, p = problem.family, problem.p(design.z)
+    states = family.at(problem.kind, problem.u, p[None])
+    varied = [family.parameters[i] for i in problem.free]
+    found = {
+        "p": dict(zip([one.name for one in family.parameters], p, strict=True)),
+        "overrides": [
+            f"{one.key}={value:.10g}" + ("" if one.unit == "1" else f" {one.unit}")
+            for one, value in zip(family.parameters, p, strict=True)
+        ],
+        "at_ends_of_range": [one.name for one, z in zip(varied, design.z, strict=True) if min(z, 1 - z) < 1e-6],
+        "objectives": dict(zip(problem.names, design.objectives, strict=True)),
+        "constraints": dict(zip(problem.constraints, design.constraints, strict=True)),
+        "effector": states.x_e[0],
+        "actuators": {"displacement": states.delta_a[0], "force": states.lam[0]},
+        "outside": bool(family.outside(states)),
+        "search": f"{design.iterations} iterations: {design.message}",
+    }
+    if volume:
+        found["volume"] = {"fitted": float(volume(p[None])[0]), "cad": volume.exact(p)}
+    if checked is not None:
+        gap = design.objectives - checked.objectives
+        found["fe"] = {
+            "objectives": dict(zip(problem.names, checked.objectives, strict=True)),
+            "constraints": dict(zip(problem.constraints, checked.constraints, strict=True)),
+            "gap": dict(zip(problem.names, gap, strict=True)),
+            "gap_share_of_spread": dict(zip(problem.names, np.abs(gap) / grid.width, strict=True)),
+            "effector_distance": checked.distance,
+        }
+    return found
+
+
+def line(name: str, entry: dict[str, Any]) -> str:
+    """Of one design, for a person."""
+    values = ", ".join(f"{key} {value:.4g}" for key, value in entry["p"].items())
+    shown = [name] if name in entry["objectives"] else list(entry["objectives"])
+    scores = ", ".join(f"{key} {entry['objectives'][key]:.5g}" for key in shown)
+    line = f"{name}: {values}: {scores}"
+    if "fe" in entry:
+        worst = max(entry["fe"]["gap_share_of_spread"][key] for key in shown)
+        line += (
+            f"; finite elements {', '.join(format(entry['fe']['objectives'][key], '.5g') for key in shown)} "
+            f"(off by {100 * worst:.2g} % of the spread, tip {entry['fe']['effector_distance']:.1e} mm)"
+        )
+    return line + ("; outside what the model was trained on" if entry["outside"] else "")
+
+
+def front_entry(front: Front) -> dict[str, Any]:
+    """For design.json."""
+    return {
+        "of": front.names,
+        "designs": len(front.designs),
+        "corners": front.corners,
+        "hypervolume": front.volume,
+        "grid_hypervolume": front.grid_volume,
+        "beaten_by_grid": front.beaten,
+    }
+
+
+def front_line(front: Front, seconds: float) -> str:
+    """For a person."""
+    found = f"front: {len(front.designs)} designs in {seconds:.2f} s of CPU time"
+    if front.volume is not None:
+        found += f", hypervolume {front.volume:.4f}, of the grid's {front.grid_volume:.4f}"
+    return f"{found}; {front.beaten} points of the grid beat one of it"
+
+
+def write_front(path: Path, problem: Problem, front: Front) -> None:
+    z, objectives, constraints = (
+        np.array([getattr(one, name) for one in front.designs]) for name in ("z", "objectives", "constraints")
+    )
+    write_designs(path, problem, z, objectives, constraints)
+
+
+def write_designs(path: Path, problem: Problem, z: np.ndarray, objectives: np.ndarray, constraints: np.ndarray) -> None:
+    """A row a design: parameters, objectives as they are minimised, slacks of the constraints."""
+    p = problem.p(z)
+    columns = {one.name: pa.array(p[:, i]) for i, one in enumerate(problem.family.parameters)}
+    columns |= {f"objective.{name}": pa.array(objectives[:, i]) for i, name in enumerate(problem.names)}
+    columns |= {f"slack.{name}": pa.array(constraints[:, i]) for i, name in enumerate(problem.constraints)}
+    meta = {
+        "units": {one.name: one.unit for one in problem.family.parameters},
+        "kind": problem.kind,
+        "u": problem.u.tolist(),
+    }
+    write_table(path, pa.table(columns).replace_schema_metadata({"cfem": json.dumps(meta)}))
+
+
+def slopes_checked(problem: Problem) -> float:
+    """Largest difference between the slopes that the search uses and those by plain central differences, relative to
+    each row's largest, at the middle of the ranges."""
+    z = np.full(len(problem.free), 0.45)
+    mine, plain = problem.with_slopes(z)[1], problem.with_slopes(z, Stencil(2, 1e-4))[1]
+    size = np.abs(mine).max(axis=1, keepdims=True)
+    return float((np.abs(mine - plain) / np.where(size > 0, size, 1.0)).max(initial=0.0))

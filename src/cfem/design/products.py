@@ -1,0 +1,60 @@
+"""What a design leaves the computer as: its shape for CAD and for printing, and its controller."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import SpecError
+from cfem.export.embedding import embedding, write_embedded
+from cfem.export.spec import CSpec
+from cfem.predict.load import read_arrays, read_meta
+from cfem.robot.meshing import CATALOGUE, write_cad
+from cfem.robot.spec import SceneSpec
+from cfem.sample.parameters import with_values
+
+VECTORS = "test_vectors.npz"
+
+
+def file_name(design: str) -> str:
+    return design.replace(" ", "-")
+
+
+def write_shapes(
+    folder: Path, designs: Mapping[str, np.ndarray], parameters: Sequence[Parameter], scene: SceneSpec | None
+) -> None:
+    """`<name>.step` and `<name>.stl` of each design p (n_p,)."""
+    if scene is None:
+        raise SpecError("the shapes of designs need the scene", where="cad", do="name it under `scene`")
+    if type(scene.geometry) not in CATALOGUE:
+        raise SpecError(f"geometry of kind {scene.geometry.kind} has no designs", where="cad")
+    for name, p in designs.items():
+        geometry = with_values(scene, [one.key for one in parameters], p).geometry
+        files = [folder / f"{file_name(name)}{suffix}" for suffix in (".step", ".stl")]
+        write_cad(CATALOGUE[type(geometry)](geometry), files)
+
+
+def write_controllers(
+    folder: Path,
+    designs: Mapping[str, np.ndarray],
+    parameters: Sequence[Parameter],
+    model: Path,
+    spec: CSpec,
+    scene: SceneSpec | None,
+) -> dict[str, dict[str, Any]]:
+    """`<name>-controller` of each design p (n_p,), the C code of `cfem export`; bytes and parity of each."""
+    meta, arrays, s = read_meta(model), read_arrays(model), read_arrays(model, VECTORS)["s"]
+    low, high = np.array([(one.low, one.high) for one in parameters]).T  # a share of 1 may round to beyond
+    found = {}
+    for name, p in designs.items():
+        values = {
+            one.name: value if one.unit == "1" else f"{value!r} {one.unit}"
+            for one, value in zip(parameters, np.clip(p, low, high).tolist(), strict=True)
+        }
+        mine = spec.model_copy(update={"parameters": values})
+        at = folder / f"{file_name(name)}-controller"
+        report = write_embedded(at, mine, meta, arrays, s, embedding(meta, mine, scene))
+        found[name] = {key: report[key] for key in ("coefficient_bytes", "parity")}
+    return found
