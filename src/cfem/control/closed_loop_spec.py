@@ -1,38 +1,17 @@
 """What the `loop:` part of `control.yaml` says: control over time, open or closed, into an imperfect plant."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, WithJsonSchema, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, ForceVector, Frequency, Length, Point, Time, parse_quantity
+from cfem.core.units import Angle, Course, Effort, ForceVector, Frequency, Length, Point, Time
 from cfem.robot.selection import Direction
 
-
-def _either(one: str, other: str):
-    """A quantity in either of two units of the system."""
-
-    def read(text: Any) -> float:
-        try:
-            return parse_quantity(text, one)
-        except ValueError as error:
-            try:
-                return parse_quantity(text, other)
-            except ValueError:
-                raise ValueError(f"{error}, or {other}") from None
-
-    return Annotated[
-        float,
-        BeforeValidator(read),
-        Field(gt=0),
-        WithJsonSchema({"type": "string", "description": f"with its unit, e.g. '1 {one}' or '1 {other}'"}),
-    ]
-
-
-Course = _either("mm", "mm^3")
-Effort = _either("N", "MPa")
+PositiveCourse = Annotated[Course, Field(gt=0)]
+PositiveEffort = Annotated[Effort, Field(gt=0)]
 
 
 class DisplacementCommandSpec(Spec):
@@ -40,8 +19,8 @@ class DisplacementCommandSpec(Spec):
     rounds commands to."""
 
     kind: Literal["displacement"]
-    step: Course | None = None
-    quantum: Course | None = None
+    step: PositiveCourse | None = None
+    quantum: PositiveCourse | None = None
 
 
 class ForceCommandSpec(Spec):
@@ -49,9 +28,9 @@ class ForceCommandSpec(Spec):
     quantum: what the plant rounds commands to."""
 
     kind: Literal["force"]
-    step: Effort | None = None
-    largest: Effort | None = None
-    quantum: Effort | None = None
+    step: PositiveEffort | None = None
+    largest: PositiveEffort | None = None
+    quantum: PositiveEffort | None = None
 
 
 class GainsSpec(Spec):

@@ -122,6 +122,25 @@ class SystemUnit:
     name: str
 
 
+def _either(one: str, other: str):
+    """A quantity in either of two units of the system."""
+
+    def read(text: Any) -> float:
+        try:
+            return parse_quantity(text, one)
+        except ValueError as error:
+            try:
+                return parse_quantity(text, other)
+            except ValueError:
+                raise ValueError(f"{error}, or {other}") from None
+
+    return Annotated[
+        float,
+        BeforeValidator(read),
+        WithJsonSchema({"type": "string", "description": f"with its unit, e.g. '1 {one}' or '1 {other}'"}),
+    ]
+
+
 def unit_of(field: FieldInfo) -> str:
     """The unit that a number of a spec is computed in, '1' where it has none."""
     marks = [*field.metadata, *(mark for part in get_args(field.annotation) for mark in get_args(part)[1:])]
@@ -153,8 +172,8 @@ Density = _scalar("t/mm^3")
 Time = _scalar("s")
 Frequency = _scalar("Hz")
 Volume = _scalar("mm^3")
-Course = Length | Volume  # of an actuator: a cable's shortening, a chamber's growth
-Effort = Force | Stress  # of an actuator: a cable's tension, a chamber's pressure
+Course = _either("mm", "mm^3")  # of an actuator: a cable's shortening, a chamber's growth
+Effort = _either("N", "MPa")  # of an actuator: a cable's tension, a chamber's pressure
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
 LengthRange = _vector("mm", 1, 2)  # (2,) mm
