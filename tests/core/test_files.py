@@ -2,6 +2,7 @@
 
 import errno
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from core.test_verify import Empty, Stage, fill
 
 from cfem.core import files
 from cfem.core.errors import DiskError, OutputError
-from cfem.core.files import locked, recover_folder, replace_folder
+from cfem.core.files import locked, recover_folder, replace_folder, write_whole
 from cfem.core.stage import Options, read_manifest, run_stage
 from cfem.core.verify import judge
 
@@ -117,6 +118,18 @@ def test_what_a_killed_write_left_is_not_taken_for_a_result(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run_stage(made(tmp_path), interrupt, Options())
     assert set(run_stage(made(tmp_path), fill, Options())["files"]) == {"numbers.bin", "deep/text.txt"}
+
+
+def test_a_file_larger_than_the_user_may_write_is_the_disk_s_refusal(tmp_path):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    write_whole(tmp_path / "file", b"old")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(DiskError, match="File too large"):
+            write_whole(tmp_path / "file", bytes(2000))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
 
 
 def test_who_holds_the_lock_is_said(tmp_path):
