@@ -2,7 +2,7 @@
 program may be in any language and drive valves, motors and a tracker."""
 
 import json
-import subprocess
+import subprocess  # nosec B404
 import threading
 import time
 from collections.abc import Sequence
@@ -45,7 +45,8 @@ class PipePlant:
 
     def __enter__(self) -> "PipePlant":
         try:
-            self._process = subprocess.Popen(
+            # the user's own program, without a shell
+            self._process = subprocess.Popen(  # nosec B603
                 self._command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,

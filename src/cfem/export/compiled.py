@@ -3,7 +3,7 @@
 import ctypes
 import re
 import shutil
-import subprocess
+import subprocess  # nosec B404
 import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
@@ -57,7 +57,8 @@ def _size(folder: Path, command: list[str], size: str) -> dict[str, int] | None:
 
 def run(command: list[str], folder: Path | str) -> str:
     """stdout; InputError with what the command said where it fails."""
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    # compilers found on PATH, and what they made of our sources; no shell
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)  # nosec B603
     if done.returncode:
         raise InputError(
             f"{Path(command[0]).name} failed: {(done.stderr or done.stdout).strip()[:2000]}", where=str(folder)
