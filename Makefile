@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench lint schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
+.PHONY: demo test test-slow bench lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -26,6 +26,20 @@ lint: .venv/dev
 	.venv/bin/ruff format --check src tests benchmarks scripts
 	.venv/bin/lint-imports
 	$(CFEM) schema --check
+
+# Our own code for what is known to be dangerous, and the pinned packages for known holes (asks pypi.org).
+audit: .venv/dev
+	.venv/bin/bandit -q -r src
+	.venv/bin/pip-audit --strict --requirement constraints.txt --no-deps --disable-pip
+
+# Branches that the tests take, subprocesses included: of everything, and of what all results stand on.
+CORE := src/cfem/mechanics/*,src/cfem/constraint/*,src/cfem/condensed/*,src/cfem/dataset/*,src/cfem/equilibrium/condensation.py,src/cfem/core/files.py,src/cfem/core/manifest.py,src/cfem/core/verify.py
+coverage: .venv/dev
+	rm -f .coverage*
+	$(PYTHON) -m coverage run -m pytest
+	$(PYTHON) -m coverage combine -q
+	$(PYTHON) -m coverage report --fail-under=90
+	$(PYTHON) -m coverage report --fail-under=95 --include='$(CORE)'
 
 schemas: .venv/all
 	$(CFEM) schema
