@@ -1,5 +1,25 @@
-"""`python -m cfem` is `cfem`."""
+"""Entry point of the `cfem` script, and `python -m cfem`."""
 
-from cfem.cli.app import main
+import os
+import signal
+from typing import Any
 
-main()
+
+def main() -> None:
+    """Signals first: what takes time to import may be interrupted as well."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _leave)
+    from cfem.cli.app import app
+
+    app()
+
+
+def _leave(number: int, frame: Any) -> None:
+    """Nothing has begun yet; exceptions raised in the middle of an import end in anything."""
+    os.write(2, b"cfem: interrupted\n")
+    os._exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -22,7 +22,9 @@ def run_command(
     quiet: bool = False,
 ) -> None:
     """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _interrupt)
     try:
         outcome = work(Options(force=force, check=check, quiet=quiet or as_json))
     except CfemError as error:

@@ -1,0 +1,34 @@
+"""An interruption before a command has begun ends as one after it has: one line, exit code 130."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+SLOWLY = """
+import sys, time, cfem.__main__ as start
+
+class Slow:
+    def find_spec(self, name, *rest):
+        if name == "cfem.cli.app":
+            print("importing", flush=True)
+            time.sleep(60)
+
+sys.meta_path.insert(0, Slow())
+start.main()
+"""
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_while_it_imports(how):
+    words = [sys.executable, "-c", SLOWLY]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(how)
+        assert process.communicate(timeout=20) == ("", "cfem: interrupted\n") and process.returncode == 130
+
+
+def test_the_script_starts_there():
+    done = subprocess.run([sys.executable, "-m", "cfem", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() and not done.stderr
