@@ -127,7 +127,7 @@ def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np
         )
     low, high = model.domain.delta_a if model.form == "displacement" else model.domain.lambda_a
     if (np.maximum(low, -high) > MARGIN * np.maximum(high - low, SIZE)).any():
-        do = "train it on a dataset with space: rest, in the form force if the scene carries loads"
+        do = "train kind: mlp on a dataset with space: rest, in the form force if the scene carries loads"
         raise InputError("has seen no state at rest", where=str(folder), do=do)
     return meta, arrays
 

@@ -54,6 +54,9 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     test = read_dataset(artefact_file(dataset_folder, "test.parquet"))
     if training.rows != test.rows or not len(test):
         raise InputError("its test rows are none, or of another robot", where=str(dataset_folder), do="sample it anew")
+    if training.meta.get("plan", {}).get("space") == "rest" and not isinstance(spec.model, MlpSpec):
+        what = f"its rows are at rest, of which kind {spec.model.kind} learns no energy"
+        raise InputError(what, where=str(dataset_folder), do="train kind: mlp, or use rows of another space")
     checkpoints = folder / "checkpoints"  # from which a killed training goes on
     meta, arrays, results = train_and_judge(training, test, spec.model, checkpoints)
     predictor = build(meta, arrays)
