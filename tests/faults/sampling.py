@@ -10,7 +10,7 @@ from sample.synthetic import Factory
 
 from cfem.cli.run import run_command
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.sample import artefact
+from cfem.sample import artefact, pool
 from cfem.sample.spec import SampleSpec
 
 SPEC = SampleSpec(
@@ -40,10 +40,10 @@ def one_thread(workers: int | None = None):
 def make(out: Path, delay: float = 0.0, force: bool = False) -> dict[str, Any]:
     """The dataset's manifest. delay: seconds a solve takes at least."""
     stage = Stage("simulate-sample", 1, SPEC, {}, out, ("scene", "mesh", "out"), precious=True)
-    artefact.worker_pool = one_thread
+    pool.worker_pool = one_thread
 
     def work(folder: Path) -> dict[str, Any]:
-        return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), True, None)
+        return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), True, pool.Workers())
 
     return run_stage(stage, work, Options(force=force, quiet=True))
 

@@ -48,10 +48,9 @@ def solver(tmp_path_factory):
     return RobotFamily(scene, mesh, parameters), scene, mesh, folder, parameters
 
 
-def finite_elements(case, monkeypatch):
-    _, scene, mesh, folder, parameters = case
-    monkeypatch.setattr("cfem.robot.load.load_scene_and_mesh", lambda *paths: (scene, mesh))
-    return FiniteElements(folder / "scene.yaml", folder / "mesh", 1e-11, parameters)()
+def finite_elements(case):
+    _, scene, mesh, _, parameters = case
+    return FiniteElements(scene, mesh, 1e-11, parameters)()
 
 
 def test_a_design_is_the_robot_built_on_its_mesh(solver):
@@ -65,8 +64,8 @@ def test_a_design_is_the_robot_built_on_its_mesh(solver):
     assert family.alike
 
 
-def test_slopes_by_design_parameters_are_those_of_solved_robots(solver, monkeypatch):
-    solve = finite_elements(solver, monkeypatch).solve
+def test_slopes_by_design_parameters_are_those_of_solved_robots(solver):
+    solve = finite_elements(solver).solve
     p = np.array([10.5, 60.5, 0.44])
     here = solve(PULL, None, p)
     assert here.converged
@@ -81,8 +80,8 @@ def test_slopes_by_design_parameters_are_those_of_solved_robots(solver, monkeypa
         np.testing.assert_allclose(here.slopes.x[:, :, index], moved, atol=1e-5 * np.abs(moved).max())
 
 
-def test_states_do_not_depend_on_the_design_that_they_are_started_from(solver, monkeypatch):
-    solve = finite_elements(solver, monkeypatch).solve
+def test_states_do_not_depend_on_the_design_that_they_are_started_from(solver):
+    solve = finite_elements(solver).solve
     other = solve(PULL, None, np.array([9.2, 61.8, 0.41]))
     fresh, started = (solve(PULL, start, np.array([11.5, 59.5, 0.47])) for start in (None, other.state))
     np.testing.assert_allclose(started.condensed.W, fresh.condensed.W, rtol=1e-7, atol=1e-9)

@@ -12,6 +12,7 @@ from cfem.core.stage import Options
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import parameters_of
 from cfem.equilibrium.actuation import displacement
+from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.plan import actuation
 from cfem.sample.solver import FiniteElements
@@ -64,9 +65,12 @@ def test_robots_that_differ_start_from_rest_and_know_their_slopes(trunk):
     run(trunk / "sample.yaml", changes, trunk / "varied", QUIET, workers=1)
     rows = read_dataset(trunk / "varied" / "test.parquet")
     assert rows.cost["iterations"].max() <= 3
-    solver = FiniteElements(trunk / "scene.yaml", trunk / "mesh", 1e-11, parameters_of(rows.meta))()
-    ahead, behind = (solver.solve(displacement(rows.delta_a[0]), None, rows.p[0] + h).energy for h in (1e-4, -1e-4))
-    np.testing.assert_allclose(rows.dpsi_dp[0, 0], (ahead - behind) / 2e-4, rtol=1e-5)
+    solver = FiniteElements(
+        *load_scene_and_mesh(trunk / "scene.yaml", trunk / "mesh"), 1e-11, parameters_of(rows.meta)
+    )()
+    ahead, behind = (solver.solve(displacement(rows.delta_a[0]), None, rows.p[0] + h) for h in (1e-4, -1e-4))
+    np.testing.assert_allclose(rows.dpsi_dp[0, 0], (ahead.energy - behind.energy) / 2e-4, rtol=1e-5)
+    np.testing.assert_allclose(rows.ddelta_e_dp, 0.0, atol=1e-6)  # and nowhere else does a chamber's growth lead
 
 
 def test_the_modules_do_not_know_of_each_other(trunk):
@@ -86,7 +90,7 @@ def test_a_scene_that_states_no_pressures_is_named(trunk):
 
 
 def test_sections_in_a_row_start_from_the_nearest_state(trunk):
-    assert FiniteElements(trunk / "scene.yaml", trunk / "mesh", 1e-10)().facts.in_a_row
+    assert FiniteElements(*load_scene_and_mesh(trunk / "scene.yaml", trunk / "mesh"), 1e-10)().facts.in_a_row
 
 
 def test_forces_do_not_go_with_sampling_until():

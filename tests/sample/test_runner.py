@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from sample.synthetic import Factory
 from surrogate import synthetic as closed_form
 from surrogate.synthetic import POISSON, YOUNG
 
-from cfem.core.errors import CfemError
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import tour
@@ -105,18 +103,6 @@ def test_killed_or_interrupted_the_next_run_ends_with_the_same_content_and_no_wo
     assert content_hash(in_process(tmp_path / "work")) == content_hash(tables)
 
 
-def test_a_worker_that_dies_is_said_and_what_is_finished_stays(tmp_path):
-    class Dying(ThreadPoolExecutor):
-        def submit(self, function, *arguments):
-            if function.__name__ == "solve_shard" and arguments[1] == 3:
-                raise BrokenProcessPool
-            return super().submit(function, *arguments)
-
-    with Dying(1) as executor, pytest.raises(CfemError, match="a worker process died"):
-        sample(SPEC, Factory(), tmp_path, executor, quiet=True)
-    assert (tmp_path / "skeleton.parquet").exists()
-
-
 def test_workers_compute_on_one_thread_and_the_environment_is_put_back():
     before = dict(os.environ)
     with worker_pool(1) as executor:
@@ -152,10 +138,10 @@ def test_a_plan_grows_by_rows_from_its_skeleton_and_keeps_what_is_solved(tmp_pat
     def grown(folder, u, extra):
         with ThreadPoolExecutor(1) as executor:
             job = make_job(SPEC, Factory(parameters=PARAMETERS), folder, executor)
-            solve_skeleton(job, tour.skeleton(job.u, SPEC.skeleton), executor)
+            solve_skeleton(job, tour.skeleton(job.u, SPEC.skeleton))
             ids = tuple(range(40, 40 + len(u)))
             added = replace(job, u=u, split=("train",) * len(u), id=ids, folder=folder / extra)
-            return merge(solve_rows(added, np.arange(len(u)), 6, executor), ["train"])["train"]
+            return merge(solve_rows(added, np.arange(len(u)), 6), ["train"])["train"]
 
     once = grown(tmp_path / "a", more, "round-1")
     assert once["id"].to_pylist() == list(range(40, 60))

@@ -6,6 +6,7 @@ part. Interrupted, the same command goes on: the rows of a round depend on those
 
 import shutil
 import time
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,8 @@ from cfem.predict.protocol import Predictor
 from cfem.sample import artefact, tour
 from cfem.sample.parameters import range_coordinates
 from cfem.sample.plan import actuation
-from cfem.sample.pool import worker_pool
-from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
-from cfem.sample.shard import Job
+from cfem.sample.pool import Workers, with_workers
+from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec, Until
 from cfem.surrogate.model_card import model_card
@@ -50,15 +50,17 @@ class Round:
 
 
 def fill(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: int | None
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: Workers
 ) -> dict[str, Any]:
     """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where spec.until is
     None."""
     if spec.until is None:
         return artefact.fill(folder, spec, factory, made_from, quiet, workers)
     begin = time.perf_counter()
-    with worker_pool(workers) as executor:
-        tables, rounds = explore(spec, factory, folder / "shards", executor, made_from, quiet)
+    tables, rounds = with_workers(
+        workers,
+        lambda executor: explore(spec, factory, folder / "shards", executor, made_from, quiet, workers.timeout),
+    )
     for split, table in tables.items():
         write_table(folder / f"{split}.parquet", table)
     shutil.rmtree(folder / "shards")
@@ -73,19 +75,25 @@ def fill(
 
 
 def explore(
-    spec: SampleSpec, factory: SolverFactory, folder: Path, executor: Any, made_from: str, quiet: bool
+    spec: SampleSpec,
+    factory: SolverFactory,
+    folder: Path,
+    executor: Executor,
+    made_from: str,
+    quiet: bool,
+    timeout: float | None = None,
 ) -> tuple[dict[str, pa.Table], list[Round]]:
     """One table a split, and what the rounds gave."""
     until = spec.until
-    job = make_job(spec, factory, folder, executor, made_from)
+    job = make_job(spec, factory, folder, executor, made_from, timeout)
     pool = np.flatnonzero(np.array(job.split) == "train")
     known = np.union1d(pool[: until.first], np.flatnonzero(np.array(job.split) != "train"))
     rounds: list[Round] = []
     largest = min(until.largest, len(pool)) + len(job.u) - len(pool)
     with progress("simulate-sample", largest, quiet=quiet) as advance:
         first = known[tour.skeleton(job.u[known], spec.skeleton)]
-        files = [solve_skeleton(job, first, executor, advance)]
-        files += solve_rows(job, np.setdiff1d(known, first), spec.shard, executor, advance)
+        files = [solve_skeleton(job, first, advance)]
+        files += solve_rows(job, np.setdiff1d(known, first), spec.shard, advance)
         chosen = pool[: until.first]
         while len(chosen) < min(until.largest, len(pool)) and not settled(rounds, until):
             begin = time.perf_counter()
@@ -97,7 +105,7 @@ def explore(
             )
             seconds = time.perf_counter() - begin
             mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
-            new = solve_rows(mine, batch, -(-len(batch) // PIECES), executor, advance)
+            new = solve_rows(mine, batch, -(-len(batch) // PIECES), advance)
             observed = largest_error(whole, as_dataset(merge(new, ["train"])["train"]))
             rounds.append(Round(len(training), len(batch), expected, observed, seconds))
             files, chosen = files + new, np.concatenate([chosen, batch])

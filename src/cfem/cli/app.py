@@ -66,6 +66,12 @@ def simulate_sample(
     json: Json = False,
     quiet: Quiet = False,
     workers: Workers = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers solve: tcp://host:8786.")
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=1, metavar="SECONDS", help="Replace the workers when none ends a shard for so long.")
+    ] = 3600,
     shard: Annotated[
         str | None, typer.Option(metavar="I/N", help="Solve the I-th of N parts alone; `cfem merge` joins them.")
     ] = None,
@@ -80,7 +86,17 @@ def simulate_sample(
         return import_module("cfem.active.fill").fill(*arguments)
 
     run_command(
-        lambda o: _stage("sample")(spec, overrides, out, o, fill=fill, workers=workers, shard=shard),
+        lambda o: _stage("sample")(
+            spec,
+            overrides,
+            out,
+            o,
+            fill=fill,
+            workers=workers,
+            scheduler=scheduler,
+            timeout=timeout,
+            shard=shard,
+        ),
         force,
         check,
         json,

@@ -16,11 +16,16 @@ def write_rows(path: Path, records: Sequence[Mapping[str, Any]], schema: pa.Sche
     write_table(path, pa.Table.from_pylist(list(records), schema=schema))
 
 
-def write_table(path: Path, table: pa.Table) -> None:
-    """Made in memory and put in place by one rename. Raises DiskError."""
+def table_bytes(table: pa.Table) -> bytes:
+    """A Parquet file."""
     buffer = pa.BufferOutputStream()
     pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
-    write_whole(path, buffer.getvalue().to_pybytes())
+    return buffer.getvalue().to_pybytes()
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Made in memory and put in place by one rename. Raises DiskError."""
+    write_whole(path, table_bytes(table))
 
 
 def content_hash(tables: Mapping[str, pa.Table]) -> str:

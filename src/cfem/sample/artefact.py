@@ -12,14 +12,14 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, read_table
 from cfem.dataset.writer import content_hash, write_table
-from cfem.sample.pool import worker_pool
+from cfem.sample.pool import Workers, with_workers
 from cfem.sample.runner import sample
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
 
 
 def fill(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: int | None
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: Workers
 ) -> dict[str, Any]:
     """Writes one Parquet file a split into `folder`; results for the manifest."""
     begin = time.perf_counter()
@@ -28,8 +28,9 @@ def fill(
     try:
         tables = {split: read_table(file) for split, file in files.items()}
     except InputError:  # not there yet
-        with worker_pool(workers) as executor:
-            tables = sample(spec, factory, shards, executor, made_from, quiet)
+        tables = with_workers(
+            workers, lambda executor: sample(spec, factory, shards, executor, made_from, quiet, workers.timeout)
+        )
         for split, table in tables.items():
             write_table(files[split], table)
     shutil.rmtree(shards, ignore_errors=True)

@@ -6,6 +6,7 @@ the whole is what one machine would have made, digit for digit where all round a
 import re
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from cfem.dataset.schema import content
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import tour
 from cfem.sample.artefact import results
-from cfem.sample.pool import worker_pool
+from cfem.sample.pool import Workers, with_workers
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
@@ -50,21 +51,25 @@ def parse_part(text: str) -> Part:
 
 
 def fill_part(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: Part, quiet: bool, workers: int | None
+    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: Part, quiet: bool, workers: Workers
 ) -> dict[str, Any]:
     """Solves the skeleton and the part's shards into `folder`; results for the manifest. whole: what the complete
     dataset is made from."""
     begin = time.perf_counter()
-    with worker_pool(workers) as executor:
-        job = make_job(spec, factory, folder, executor, whole)
+
+    def solve(executor: Executor) -> int:
+        job = make_job(spec, factory, folder, executor, whole, workers.timeout)
         first = tour.skeleton(job.u, spec.skeleton)
         rest = np.setdiff1d(np.arange(len(job.u)), first)
         share = slice(part.index - 1, None, part.count)
         mine = sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
         with progress("simulate-sample", len(first) + mine, quiet=quiet) as advance:
-            solve_skeleton(job, first, executor, advance)
-            solve_rows(job, rest, spec.shard, executor, advance, share)
-    return {"part": vars(part) | {"of": whole}, "rows": mine, "wall_seconds": time.perf_counter() - begin}
+            solve_skeleton(job, first, advance)
+            solve_rows(job, rest, spec.shard, advance, share)
+        return mine
+
+    rows = with_workers(workers, solve)
+    return {"part": vars(part) | {"of": whole}, "rows": rows, "wall_seconds": time.perf_counter() - begin}
 
 
 def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: str) -> dict[str, Any]:

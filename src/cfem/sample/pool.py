@@ -1,15 +1,65 @@
-"""Worker processes which compute on one thread each, and which never outlive the one that started them."""
+"""Who solves: processes of this machine, which compute on one thread each and never outlive the one that started them,
+or the workers of a Dask cluster."""
 
 import multiprocessing
 import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
+
+from cfem.core.errors import NumericalError, SpecError
 
 # Sums in another order, by another number of threads, would end in other digits.
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "RAYON_NUM_THREADS")
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "RAYON_NUM_THREADS")
+FRESH = 3  # times that lost workers are replaced
+
+T = TypeVar("T")
+
+
+class WorkersLost(NumericalError):
+    """One died, or none answers."""
+
+    def __init__(self, what: str):
+        do = "run again to go on from what is finished: fewer --workers where memory ran out, a longer --timeout or a "
+        super().__init__(what, where="simulate-sample", do=do + "smaller `shard` where the work takes so long")
+
+
+@dataclass(frozen=True)
+class Workers:
+    """count: local processes, one a core by default; scheduler: address of a Dask scheduler whose workers solve
+    instead; timeout: s without a finished shard after which all are given up."""
+
+    count: int | None = None
+    scheduler: str | None = None
+    timeout: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.count and self.scheduler:
+            raise SpecError("--workers are local processes, and --scheduler has its own", do="leave one of them out")
+
+
+def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:
+    """work(executor). Local processes of which one is lost are replaced, and `work` called again, which goes on from
+    what is finished; Dask does so by itself. Raises WorkersLost where they are lost time and again."""
+    if workers.scheduler:
+        from cfem.sample.cluster import cluster
+
+        with cluster(workers.scheduler) as executor:
+            return work(executor)
+    for fresh in reversed(range(FRESH + 1)):
+        try:
+            with worker_pool(workers.count) as executor:
+                return work(executor)
+        except WorkersLost as lost:
+            if not fresh:
+                raise
+            print(f"simulate-sample: {lost.what}; going on with fresh workers", file=sys.stderr, flush=True)
+    raise AssertionError("unreachable")
 
 
 @contextmanager
@@ -20,7 +70,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     executor = ProcessPoolExecutor(
         workers or len(os.sched_getaffinity(0)), multiprocessing.get_context("spawn"), initializer=_become_worker
     )
-    with _environment(dict.fromkeys(_ONE_THREAD, "1")):
+    with _environment(dict.fromkeys(ONE_THREAD, "1")):
         try:
             yield executor
         except BaseException:

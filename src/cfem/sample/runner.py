@@ -1,13 +1,16 @@
 """From a spec to solved rows: skeleton first, then the shards side by side, each finished one kept on disk.
 
 A shard starts its rows from the skeleton and from its own rows only: which process solves it, after which other one,
-and how often the work was interrupted, leaves no trace in the numbers."""
+and how often the work was interrupted, leaves no trace in the numbers. Workers are sent all they need and send back
+files, which are written here: they need to see no disk of this machine."""
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+import pickle  # nosec B403
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
+from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,8 +18,8 @@ import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
 from cfem.condensed.pose import COORDINATES
-from cfem.core.errors import CfemError, InputError, SpecError
-from cfem.core.files import plain
+from cfem.core.errors import InputError, SpecError
+from cfem.core.files import plain, write_whole
 from cfem.core.progress import progress
 from cfem.core.provenance import versions
 from cfem.core.spec import meaning
@@ -25,7 +28,8 @@ from cfem.dataset.schema import schema
 from cfem.sample import shard, tour
 from cfem.sample.contact import ContactPlan
 from cfem.sample.plan import unit_rows
-from cfem.sample.shard import Job
+from cfem.sample.pool import WorkersLost
+from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec
 
@@ -36,27 +40,80 @@ def _unseen(rows: int) -> None:
     """No progress to show."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Job(Piece):
+    """All rows, who solves them, and where they are kept.
+
+    robot: a pickled SolverFactory; folder: of the shards; skeleton: folder of the states that all rows start from;
+    timeout: s without a finished shard after which the workers are given up, None to wait for ever"""
+
+    robot: bytes
+    executor: Executor
+    skeleton: Path
+    folder: Path
+    timeout: float | None = None
+
+    @property
+    def skeleton_states(self) -> Path:
+        return self.skeleton / "skeleton.npz"
+
+    @property
+    def skeleton_rows(self) -> Path:
+        return self.skeleton / "skeleton.parquet"
+
+    def shard_rows(self, number: int) -> Path:
+        return self.folder / f"shard-{number:05d}.parquet"
+
+    def piece(self, indices: np.ndarray) -> Piece:
+        """These rows of u."""
+        return Piece(
+            space=self.space,
+            u=self.u[indices],
+            split=tuple(self.split[index] for index in indices),
+            id=tuple(self.id[index] for index in indices),
+            schema=self.schema,
+            contact=self.contact,
+        )
+
+
 def sample(
-    spec: SampleSpec, factory: SolverFactory, folder: Path, executor: Executor, made_from: str = "", quiet: bool = False
+    spec: SampleSpec,
+    factory: SolverFactory,
+    folder: Path,
+    executor: Executor,
+    made_from: str = "",
+    quiet: bool = False,
+    timeout: float | None = None,
 ) -> dict[str, pa.Table]:
     """One table a split, rows in the order of their plan. `folder` keeps what is finished; a later call with the same
-    arguments goes on from there. Raises NumericalError where no state of the skeleton converges."""
-    job = make_job(spec, factory, folder, executor, made_from)
+    arguments goes on from there. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
+    job = make_job(spec, factory, folder, executor, made_from, timeout)
     first = tour.skeleton(job.u, spec.skeleton)
     rest = np.setdiff1d(np.arange(len(job.u)), first)
     with progress("simulate-sample", len(job.u), done=_finished(job, first, rest, spec.shard), quiet=quiet) as advance:
-        files = [solve_skeleton(job, first, executor, advance)]
-        files += solve_rows(job, rest, spec.shard, executor, advance)
+        files = [solve_skeleton(job, first, advance)]
+        files += solve_rows(job, rest, spec.shard, advance)
     return merge(files, list(spec.splits))
 
 
-def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: Executor, made_from: str = "") -> Job:
+def make_job(
+    spec: SampleSpec,
+    factory: SolverFactory,
+    folder: Path,
+    executor: Executor,
+    made_from: str = "",
+    timeout: float | None = None,
+) -> Job:
     """The rows of all splits, to be solved into `folder`."""
-    with _live_workers():
-        facts: Facts = executor.submit(shard.facts, factory).result()
+    robot = pickle.dumps(factory)
+    facts: Facts
+    _, facts = next(_results(executor, timeout, {"facts of the robot": (shard.facts, robot)}))
     if spec.space == "force" and facts.forces is None:
         what = f"space: force needs the smallest and largest multiplier of every actuator of scene '{facts.scene}'"
         raise SpecError(what, do="give each its `pressure`, or draw from another space")
+    if spec.space == "rest" and not sampled(facts.parameters):
+        what = f"space: rest without sampled parameters is one state of scene '{facts.scene}', over and over"
+        raise SpecError(what, do="name `parameters` that the scene's response depends on, or draw from another space")
     columns = facts.rows.n_a + facts.rows.n_c + len(sampled(facts.parameters))
     plans = {name: unit_rows(split, columns) for name, split in spec.splits.items()}
     meta = {
@@ -72,7 +129,9 @@ def make_job(spec: SampleSpec, factory: SolverFactory, folder: Path, executor: E
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
     return Job(
-        factory=factory,
+        robot=robot,
+        executor=executor,
+        timeout=timeout,
         space=spec.space,
         u=np.concatenate(list(plans.values())),
         split=tuple(name for name, rows in plans.items() for _ in rows),
@@ -95,22 +154,19 @@ def contact_plan(spec: SampleSpec, n_a: int) -> ContactPlan | None:
     return ContactPlan(tuple(low), tuple(high), turns, about_rest)
 
 
-def solve_skeleton(job: Job, rows: np.ndarray, executor: Executor, advance: Advance = _unseen) -> Path:
+def solve_skeleton(job: Job, rows: np.ndarray, advance: Advance = _unseen) -> Path:
     """The file with these rows (indices into job.u), made if it is not there, and beside it their states."""
     if not _has_skeleton(job):
-        with _live_workers():
-            executor.submit(shard.solve_skeleton, job, rows).result()
+        call = (shard.solve_skeleton, job.robot, job.piece(rows))
+        _, (table, states) = next(_results(job.executor, job.timeout, {"skeleton": call}))
+        write_whole(job.skeleton_states, states)
+        write_whole(job.skeleton_rows, table)
         advance(len(rows))
     return job.skeleton_rows
 
 
 def solve_rows(
-    job: Job,
-    rows: np.ndarray,
-    size: int,
-    executor: Executor,
-    advance: Advance = _unseen,
-    share: slice = slice(None),
+    job: Job, rows: np.ndarray, size: int, advance: Advance = _unseen, share: slice = slice(None)
 ) -> list[Path]:
     """The files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
     same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
@@ -118,11 +174,41 @@ def solve_rows(
     pieces = tour.shards(job.u, rows, size)
     mine = range(len(pieces))[share]
     waiting = [number for number in mine if not _holds(job, number, pieces[number])]
-    with _live_workers():
-        futures = [executor.submit(shard.solve_shard, job, number, pieces[number]) for number in waiting]
-        for future in as_completed(futures):
-            advance(future.result())
+    if waiting:
+        states = job.skeleton_states.read_bytes()
+        calls = {
+            job.shard_rows(number).name: (shard.solve_shard, job.robot, states, job.piece(pieces[number]))
+            for number in waiting
+        }
+        for name, table in _results(job.executor, job.timeout, calls):
+            write_whole(job.folder / name, table)
+            advance(len(calls[name][-1].u))
     return [job.shard_rows(number) for number in mine]
+
+
+def _results(
+    executor: Executor, timeout: float | None, calls: Mapping[str, tuple[Any, ...]]
+) -> Iterator[tuple[str, Any]]:
+    """The name of each call (a function and its arguments) and what it gives, in the order in which they end. Raises
+    WorkersLost where a process dies, or `timeout` s pass without a call that ends."""
+    done: SimpleQueue[Future] = SimpleQueue()
+    futures: dict[Future, str] = {}
+    try:
+        for name, call in calls.items():
+            futures[executor.submit(*call)] = name
+        for future in list(futures):
+            future.add_done_callback(done.put)
+        while futures:
+            future = done.get(timeout=timeout)
+            result = future.result()
+            yield futures.pop(future), result
+    except (Empty, BrokenExecutor) as lost:
+        how = f"no worker has finished anything for {timeout:g} s" if isinstance(lost, Empty) else "a worker died"
+        some, more = list(futures.values())[:3], len(futures) - 3
+        raise WorkersLost(f"{how}; unfinished: {', '.join(some)}{f' and {more} more' * (more > 0)}") from None
+    finally:
+        for future in futures:
+            future.cancel()
 
 
 def _holds(job: Job, number: int, piece: np.ndarray) -> bool:
@@ -150,16 +236,6 @@ def _finished(job: Job, first: np.ndarray, rest: np.ndarray, size: int) -> int:
     pieces = tour.shards(job.u, rest, size)
     done = sum(len(piece) for number, piece in enumerate(pieces) if job.shard_rows(number).exists())
     return done + (len(first) if job.skeleton_rows.exists() else 0)
-
-
-@contextmanager
-def _live_workers() -> Iterator[None]:
-    """Says what to do where a worker dies within."""
-    try:
-        yield
-    except BrokenProcessPool:
-        do = "run again to go on from what is finished, with fewer --workers if memory ran out"
-        raise CfemError("a worker process died", where="simulate-sample", do=do) from None
 
 
 def merge(files: Sequence[Path], splits: Sequence[str]) -> dict[str, pa.Table]:

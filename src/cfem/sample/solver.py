@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,6 +12,8 @@ from cfem.condensed.pose import Patch
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.spec import SceneSpec
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
 _STEP = 1e-4
@@ -48,17 +49,17 @@ class Solver(Protocol):
         parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
 
 
-# Built once in every process: hashable, and picklable to it.
+# Built once in every process: picklable to it.
 SolverFactory = Callable[[], Solver]
 
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """Factory of the finite-element solver of a scene on a mesh artefact, to a relative residual `tolerance`. turns:
+    """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`. turns:
     whether the patch of its contact points can turn, None where nothing holds them."""
 
-    scene: Path
-    mesh: Path
+    scene: SceneSpec
+    mesh: Mesh
     tolerance: float
     parameters: tuple[Parameter, ...] = ()
     third_order: bool = False
@@ -71,10 +72,9 @@ class FiniteElements:
         from cfem.equilibrium.newton import Settings
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
-        from cfem.robot.load import load_scene_and_mesh
         from cfem.sample.family import RobotFamily
 
-        family = RobotFamily(*load_scene_and_mesh(self.scene, self.mesh), self.parameters)
+        family = RobotFamily(self.scene, self.mesh, self.parameters)
         robot = family.robot
         units = row_units(robot, self.turns)
         problem, settings = Problem(robot), Settings(tolerance=self.tolerance)

@@ -11,9 +11,10 @@ from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import scene_parameters
+from cfem.sample.pool import Workers
 from cfem.sample.spec import SampleSpec
 
-VERSION = 4
+VERSION = 5
 
 
 def run(
@@ -24,29 +25,34 @@ def run(
     *,
     fill: Callable[..., dict[str, Any]] | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
+    timeout: float | None = None,
     shard: str | None = None,
 ) -> dict[str, Any]:
     """The dataset's manifest. Interrupted, the next run goes on from the shards that were finished.
 
-    workers: processes, one a core by default; they change nothing but the time. The scene enters by its values: a
-    comment in it makes no dataset stale. fill: makes the dataset's files; one that samples actively where `spec.until`
-    asks for it is `cfem.active.fill.fill`. shard: 'i/n', to solve the i-th of n parts alone, for `merge`."""
+    workers: processes, one a core by default; scheduler: address of a Dask scheduler, whose workers solve instead;
+    timeout: s without a finished shard after which they are given up. The three change nothing but the time. The scene
+    enters by its values: a comment in it makes no dataset stale. fill: makes the dataset's files; one that samples
+    actively where `spec.until` asks for it is `cfem.active.fill.fill`. shard: 'i/n', to solve the i-th of n parts
+    alone, for `merge`."""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)
     stage = _stage(spec, spec_path, parameters, out)
-    whole = stage.made_from()
+    whole, crew = stage.made_from(), Workers(workers, scheduler, timeout)
 
     def factory() -> Any:
+        from cfem.robot.load import load_scene_and_mesh
         from cfem.sample.solver import FiniteElements
 
         turns = None if spec.contact is None else spec.contact.rotation is not None
-        return FiniteElements(scene.resolve(), mesh.resolve(), spec.tolerance, parameters, spec.third_order, turns)
+        return FiniteElements(*load_scene_and_mesh(scene, mesh), spec.tolerance, parameters, spec.third_order, turns)
 
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
 
-        return (fill or artefact.fill)(folder, spec, factory(), whole, options.quiet, workers)
+        return (fill or artefact.fill)(folder, spec, factory(), whole, options.quiet, crew)
 
     if shard is None:
         return run_stage(stage, work, options)
@@ -57,9 +63,7 @@ def run(
 
     part = parse_part(shard)
     mine = replace(stage, out=out or part.folder(stage.out), extra={**stage.extra, "part": vars(part)})
-    return run_stage(
-        mine, lambda folder: fill_part(folder, spec, factory(), whole, part, options.quiet, workers), options
-    )
+    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), whole, part, options.quiet, crew), options)
 
 
 def merge(

@@ -1,0 +1,92 @@
+"""A Dask cluster as an executor.
+
+Dask gives the tasks of a worker that it loses to another, and to those that join; a task that four workers died of is
+given up (`distributed.scheduler.allowed-failures`)."""
+
+import hashlib
+import logging
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import Any
+
+from cfem.core.errors import InputError, SpecError
+from cfem.core.provenance import versions
+from cfem.sample.pool import WorkersLost
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # numba and rslab are never asked for more
+_CONNECT = "10s"
+_SAME = "install the same versions on all machines"
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """The workers of the scheduler at `address`. Left by an exception, what they have not begun is withdrawn. Raises
+    SpecError where there is none, WorkersLost where Dask gives a task up or the scheduler ends, InputError where a
+    worker is not like this process."""
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError:
+        raise SpecError("needs dask.distributed", where="--scheduler", do="pip install 'cfem[cluster]'") from None
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is raised below
+    try:
+        client = Client(address, timeout=_CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        what = f"no Dask scheduler answers at {address}"
+        raise SpecError(what, where="--scheduler", do="start one: dask scheduler") from error
+    with client:
+        try:
+            for worker, error in client.run(_demand_alike, here(), on_error="return").items():
+                if isinstance(error, InputError):
+                    raise error
+                if isinstance(error, Exception) and not isinstance(error, OSError):  # who is gone is not asked
+                    raise InputError(f"cannot run cfem: {error}", where=f"worker {worker}", do=_SAME)
+            yield _DaskExecutor(client)
+        except KilledWorker as killed:
+            raise WorkersLost(f"Dask gave a shard up, of which workers died: {killed}") from None
+        except CancelledError:
+            raise WorkersLost(f"the Dask scheduler at {address} is gone") from None
+
+
+class _DaskExecutor(Executor):
+    """Sends arguments that are bytes to the cluster once, however many tasks have them."""
+
+    def __init__(self, client: Any):
+        self._client, self._tasks = client, client.get_executor(pure=False)
+        self._sent: dict[str, Any] = {}
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future:
+        sent = [self._once(one) if isinstance(one, bytes) else one for one in arguments]
+        return self._tasks.submit(_alike, here(), function, *sent)
+
+    def _once(self, value: bytes) -> Any:
+        key = f"cfem-{hashlib.sha256(value).hexdigest()}"
+        if key not in self._sent:
+            self._sent[key] = self._client.submit(bytes, value, key=key)
+        return self._sent[key]
+
+
+here = lru_cache(maxsize=1)(versions)
+
+
+def _alike(expected: dict[str, str], function: Callable[..., Any], *arguments: Any) -> Any:
+    """In a worker, which may have joined just now: function(*arguments)."""
+    from distributed import get_worker
+
+    _demand_alike(expected, get_worker())
+    return function(*arguments)
+
+
+def _demand_alike(expected: dict[str, str], dask_worker: Any) -> None:
+    """Raises InputError where a worker's digits may be others than those of a local run."""
+    where, found = f"worker {dask_worker.address}", here()
+    different = [name for name in sorted({*expected, *found}) if expected.get(name) != found.get(name)]
+    if different:
+        listed = ", ".join(f"{name} {found.get(name)} in place of {expected.get(name)}" for name in different)
+        raise InputError(f"has other versions: {listed}", where=where, do=_SAME)
+    if dask_worker.state.nthreads != 1 or any(os.environ.get(name) != "1" for name in THREADS):
+        do = f"start it with --nthreads 1, {'=1, '.join(THREADS)}=1"
+        raise InputError("computes on several threads", where=where, do=do)
