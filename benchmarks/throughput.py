@@ -57,7 +57,7 @@ def main() -> None:
         spec.third_order,
     )
     print(f"load {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores; {chosen.rows} samples\n")
-    with tempfile.TemporaryDirectory(dir=ROOT / "data") as folder:
+    with tempfile.TemporaryDirectory() as folder:
         found = {workers: run(spec, factory, Path(folder) / str(workers), workers) for workers in (1, 2)}
         print("| workers | s to start | s for the skeleton | s for the shards | samples/s |\n|---|---|---|---|---|")
         for workers, (times, rows, _) in found.items():

@@ -108,15 +108,20 @@ def test_a_process_that_is_killed_or_stopped_is_replaced(whole, names, tmp_path,
     assert not Path(f"/proc/{lost[0]}").exists() and len(solvers(names)) > 2
 
 
-def test_a_state_that_kills_every_process_is_named_and_all_else_is_solved(names, tmp_path, capfd):
+def deadly(names):
+    """A robot that dies at a row of the fifth shard, and the number of shards."""
     u = np.concatenate([unit_rows(split, 2) for split in SPEC.splits.values()])
     rest = np.setdiff1d(np.arange(len(u)), tour.skeleton(u, SPEC.skeleton))
     pieces = tour.shards(u, rest, SPEC.shard)
     asked = actuation(SPEC.space, u[pieces[4][2]], FACTS.reach, FACTS.compliance)
-    factory = Signed(names=str(names), deadly=float(asked.target[0]))
+    return Signed(names=str(names), deadly=float(asked.target[0])), len(pieces)
+
+
+def test_a_state_that_kills_every_process_is_named_and_all_else_is_solved(names, tmp_path, capfd):
+    factory, count = deadly(names)
     with pytest.raises(WorkersLost, match=r"a worker died; unfinished: shard-00004.parquet \("):
         with_workers(Workers(2), lambda one: sample(SPEC, factory, tmp_path / "work", one, quiet=True))
-    assert len(shards(tmp_path / "work")) == len(pieces) - 1
+    assert len(shards(tmp_path / "work")) == count - 1
     assert capfd.readouterr().err.count("fresh workers") == FRESH
 
 
@@ -147,3 +152,16 @@ def test_a_dask_worker_that_is_stopped_is_left_by_dask(whole, names, tmp_path):
             lambda: os.killpg(first.pid, signal.SIGSTOP),
         )
         assert content_hash(tables) == whole
+
+
+@pytest.mark.slow
+def test_a_state_that_kills_dask_workers_is_given_up(names, tmp_path):
+    with dask_processes(tmp_path, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1") as processes:
+        processes.worker()
+        said = "2 Dask workers died of one shard, the last at tcp://127.0.0.1"
+        with pytest.raises(WorkersLost, match=said):
+            with_workers(
+                Workers(scheduler=processes.address),
+                lambda one: sample(SPEC, deadly(names)[0], tmp_path / "work", one, quiet=True),
+            )
+        assert len(shards(tmp_path / "work")) >= 4

@@ -3,7 +3,6 @@
 Dask gives the tasks of a worker that it loses to another, and to those that join; a task that four workers died of is
 given up (`distributed.scheduler.allowed-failures`)."""
 
-import hashlib
 import logging
 import os
 from collections.abc import Callable, Iterator
@@ -46,7 +45,8 @@ def cluster(address: str) -> Iterator[Executor]:
                     raise InputError(f"cannot run cfem: {error}", where=f"worker {worker}", do=_SAME)
             yield _DaskExecutor(client)
         except KilledWorker as killed:
-            raise WorkersLost(f"Dask gave a shard up, of which workers died: {killed}") from None
+            died, last = killed.allowed_failures + 1, killed.last_worker.address
+            raise WorkersLost(f"{died} Dask workers died of one shard, the last at {last}") from None
         except CancelledError:
             raise WorkersLost(f"the Dask scheduler at {address} is gone") from None
 
@@ -56,17 +56,16 @@ class _DaskExecutor(Executor):
 
     def __init__(self, client: Any):
         self._client, self._tasks = client, client.get_executor(pure=False)
-        self._sent: dict[str, Any] = {}
+        self._sent: dict[bytes, Any] = {}
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future:
         sent = [self._once(one) if isinstance(one, bytes) else one for one in arguments]
         return self._tasks.submit(_alike, here(), function, *sent)
 
     def _once(self, value: bytes) -> Any:
-        key = f"cfem-{hashlib.sha256(value).hexdigest()}"
-        if key not in self._sent:
-            self._sent[key] = self._client.submit(bytes, value, key=key)
-        return self._sent[key]
+        if value not in self._sent:
+            self._sent[value] = self._client.submit(bytes, value, pure=False)
+        return self._sent[value]
 
 
 here = lru_cache(maxsize=1)(versions)
