@@ -79,6 +79,12 @@ def test_workers_need_no_file_of_the_machine_that_asks(dask, bar, tmp_path):
         assert content_hash(remote) == content_hash(sample(spec, factory, here, executor, quiet=True))
 
 
+def test_large_arguments_are_sent_without_a_warning(dask):
+    with cluster.cluster(dask.address) as executor:
+        large = bytes(30_000_000)
+        assert [executor.submit(len, large).result(timeout=30) for _ in range(2)] == [len(large)] * 2
+
+
 def child(folder, address):
     words = [sys.executable, "-c", CHILD, folder / "work", address]
     environment = {"PYTHONPATH": str(Path(__file__).parents[1])}

@@ -63,8 +63,11 @@ class _DaskExecutor(Executor):
         return self._tasks.submit(_alike, here(), function, *sent)
 
     def _once(self, value: bytes) -> Any:
+        import dask
+
         if value not in self._sent:
-            self._sent[value] = self._client.submit(bytes, value, pure=False)
+            with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"}):
+                self._sent[value] = self._client.submit(bytes, value, pure=False)
         return self._sent[value]
 
 
