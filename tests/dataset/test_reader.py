@@ -47,6 +47,7 @@ def full_record(i: int, converged: bool = True) -> dict:
     if converged:
         dW = rng.random((2, 5, 5))
         row |= {"dW": pack_upper(dW + dW.transpose(0, 2, 1)).ravel(), "dpsi_dp": rng.random(2)}
+        row |= {"dlambda_dp": rng.random(4), "ddelta_e_dp": rng.random(6)}
     return row
 
 
@@ -85,16 +86,28 @@ def test_every_column_of_numbers_states_its_unit(file):
 
 def test_parameters_and_third_order_come_back_where_a_dataset_has_them(file, full):
     plain, dataset = read_dataset(file), read_dataset(full)
-    assert plain.p.shape == (2, 0) and plain.dW is None and plain.dpsi_dp is None and plain.parameters == ()
-    assert not {"p", "dW", "dpsi_dp"} & {*read_table(file).column_names, *plain.meta["units"]}
+    assert (
+        plain.p.shape == (2, 0)
+        and plain.dW is None
+        and plain.dpsi_dp is None
+        and plain.dlambda_dp is None
+        and plain.parameters == ()
+    )
+    assert not {"p", "dW", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"} & {
+        *read_table(file).column_names,
+        *plain.meta["units"],
+    }
     assert dataset.parameters == (POISSON, RADIUS) and len(dataset.meta["parameters"]) == 3
     for index, i in enumerate((0, 2, 3)):
         np.testing.assert_array_equal(dataset.p[index], full_record(i)["p"])
         np.testing.assert_array_equal(dataset.dpsi_dp[index], full_record(i)["dpsi_dp"])
+        np.testing.assert_array_equal(dataset.dlambda_dp[index].ravel(), full_record(i)["dlambda_dp"])
+        np.testing.assert_array_equal(dataset.ddelta_e_dp[index].ravel(), full_record(i)["ddelta_e_dp"])
         np.testing.assert_array_equal(pack_upper(dataset.dW[index]).ravel(), full_record(i)["dW"])
     np.testing.assert_array_equal(dataset.dW, dataset.dW.swapaxes(2, 3))
     units = dataset.meta["units"]
     assert units["p"] == ["1", "mm"] and units["dpsi_dp"] == ["N mm", "N mm/mm"] and units["dW"] == "mm/N^2"
+    assert units["dlambda_dp"] == ["N", "N/mm"] * 2 and units["ddelta_e_dp"] == ["mm", "mm/mm"] * 3
 
 
 @pytest.mark.parametrize("index", [np.array([2, 0]), slice(2), np.array([False, True, True])])
@@ -114,6 +127,8 @@ def test_taking_rows_takes_them_of_every_field(full, index):
         "slack",
         "dW",
         "dpsi_dp",
+        "dlambda_dp",
+        "ddelta_e_dp",
     ):
         np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[index])
     np.testing.assert_array_equal(part.cost["residual"], whole.cost["residual"][index])

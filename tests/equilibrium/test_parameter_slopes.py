@@ -53,7 +53,7 @@ def test_they_are_those_of_whole_solves_at_constant_displacement(family, p, opti
     def ends(step):
         found = [solve(Problem(family(base, p + sign * step)), ASKED, state.state, settings=EXACT) for sign in (-1, 1)]
         assert all(one.converged for one in found)
-        return [(one.energy, one.lambda_a, one.state.x) for one in found]
+        return [(one.energy, one.lambda_a, one.state.x, one.delta_e) for one in found]
 
     def slope(part):
         """Richardson's rule on whole solves."""
@@ -63,7 +63,7 @@ def test_they_are_those_of_whole_solves_at_constant_displacement(family, p, opti
     solved = {step: ends(step) for step in (1e-3, 2e-3)}
     slopes = state.slopes
     assert slopes.psi[0] == pytest.approx(slope(0), rel=1e-6)
-    for found, part in ((slopes.lam, 1), (slopes.x, 2)):
+    for found, part in ((slopes.lam, 1), (slopes.x, 2), (slopes.delta_e, 3)):
         expected = slope(part)
         np.testing.assert_allclose(found[..., 0], expected, rtol=0, atol=2e-6 * np.abs(expected).max())
 

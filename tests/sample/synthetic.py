@@ -92,7 +92,8 @@ def equilibrium(
         x[1:] += lean * q
         by_q = 0.2 * q / stiffer[0]  # of the logarithm of the factor 1 + q^2 / 10
         at_nodes = np.vstack([np.zeros(3), np.tile(lean, (len(x) - 1, 1))])
-        slopes = ParameterSlopes(state["energy"] * np.array([by_q]), (lam * by_q)[:, None], at_nodes[..., None])
+        none = np.zeros((len(state["delta_e"]), 1))
+        slopes = ParameterSlopes(state["energy"] * np.array([by_q]), (lam * by_q)[:, None], none, at_nodes[..., None])
     return Equilibrium(
         status=status,
         state=State(x, np.empty(0), lam),

@@ -117,6 +117,10 @@ def test_states_of_robots_that_differ_in_a_modulus_and_in_a_radius(spec, tmp_pat
         ahead, behind = (solved(scene, mesh, keys, train.p[i] + sign * step, state[1]) for sign in (1, -1))
         slope = (ahead.energy - behind.energy) / (2 * step[index])
         assert train.dpsi_dp[i, index] == pytest.approx(slope, rel=2e-3)
+        slope = (ahead.lambda_a - behind.lambda_a) / (2 * step[index])
+        np.testing.assert_allclose(train.dlambda_dp[i, :, index], slope, rtol=2e-3)
+        slope = (ahead.delta_e - behind.delta_e) / (2 * step[index])
+        np.testing.assert_allclose(train.ddelta_e_dp[i, :, index], slope, atol=2e-3 * np.abs(slope).max())
 
 
 def solved(scene, mesh, keys, p, asked):

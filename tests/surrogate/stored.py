@@ -24,6 +24,7 @@ def store_dataset(
     rest: bool = False,
 ) -> Path:
     """Writes train.parquet, test.parquet and the manifest. rest: of the robots with their actuators free."""
+    by_p = ("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp")
     for split, count, seed in (("train", train, 1), ("test", test, test_seed)):
         states = dataset(count, seed, n_a, unilateral=n_a == 2, parameters=parameters)
         states = at_rest(states) if rest else states
@@ -39,12 +40,13 @@ def store_dataset(
                     name: getattr(states, name)[i]
                     for name in ("delta_a", "delta_e", "lambda_a", "delta_free", "energy")
                 },
-                **({"p": states.p[i], "dpsi_dp": states.dpsi_dp[i]} if parameters else {}),
+                **({name: getattr(states, name)[i].ravel() for name in by_p} if parameters else {}),
                 **counts,
             }
             for i in range(count)
         ]
         meta = {key: value for key, value in states.meta.items() if key not in ("units", "parameters")}
+        meta |= {"plan": {"space": "rest"}} if rest else {}
         varied = from_json(states.meta["parameters"])
         write_rows(folder / f"{split}.parquet", records, schema(states.rows, meta, varied))
     files = {path.name: file_sha256(path) for path in folder.glob("*.parquet")}

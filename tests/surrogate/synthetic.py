@@ -142,6 +142,8 @@ def dataset(
         p=p,
         dW=compliance_derivatives(delta_a, factor) if third_order else None,
         dpsi_dp=slope * energy(delta_a)[0][:, None] if parameters else None,
+        dlambda_dp=slope[:, None] * energy(delta_a)[1][..., None] if parameters else None,
+        ddelta_e_dp=np.zeros((m, 3, 1)) if parameters else None,
         cost={name: np.full(m, 0.1) for name in names},
         failed=pa.table({}),
         meta=meta,

@@ -56,3 +56,12 @@ def test_the_dual_potential_is_legendres():
 def test_without_third_order_there_is_none():
     known = observations(replace(dataset(10, 1)), "force")
     assert [max(map(len, one.derivatives)) for one in known.values()] == [2, 1, 0]
+
+
+def test_an_order_that_is_rounding_has_no_weight():
+    """Effectors that no parameter moves: what finite elements round is not fitted as if it were a derivative."""
+    states = dataset(50, 1, parameters=True)
+    noise = 1e-12 * np.random.default_rng(0).normal(size=states.ddelta_e_dp.shape)
+    observed = observations(replace(states, ddelta_e_dp=noise), "displacement")["effector"]
+    values, _ = observed.scaled()
+    assert np.abs(values[:, observed.derivatives.index((2,))]).max() < 1e-3

@@ -25,7 +25,8 @@ class Dataset:
     parameters, no columns where there is none; delta_a (m, n_a) mm; delta_e (m, n_e) mm from the rest position;
     lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack
     (m, n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where
-    it was not asked for; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, None without parameters;
+    it was not asked for; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, dlambda_dp
+    (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
     cost: iterations, factorizations, steps, residual and seconds by name, (m,) each; failed: the rows that did not
     converge, as stored; meta: rest_e, reach, length, ...
 
@@ -48,6 +49,8 @@ class Dataset:
     slack: np.ndarray
     dW: np.ndarray | None
     dpsi_dp: np.ndarray | None
+    dlambda_dp: np.ndarray | None
+    ddelta_e_dp: np.ndarray | None
     cost: dict[str, np.ndarray]
     failed: pa.Table
     meta: dict[str, Any]
@@ -91,17 +94,23 @@ def as_dataset(table: pa.Table) -> Dataset:
         parts = [column_array(good, f"{name}_{block}") for block in ("a", "c") if f"{name}_{block}" in has]
         return np.hstack(parts)
 
+    def by_p(name: str) -> np.ndarray | None:
+        return column_array(good, name).reshape(len(good), -1, p.shape[1]) if name in has else None
+
     slack = column_array(good, "slack")
+    p = column_array(good, "p") if "p" in has else np.zeros((len(good), 0))
     triangles = (len(good), rows.n_a, rows.n * (rows.n + 1) // 2)
     return Dataset(
         rows=rows,
         **{name: column_array(good, name) for name in ("id", "u", "delta_e", "delta_free")},
         delta_a=active("delta"),
         lambda_a=active("lambda"),
-        p=column_array(good, "p") if "p" in has else np.zeros((len(good), 0)),
+        p=p,
         W=unpack_upper(column_array(good, "W")),
         dW=unpack_upper(column_array(good, "dW").reshape(triangles)) if "dW" in has else None,
         dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
+        dlambda_dp=by_p("dlambda_dp"),
+        ddelta_e_dp=by_p("ddelta_e_dp"),
         energy=column_array(good, "energy"),
         slack=np.hstack([slack, np.zeros((len(good), stored.n_c), dtype=bool)]),
         n_c=stored.n_c,

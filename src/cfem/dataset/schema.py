@@ -49,6 +49,8 @@ COLUMNS = (
     Column("energy", _F, "N mm", state=True),
     Column("dW", _F, "mm/N^2", "active x upper triangle", state=True, optional=True),
     Column("dpsi_dp", _F, "N mm", "parameters", state=True, optional=True),
+    Column("dlambda_dp", _F, "N", "actuators x parameters", state=True, optional=True),
+    Column("ddelta_e_dp", _F, "mm", "effectors x parameters", state=True, optional=True),
     Column("slack", pa.bool_(), "", "actuators", state=True),
     Column("iterations", _N),
     Column("factorizations", _N),
@@ -81,8 +83,10 @@ def schema(
         "rows": rows.n,
         "upper triangle": triangle,
         "active x upper triangle": (rows.n_a + rows.n_c) * triangle,
+        "actuators x parameters": rows.n_a * len(varied),
+        "effectors x parameters": rows.n_e * len(varied),
     }
-    there = {"p": bool(varied), "dpsi_dp": bool(varied), "dW": third_order}
+    there = dict.fromkeys(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"), bool(varied)) | {"dW": third_order}
     there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
     fields = [
@@ -132,7 +136,10 @@ def _units(
             units["dW"] = common(dW)
     if parameters:
         units["p"] = list(parameters)
-        units["dpsi_dp"] = ["N mm" if unit == "1" else f"N mm/{_factor(unit)}" for unit in parameters]
+        per = ["" if unit == "1" else f"/{_factor(unit)}" for unit in parameters]
+        units["dpsi_dp"] = [f"N mm{each}" for each in per]
+        units["dlambda_dp"] = [f"{unit}{each}" for unit in multiplier[rows.a] for each in per]
+        units["ddelta_e_dp"] = [f"{unit}{each}" for unit in displacement[rows.e] for each in per]
     return units
 
 

@@ -5,7 +5,8 @@ state (x, lambda), element pressures eliminated in each:
 
     dPsi/dq = dL/dq        dlambda/dq = -W_aa^-1 (ddelta/dq - H_a^T y)        du/dq = -y + A^-1 H_a dlambda/dq,
 
-y = A^-1 dR/dq; the first because L is stationary in the state (envelope theorem). Contacts stay free of force."""
+y = A^-1 dR/dq; the first because L is stationary in the state (envelope theorem). The effectors move as du/dq moves
+them and as they themselves differ. Contacts stay free of force."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.robot import effector_displacements
 from cfem.equilibrium.solution import ParameterSlopes
 
 
@@ -27,28 +29,30 @@ class Sides:
 
 @dataclass(frozen=True)
 class Differences:
-    """At the fixed state: of R (n_dof, n_q), delta (n_active, n_q) and the Lagrangian (n_q,) by each parameter."""
+    """At the fixed state: of R (n_dof, n_q), delta (n_active, n_q), delta_e (n_e, n_q) and the Lagrangian (n_q,), by
+    each parameter."""
 
     residual: np.ndarray
     delta: np.ndarray
+    delta_e: np.ndarray
     lagrangian: np.ndarray
 
 
 def differences(problem: Problem, at: Evaluation, lam: np.ndarray, sides: Sequence[Sides]) -> Differences:
     """By central differences of the robots on either side, at the same displacements of the nodes from their rest."""
 
-    def parts(side: Problem) -> tuple[np.ndarray, np.ndarray, float]:
+    def parts(side: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         x = at.x if side.rest is problem.rest else at.x + (side.rest - problem.rest)
         there = side.evaluate(x, np.empty(0), at.load)
-        return there.residual(lam), there.delta, side.potential(there) - float(lam @ there.delta)
+        lagrangian = side.potential(there) - float(lam @ there.delta)
+        return there.residual(lam), there.delta, effector_displacements(side.robot, x), lagrangian
 
     pairs = [(parts(side.behind), parts(side.ahead), side.width) for side in sides]
     columns = [
         [(after - before) / width for before, after in zip(behind, ahead, strict=True)]
         for behind, ahead, width in pairs
     ]
-    residual, delta, lagrangian = (np.stack(column, axis=-1) for column in zip(*columns, strict=True))
-    return Differences(residual, delta, lagrangian)
+    return Differences(*(np.stack(column, axis=-1) for column in zip(*columns, strict=True)))
 
 
 def parameter_slopes(
@@ -59,4 +63,5 @@ def parameter_slopes(
     n_a = a.stop - a.start
     lam = -np.linalg.solve(W[a, a], found.delta[:n_a] - at.H[:, :n_a].T @ y)
     motion = Z[:, a] @ lam - y
-    return ParameterSlopes(found.lagrangian, lam, problem.kinematics.spread(at.x, motion))
+    delta_e = found.delta_e + problem.gradients(problem.robot.effectors, at.x).T @ motion
+    return ParameterSlopes(found.lagrangian, lam, delta_e, problem.kinematics.spread(at.x, motion))

@@ -58,3 +58,8 @@ class Robot:
     def rest_e(self) -> np.ndarray:
         """(n_e,) rest positions (mm) and orientations (rad) of the effectors."""
         return np.concatenate([effector.rest for effector in self.effectors])
+
+
+def effector_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:
+    """(n_e,) mm and rad from rest, nodes at x (n, 3)."""
+    return np.concatenate([effector.value(x) - effector.rest for effector in robot.effectors])

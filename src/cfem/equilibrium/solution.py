@@ -37,11 +37,12 @@ class State:
 
 @dataclass(frozen=True)
 class ParameterSlopes:
-    """By each of the robot's parameters, at constant delta_a and contacts free: psi (n_q,) N mm, lam (n_a, n_q) N and
-    x (n, 3, n_q) mm, each a unit of the parameter."""
+    """By each of the robot's parameters, at constant delta_a and contacts free: psi (n_q,) N mm, lam (n_a, n_q) N,
+    delta_e (n_e, n_q) and x (n, 3, n_q) mm, each a unit of the parameter."""
 
     psi: np.ndarray
     lam: np.ndarray
+    delta_e: np.ndarray
     x: np.ndarray
 
 

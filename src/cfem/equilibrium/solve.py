@@ -18,6 +18,7 @@ from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
+from cfem.equilibrium.robot import effector_displacements
 from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.equilibrium.third_order import compliance_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
@@ -241,7 +242,7 @@ def _answer(
         state=result.state,
         n_a=n_a,
         delta=result.at.delta,
-        delta_e=np.concatenate([effector.value(x) - effector.rest for effector in robot.effectors]),
+        delta_e=effector_displacements(robot, x),
         slack=slack,
         energy=problem.potential(settled),
         residual=problem.relative_residual(settled, result.lam),

@@ -22,7 +22,7 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
-from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
 from cfem.sample.contact import ContactPlan
 from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
@@ -88,11 +88,17 @@ def _solve_rows(solver: Solver, piece: Piece, known: Sequence[Knot]) -> tuple[li
         if parameters:
             record["p"] = p
         if parameters and solved.converged:
-            record["dpsi_dp"] = solved.slopes.psi * slopes(parameters, p)
+            record |= _slopes(solved.slopes, slopes(parameters, p))
         if solved.converged:
             knots.append(knot(u, solved, contacts=piece.contact is not None, q=q))
         records.append(record | {"seconds": time.perf_counter() - begin})
     return records, knots
+
+
+def _slopes(by_q: ParameterSlopes, dq_dp: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of the derivatives by p, from those by its coordinates q."""
+    by_p = {"dpsi_dp": by_q.psi, "dlambda_dp": by_q.lam, "ddelta_e_dp": by_q.delta_e}
+    return {name: (values * dq_dp).ravel() for name, values in by_p.items()}
 
 
 def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation, q: np.ndarray) -> State | None:

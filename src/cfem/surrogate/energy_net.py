@@ -22,6 +22,7 @@ from cfem.surrogate.spec import EnergyNetSpec
 
 VALIDATION_STRIDE = 10
 CONSTANT = 1e-6  # standard deviation, relative to the largest entry of its order, that still counts as a variation
+ROUNDING = 1e-9  # the same, relative to the largest of all
 
 
 def fit(
@@ -86,12 +87,13 @@ def standard_deviations(observed: Observations) -> np.ndarray:
     """(k, q) of each component, those of one order together; derivatives by parameters apart from those by s. What does
     not vary counts as if it varied by a `CONSTANT` share of the largest entry of its order."""
     groups = [(len(one), max(one, default=0) >= observed.n_s) for one in observed.derivatives]
-    divisors = np.empty(observed.values.shape[1:])
+    divisors, largest = np.empty(observed.values.shape[1:]), np.abs(observed.values).max()
     for group in set(groups):
         members = [i for i, other in enumerate(groups) if other == group]
         values = observed.values[:, members]
         spread = np.sqrt(values.var(axis=0).mean(axis=0))
-        divisors[members] = np.maximum(spread, CONSTANT * np.abs(values).max() or 1.0)
+        size = np.abs(values).max()
+        divisors[members] = np.maximum(spread, CONSTANT * size) if size > ROUNDING * largest else largest or 1.0
     return divisors
 
 
@@ -130,6 +132,6 @@ def _mean_hessian(potential: Observations) -> np.ndarray:
     """(n_s, n_s) of the potential over the states."""
     mean = np.zeros((potential.n_s, potential.n_s))
     for i, one in enumerate(potential.derivatives):
-        if len(one) == 2:
+        if len(one) == 2 and max(one) < potential.n_s:
             mean[one] = mean[one[::-1]] = potential.values[:, i, 0].mean()
     return mean

@@ -2,7 +2,8 @@
 
 Every state gives, for nothing, the value, gradient and Hessian of the potential (energy, multipliers or displacements,
 W_aa or its inverse) and the value and gradient of e; datasets of third order (dW/dlambda) give one derivative more of
-each, and those with parameters d Psi / dp. See `cfem.predict.energy` for the two forms."""
+each, and those with parameters the derivatives by them of the potential, its gradient and e. See `cfem.predict.energy`
+for the two forms."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -30,14 +31,16 @@ class Observations:
 
     def scaled(self) -> tuple[np.ndarray, np.ndarray]:
         """(m, k, q) each derivative divided by the largest standard deviation among those of its order, and (k,) those
-        divisors: all orders then weigh alike."""
+        divisors: all orders then weigh alike, but for one that is rounding beside the others (in box coordinates)."""
         deviation = self.values.std(axis=0).max(axis=1)
         size = np.abs(self.values).max(axis=(0, 2))
         divisors = np.empty(len(self.derivatives))
         groups = [(len(one), max(one, default=0) >= self.n_s) for one in self.derivatives]
         for group in set(groups):
             members = [i for i, other in enumerate(groups) if other == group]
-            largest = size[members].max() or 1.0
+            largest = size[members].max()
+            if largest <= CONSTANT * size.max():  # rounding, or nothing
+                largest = size.max() or 1.0
             varies = deviation[members].max() > CONSTANT * largest
             divisors[members] = deviation[members].max() if varies else largest
         return self.values / divisors[:, None], divisors
@@ -84,14 +87,29 @@ def observations(dataset: Any, form: Form) -> dict[str, Observations]:
         effector.append((second, np.stack(pairs, axis=1)))
         locked.append((first, pack_upper(by_compliance)))
     if dataset.dpsi_dp is not None:
-        sign = 1.0 if form == "displacement" else -1.0  # d Psi*/dp at fixed forces is - d Psi/dp at fixed displacements
-        by_q = sign * dataset.dpsi_dp / slopes(parameters_of(dataset), dataset.p)
-        potential.append((tuple((n + i,) for i in range(by_q.shape[1])), by_q[..., None]))
+        psi_q, lam_q, e_q = _by_q(dataset)
+        if form == "force":  # at fixed forces: dPsi*/dq = - dPsi/dq, and the actuators move by - W_aa dlambda/dq
+            psi_q, gradient_q, e_q = -psi_q, -W_aa @ lam_q, e_q - W_ea @ lam_q
+        else:
+            gradient_q = lam_q
+        axes = range(n, n + psi_q.shape[1])
+        potential.append((tuple((j,) for j in axes), psi_q[..., None]))
+        mixed = tuple((i, j) for i in range(n) for j in axes)
+        potential.append((mixed, gradient_q.reshape(len(gradient_q), -1, 1)))
+        effector.append((tuple((j,) for j in axes), e_q.swapaxes(1, 2)))
     parts = {"potential": potential, "effector": effector, "effector_compliance": locked}
     return {
         name: Observations(sum((names for names, _ in orders), ()), np.concatenate([v for _, v in orders], axis=1), n)
         for name, orders in parts.items()
     }
+
+
+def _by_q(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of Psi (m, n_q), lambda (m, n_a, n_q) and delta_e (m, n_e, n_q), at fixed displacements of the actuators, by the
+    parameters' coordinates."""
+    dq_dp = slopes(parameters_of(dataset), dataset.p)
+    lam_q, e_q = (values / dq_dp[:, None] for values in (dataset.dlambda_dp, dataset.ddelta_e_dp))
+    return dataset.dpsi_dp / dq_dp, lam_q, e_q
 
 
 def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
