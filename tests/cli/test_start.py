@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from cfem.cli.run import run_command
+
 SLOWLY = """
 import sys, time, cfem.__main__ as start
 
@@ -32,3 +34,20 @@ def test_interrupted_while_it_imports(how):
 def test_the_script_starts_there():
     done = subprocess.run([sys.executable, "-m", "cfem", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.strip() and not done.stderr
+
+
+def test_what_compiled_code_makes_of_an_interrupt_is_one():
+    def work(_):
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise SystemError("returned a result with an exception set") from None
+
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    try:
+        with pytest.raises(SystemExit) as left:
+            run_command(work)
+    finally:
+        for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(number, handler)
+    assert left.value.code == 130

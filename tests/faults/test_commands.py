@@ -159,7 +159,7 @@ def test_interrupted_at_random_moments(request, quick, name, times):
             os.kill(child.pid, next(signals))
 
     outcomes = list(befall(command_named(name, request), quick, random.Random(times), times, interrupt))
-    assert {code for code, _ in outcomes} == {0, 130}
+    assert {code for code, _ in outcomes} == {0, 130}, outcomes
     for code, said in outcomes:
         if code == 130:
             assert said == "cfem: interrupted; run the same command again to go on\n"

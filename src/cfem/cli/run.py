@@ -22,11 +22,22 @@ def run_command(
     quiet: bool = False,
 ) -> None:
     """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error."""
+    came: list[int] = []
+
+    def interrupt(number: int, frame: Any) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _interrupt)
+            signal.signal(number, interrupt)
     try:
-        outcome = work(Options(force=force, check=check, quiet=quiet or as_json))
+        try:
+            outcome = work(Options(force=force, check=check, quiet=quiet or as_json))
+        except Exception:
+            if came:  # compiled code makes other errors of an interrupt
+                raise KeyboardInterrupt from None
+            raise
     except CfemError as error:
         _fail(str(error), error.exit_code)
     except KeyboardInterrupt:
@@ -47,10 +58,6 @@ def run_command(
         _fail(f"a defect of cfem: {type(error).__name__}: {error}; please report it (CFEM_DEBUG=1 shows where)", 1)
     else:
         print(_json(outcome) if as_json else _text(outcome))
-
-
-def _interrupt(number: int, frame: Any) -> None:
-    raise KeyboardInterrupt
 
 
 def _fail(message: str, code: int) -> None:
