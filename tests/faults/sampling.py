@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from sample.synthetic import Factory
 
@@ -40,12 +41,12 @@ def one_thread(workers: int | None = None):
 def make(out: Path, delay: float = 0.0, force: bool = False) -> dict[str, Any]:
     """The dataset's manifest. delay: seconds a solve takes at least."""
     stage = Stage("simulate-sample", 1, SPEC, {}, out, ("scene", "mesh", "out"), precious=True)
-    pool.worker_pool = one_thread
 
     def work(folder: Path) -> dict[str, Any]:
         return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), True, pool.Workers())
 
-    return run_stage(stage, work, Options(force=force, quiet=True))
+    with patch.object(pool, "worker_pool", one_thread):
+        return run_stage(stage, work, Options(force=force, quiet=True))
 
 
 def make_quietly(out: Path, delay: float) -> None:
