@@ -28,7 +28,7 @@ def _terms(axis, results: Mapping[str, Any]) -> None:
     """A colour a quantity; solid where all coordinates count alike, dashed where they are weighted; a ring marks what
     was chosen."""
     for colour, quantity in zip(LEARNED, dict.fromkeys(row["quantity"] for row in results["history"]), strict=False):
-        for weights, style in (("equal", "o-"), ("decay", "s--")):
+        for weights, style in (("equal", "o-"), ("searched", "s--")):
             rows = [row for row in results["history"] if (row["quantity"], row["weights"]) == (quantity, weights)]
             terms, errors = [row["terms"] for row in rows], [row["error"] for row in rows]
             axis.loglog(terms, errors, style, ms=2.5, lw=1.1, color=colour)
@@ -36,7 +36,7 @@ def _terms(axis, results: Mapping[str, Any]) -> None:
         best = min(found, key=lambda row: row["error"])
         axis.loglog(best["terms"], best["error"], "o", ms=9, mfc="none", color=colour)
         axis.plot([], [], color=colour, label=quantity.replace("_", " "))
-    if any(row["weights"] == "decay" for row in results["history"]):
+    if any(row["weights"] == "searched" for row in results["history"]):
         axis.add_line(Line2D([], [], ls="--", color=INK, label="coordinates weighted"))
     axis.set(xlabel="terms", ylabel="held-out error, relative")
     log_ticks(axis.xaxis)

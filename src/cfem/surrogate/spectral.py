@@ -21,9 +21,9 @@ from cfem.surrogate.observations import Derivative, Observations, in_box, inputs
 
 ROWS_A_TERM = 1 / 0.9
 BLOCK = 4_000_000  # entries of a block of the least-squares matrix
-MOST_ROWS = 40  # a term: more rows than that add time and no accuracy
+SEARCH_TERMS, SEARCH_ROWS = 300, 12  # of the fits that judge weights, and rows of theirs a term
 HARDLY = 0.1  # of the largest second derivative of the effectors' map
-PILOT_TERMS = 600  # whose decay says which coordinates matter
+PILOT_TERMS = 600  # whole degrees that are tried first, of three or more coordinates
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def fit_quantity(
     active: np.ndarray | None = None,
 ) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
     """The series with the least error on states left out, the weights of its coordinates, and one record a trial.
-    active: weights to try besides equal ones and those by the coefficients' decay."""
+    active: weights to try besides equal ones and those that a search finds."""
     n = z.shape[1]
     targets, divisors = observed.scaled()
     folds = min(folds, len(z))
@@ -139,8 +139,11 @@ def fit_quantity(
         found.append((trials[at][0], series, weights))
         return series
 
-    pilot = attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
-    others = {"decay": decay_weights(pilot), "active": active} if n > 1 else {}
+    attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
+    others = {"searched": None, "active": active} if n > 1 else {}
+    if others:
+        limit = min(most // 2, SEARCH_TERMS)
+        others["searched"] = searched_weights(z, observed.derivatives, targets, divisors, limit, max_degree)
     for name, weights in others.items():
         if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
             attempt(name, weights, most)
@@ -217,22 +220,41 @@ def design_rows(
     return np.stack([known[one] for one in derivatives], axis=1)
 
 
-def decay_weights(series: Series, largest: float = 4.0) -> np.ndarray:
-    """(n,) weights >= 1 by how fast the coefficients fall with the degree in each coordinate: the rate of a geometric
-    fall from degree 1 on, that of the slowest coordinate being 1."""
-    size = np.linalg.norm(series.coefficients / np.abs(series.coefficients).max(axis=0, initial=1e-300), axis=1)
-    rates = np.full(series.indices.shape[1], np.inf)
-    for axis, degrees in enumerate(series.indices.T):
-        falls = np.array([np.sqrt((size[degrees == k] ** 2).sum()) for k in range(1, degrees.max() + 1)])
-        # odd or even degrees may lack: what counts is what is left from each degree on
-        beyond = np.maximum.accumulate(falls[::-1])[::-1]
-        if len(beyond) > 1:
-            log = np.log(np.maximum(beyond, 1e-17))
-            rates[axis] = (log[0] - log[-1]) / (len(log) - 1)
-    slowest = rates.min()
-    if not np.isfinite(slowest) or slowest <= 0:
-        return np.ones(len(rates))
-    return np.clip(rates / slowest, 1.0, largest)
+def searched_weights(
+    z: np.ndarray,
+    derivatives: tuple[Derivative, ...],
+    targets: np.ndarray,
+    divisors: np.ndarray,
+    terms: int,
+    max_degree: int,
+    largest: float = 8.0,
+) -> np.ndarray:
+    """(n,) weights >= 1, the smallest 1, by which at most `terms` terms come closest to a fifth of the states that is
+    left out: from equal ones on, each in turn is multiplied or divided by a step, 1.5 at first, while that helps."""
+    states = np.arange(min(len(z), max(5, SEARCH_ROWS * terms // len(derivatives))))
+    fitted, left_out = states[states % 5 != 0], states[states % 5 == 0]
+
+    def error(weights: np.ndarray) -> float:
+        indices, _ = index_set(weights, terms, max_degree)
+        R, judge = (
+            triangular(blocks(z[rows], derivatives, targets[rows], divisors, indices)) for rows in (fitted, left_out)
+        )
+        (solution,) = solve_nested(R, targets.shape[2], [len(indices)])
+        return np.inf if solution is None else residual_square(judge, targets.shape[2], solution)
+
+    best, step = np.ones(z.shape[1]), 1.5
+    least = error(best)
+    while step > 1.05:
+        helped = False
+        for axis in range(len(best)):
+            for factor in (step, 1 / step):
+                trial = best * np.where(np.arange(len(best)) == axis, factor, 1.0)
+                trial /= trial.min()
+                if trial.max() <= largest and (found := error(trial)) < 0.98 * least:
+                    best, least, helped = trial, found, True
+                    break
+        step = step if helped else np.sqrt(step)
+    return best
 
 
 def active_weights(metric: np.ndarray, s: np.ndarray, n_q: int) -> np.ndarray | None:
