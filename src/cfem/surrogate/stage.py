@@ -37,7 +37,7 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
             found = spec.model_copy(update={"model": spec.model.model_copy(update={name: inputs[name]})})
     stage = Stage(
         name="train",
-        version=2,
+        version=3,
         spec=spec,
         inputs=inputs,
         out=out or spec_path.parent / spec.out,
