@@ -57,10 +57,10 @@ def test_the_fake_device_is_the_model_behind_a_pipe(folder):
 
 
 @pytest.mark.parametrize(
-    "how, words", [("die", r"ended \(exit code 3\)"), ("hang", "no answer within 0.3 s"), ("garbage", "no JSON object")]
+    "how, words", [("die", r"ended \(exit code 3\)"), ("hang", "no answer within 1.5 s"), ("garbage", "no JSON object")]
 )
 def test_a_device_that_fails_is_one_error(folder, how, words):
-    with fake(folder, "--fail", how, "--at", "2", timeout=0.3) as plant:
+    with fake(folder, "--fail", how, "--at", "2", timeout=1.5) as plant:
         plant.step(np.ones(2))
         with pytest.raises(InputError, match=words) as caught:
             plant.step(np.ones(2))
@@ -123,12 +123,33 @@ def test_it_starts_in_its_folder(tmp_path):
         assert plant.step(np.ones(1)).t == 1
 
 
-def test_the_period_is_kept_and_lateness_counted(tmp_path):
-    with script(tmp_path, "say({'t': m['t'], 'x_e': [m['t'], time.monotonic()]})", period=0.05) as plant:
-        sent = [plant.step(np.ones(1)).x_e[1] for _ in range(4)]
-        assert plant.late == 0
-    assert np.diff(sent).min() > 0.04
-    with script(tmp_path, "time.sleep(0.05)\nsay({'t': m['t'], 'x_e': [0, 0]})", period=0.01) as plant:
-        for _ in range(3):
+class Clock:
+    """Stands still but for what is slept, and for what an answer takes."""
+
+    def __init__(self):
+        self.now, self.slept = 100.0, []
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.slept.append(seconds)
+        self.now += seconds
+
+
+@pytest.mark.parametrize("takes, slept, late", [(0.02, [0.03] * 3, 0), (0.07, [], 3)])
+def test_the_period_is_kept_and_lateness_counted(tmp_path, monkeypatch, takes, slept, late):
+    clock = Clock()
+    monkeypatch.setattr("cfem.control.pipe_plant.time", clock)
+    with script(tmp_path, "say({'t': m['t'], 'x_e': [0, 0]})", period=0.05) as plant:
+        ask = plant._ask
+
+        def slowly(*message):
+            clock.now += takes
+            return ask(*message)
+
+        plant._ask = slowly
+        for _ in range(4):
             plant.step(np.ones(1))
-    assert plant.late == 2
+        plant._ask = ask
+    assert clock.slept == pytest.approx(slept) and plant.late == late

@@ -23,14 +23,15 @@ from cfem.sample.runner import sample
 @dataclass(frozen=True)
 class Signed(Factory):
     """Every process that solves leaves its id in the folder `names`, and is killed at the state where the pull's amount
-    is `deadly` mm."""
+    is `deadly` mm, once `others` shards are finished."""
 
     names: str = ""
     deadly: float | None = None
+    others: int = 0
 
     def __call__(self):
         (Path(self.names) / str(os.getpid())).touch()
-        return Watched(super().__call__(), Path(self.names), self.deadly)
+        return Watched(super().__call__(), Path(self.names), self.deadly, self.others)
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Watched:
     solver: SyntheticSolver
     names: Path
     deadly: float | None
+    others: int
 
     @property
     def facts(self):
@@ -45,6 +47,7 @@ class Watched:
 
     def solve(self, actuation, start, p):
         if len(actuation.target) and actuation.target[0] == self.deadly:
+            wait_for(lambda: len(shards(self.names.parent / "work")) >= self.others)
             os.kill(os.getpid(), signal.SIGKILL)
         if (self.names.parent / "pause").exists():  # until another has come
             wait_for(lambda: len(solvers(self.names)) >= 3)
@@ -114,10 +117,10 @@ def deadly(names):
     rest = np.setdiff1d(np.arange(len(u)), tour.skeleton(u, SPEC.skeleton))
     pieces = tour.shards(u, rest, SPEC.shard)
     asked = actuation(SPEC.space, u[pieces[4][2]], FACTS.reach, FACTS.compliance)
-    return Signed(names=str(names), deadly=float(asked.target[0])), len(pieces)
+    return Signed(names=str(names), deadly=float(asked.target[0]), others=len(pieces) - 1), len(pieces)
 
 
-def test_a_state_that_kills_every_process_is_named_and_all_else_is_solved(names, tmp_path, capfd):
+def test_a_state_that_kills_every_process_is_named_and_what_others_finish_is_kept(names, tmp_path, capfd):
     factory, count = deadly(names)
     with pytest.raises(WorkersLost, match=r"a worker died; unfinished: shard-00004.parquet \("):
         with_workers(Workers(2), lambda one: sample(SPEC, factory, tmp_path / "work", one, quiet=True))
