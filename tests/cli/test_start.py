@@ -1,5 +1,6 @@
 """An interruption before a command has begun ends as one after it has: one line, exit code 130."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -22,10 +23,15 @@ start.main()
 """
 
 
+def heed():
+    """Where the tests run in the background, a shell has them ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_while_it_imports(how):
     words = [sys.executable, "-c", SLOWLY]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(how)
         assert process.communicate(timeout=20) == ("", "cfem: interrupted\n") and process.returncode == 130
@@ -51,3 +57,21 @@ def test_what_compiled_code_makes_of_an_interrupt_is_one():
         for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
             signal.signal(number, handler)
     assert left.value.code == 130
+
+
+def test_an_interrupt_after_the_work_does_not_undo_what_is_said(capsys):
+    """Sent while the outcome is printed."""
+
+    class Late(str):
+        def __str__(self):
+            os.kill(os.getpid(), signal.SIGINT)
+            return "done"
+
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        run_command(lambda _: Late())
+    finally:
+        for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(number, handler)
+    assert capsys.readouterr().out == "done\n"

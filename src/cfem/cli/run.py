@@ -23,10 +23,12 @@ def run_command(
 ) -> None:
     """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error."""
     came: list[int] = []
+    working = True
 
     def interrupt(number: int, frame: Any) -> None:
-        came.append(number)
-        raise KeyboardInterrupt
+        if working:  # after that, what is left is to say how it ended
+            came.append(number)
+            raise KeyboardInterrupt
 
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:
@@ -38,6 +40,8 @@ def run_command(
             if came:  # compiled code makes other errors of an interrupt
                 raise KeyboardInterrupt from None
             raise
+        finally:
+            working = False
     except CfemError as error:
         _fail(str(error), error.exit_code)
     except KeyboardInterrupt:
