@@ -18,7 +18,7 @@ def series_history() -> list[dict[str, Any]]:
     return [
         {"quantity": quantity, "weights": weights, "degree": float(n), "terms": n + 1, "error": 0.5**n}
         for quantity in ("potential", "effector", "effector_compliance")
-        for weights in ("equal", "searched")
+        for weights in ("equal", "searched", "decay")
         for n in range(5)
     ]
 

@@ -25,10 +25,10 @@ def training_figure(models: Mapping[str, Mapping[str, Any]]) -> bytes:
 
 
 def _terms(axis, results: Mapping[str, Any]) -> None:
-    """A colour a quantity; solid where all coordinates count alike, dashed where they are weighted; a ring marks what
-    was chosen."""
+    """A colour a quantity; solid where all coordinates count alike, dashed and dotted where their weights were searched
+    for or are of a first fit; a ring marks what was chosen."""
     for colour, quantity in zip(LEARNED, dict.fromkeys(row["quantity"] for row in results["history"]), strict=False):
-        for weights, style in (("equal", "o-"), ("searched", "s--")):
+        for weights, style in (("equal", "o-"), ("searched", "s--"), ("decay", "d:")):
             rows = [row for row in results["history"] if (row["quantity"], row["weights"]) == (quantity, weights)]
             terms, errors = [row["terms"] for row in rows], [row["error"] for row in rows]
             axis.loglog(terms, errors, style, ms=2.5, lw=1.1, color=colour)
@@ -37,7 +37,8 @@ def _terms(axis, results: Mapping[str, Any]) -> None:
         axis.loglog(best["terms"], best["error"], "o", ms=9, mfc="none", color=colour)
         axis.plot([], [], color=colour, label=quantity.replace("_", " "))
     if any(row["weights"] == "searched" for row in results["history"]):
-        axis.add_line(Line2D([], [], ls="--", color=INK, label="coordinates weighted"))
+        axis.add_line(Line2D([], [], ls="--", color=INK, label="weights searched"))
+        axis.add_line(Line2D([], [], ls=":", color=INK, label="weights by decay"))
     axis.set(xlabel="terms", ylabel="held-out error, relative")
     log_ticks(axis.xaxis)
 

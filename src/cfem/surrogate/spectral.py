@@ -1,8 +1,8 @@
 """The energy model as Chebyshev series, fitted by linear least squares to all that the samples know.
 
 The potential, e and C each have their own index set, of anisotropic total degree, chosen by the error of states left
-out: among weights of the coordinates that are all 1, weights by how fast the coefficients fall along each, and weights
-by how much the effectors' map bends along each, and among degrees."""
+out: among weights of the coordinates that are all 1, weights found by search, weights by how fast the coefficients fall
+along each, and weights by how much the effectors' map bends along each, and among degrees."""
 
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, pairwise
@@ -117,7 +117,7 @@ def fit_quantity(
     active: np.ndarray | None = None,
 ) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
     """The series with the least error on states left out, the weights of its coordinates, and one record a trial.
-    active: weights to try besides equal ones and those that a search finds."""
+    active: weights to try besides equal ones, those that a search finds and those of the coefficients' decay."""
     n = z.shape[1]
     targets, divisors = observed.scaled()
     folds = min(folds, len(z))
@@ -139,8 +139,8 @@ def fit_quantity(
         found.append((trials[at][0], series, weights))
         return series
 
-    attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
-    others = {"searched": None, "active": active} if n > 1 else {}
+    pilot = attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
+    others = {"searched": None, "decay": decay_weights(pilot), "active": active} if n > 1 else {}
     if others:
         limit = min(most // 2, SEARCH_TERMS)
         others["searched"] = searched_weights(z, observed.derivatives, targets, divisors, limit, max_degree)
@@ -255,6 +255,24 @@ def searched_weights(
                     break
         step = step if helped else np.sqrt(step)
     return best
+
+
+def decay_weights(series: Series, largest: float = 4.0) -> np.ndarray:
+    """(n,) weights >= 1 by how fast the coefficients fall with the degree in each coordinate: the rate of a geometric
+    fall from degree 1 on, that of the slowest coordinate being 1."""
+    size = np.linalg.norm(series.coefficients / np.abs(series.coefficients).max(axis=0, initial=1e-300), axis=1)
+    rates = np.full(series.indices.shape[1], np.inf)
+    for axis, degrees in enumerate(series.indices.T):
+        falls = np.array([np.sqrt((size[degrees == k] ** 2).sum()) for k in range(1, degrees.max() + 1)])
+        # odd or even degrees may lack: what counts is what is left from each degree on
+        beyond = np.maximum.accumulate(falls[::-1])[::-1]
+        if len(beyond) > 1:
+            log = np.log(np.maximum(beyond, 1e-17))
+            rates[axis] = (log[0] - log[-1]) / (len(log) - 1)
+    slowest = rates.min()
+    if not np.isfinite(slowest) or slowest <= 0:
+        return np.ones(len(rates))
+    return np.clip(rates / slowest, 1.0, largest)
 
 
 def active_weights(metric: np.ndarray, s: np.ndarray, n_q: int) -> np.ndarray | None:
