@@ -3,6 +3,7 @@
     python benchmarks/designs.py geometric [--unseen 50]
     python benchmarks/designs.py geometric --losses
     python benchmarks/designs.py geometric --gradients
+    python benchmarks/designs.py geometric --fronts
 
 The designs that the paper names, 25 goals of the closing motion each, then random ones that no training has seen, five
 goals each. Errors in mm and in % of the length 3 L of the scene's own robot; prints JSON.
@@ -12,7 +13,10 @@ and pulled, with the number of entries that vary there, the median of the rows' 
 worst rows have in the loss (after `make parametric-finger parametric-finger-paper`).
 
 --gradients: in place of that, the gradients of the objectives of design.yaml at the named designs, by the model against
-differences of fourth order of finite-element solves, relative to each gradient's length."""
+differences of fourth order of finite-element solves, relative to each gradient's length.
+
+--fronts: in place of that, the designs that the paper calls best, or corners of its front, against the fronts of
+design.yaml and design-one-point.yaml: objectives, and how many of the front's designs each dominates, and is by."""
 
 import argparse
 import json
@@ -32,7 +36,7 @@ from cfem.control.loop import Settings
 from cfem.control.trajectory import arc
 from cfem.core.spec import load_spec
 from cfem.core.stage import artefact_file
-from cfem.dataset.reader import read_dataset
+from cfem.dataset.reader import read_dataset, read_table
 from cfem.design.formulation import problem_of
 from cfem.design.spec import DesignSpec
 from cfem.parametric.differences import Stencil
@@ -49,6 +53,8 @@ NAMED = {
     "mechanical": [(5000, 0.47), (1000, 0.45), (7000, 0.40), (3000, 0.47)],
     "geometric": [(40, 20, 6), (38.5, 21.5, 6), (40, 20.5, 7.5), (41, 21, 5.5), (39.5, 20, 7)],
 }
+# best dexterity, best strength, corners A to D of the front
+BEST = [(38, 20.6, 6.3), (42, 22, 7.9), (38, 21.6, 5), (40.4, 20, 5.6), (40.2, 22, 7.4), (42, 22, 8)]
 UNITS = {"mechanical": {"E": "kPa", "nu": ""}, "geometric": {"L": "mm", "H": "mm", "JH": "mm"}}
 RANGES = {
     "mechanical": np.array([(1000, 10000), (0.4, 0.499)]),
@@ -132,15 +138,36 @@ def gradients() -> dict:
     return found
 
 
+def fronts() -> dict:
+    """By spec and design."""
+    folder, found = ROOT / "pipelines/parametric-finger", {}
+    for name in ("design", "design-one-point"):
+        spec = load_spec(folder / f"{name}.yaml", DesignSpec)
+        problem, _ = problem_of(spec, learned(folder / spec.model, folder / spec.scene), folder / spec.scene, folder)
+        table = read_table(artefact_file(folder / spec.out, "front.parquet"))
+        front = np.column_stack([table[f"objective.{one}"].to_numpy() for one in spec.front.of])
+        for p in BEST:
+            z = shares(problem.family.parameters, np.array([p], float))
+            here = problem(z).objectives[0, [problem.names.index(one) for one in spec.front.of]]
+            found[f"{name} {p}"] = {
+                "objectives": here.tolist(),
+                "dominates": int(((here <= front).all(axis=1) & (here < front - 1e-9).any(axis=1)).sum()),
+                "dominated_by": int(((front <= here).all(axis=1) & (front < here - 1e-9).any(axis=1)).sum()),
+            }
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kind", choices=list(NAMED))
     parser.add_argument("--unseen", type=int, default=50)
     parser.add_argument("--losses", action="store_true")
     parser.add_argument("--gradients", action="store_true")
+    parser.add_argument("--fronts", action="store_true")
     given = parser.parse_args()
-    if given.losses or given.gradients:
-        print(json.dumps(losses(given.kind) if given.losses else gradients(), indent=1))
+    if given.losses or given.gradients or given.fronts:
+        found = losses(given.kind) if given.losses else gradients() if given.gradients else fronts()
+        print(json.dumps(found, indent=1))
         return
     low, high = RANGES[given.kind].T
     random = low + np.random.default_rng(7).random((given.unseen, len(low))) * (high - low)
