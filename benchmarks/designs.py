@@ -26,6 +26,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from cfem.condensed import entries
 from cfem.control.design import designed
@@ -36,7 +37,7 @@ from cfem.control.loop import Settings
 from cfem.control.trajectory import arc
 from cfem.core.spec import load_spec
 from cfem.core.stage import artefact_file
-from cfem.dataset.reader import read_dataset, read_table
+from cfem.dataset.reader import read_dataset
 from cfem.design.formulation import problem_of
 from cfem.design.spec import DesignSpec
 from cfem.parametric.differences import Stencil
@@ -144,7 +145,7 @@ def fronts() -> dict:
     for name in ("design", "design-one-point"):
         spec = load_spec(folder / f"{name}.yaml", DesignSpec)
         problem, _ = problem_of(spec, learned(folder / spec.model, folder / spec.scene), folder / spec.scene, folder)
-        table = read_table(artefact_file(folder / spec.out, "front.parquet"))
+        table = pq.read_table(artefact_file(folder / spec.out, "front.parquet"))
         front = np.column_stack([table[f"objective.{one}"].to_numpy() for one in spec.front.of])
         for p in BEST:
             z = shares(problem.family.parameters, np.array([p], float))
