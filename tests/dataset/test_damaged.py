@@ -52,6 +52,16 @@ def test_it_is_refused(stored, tmp_path, harm):
     assert "x.parquet" in str(refused.value) and len(str(refused.value).splitlines()) == 1
 
 
+def test_derivatives_by_parameters_come_together(tmp_path):
+    """A dataset of before the multipliers' and effectors' ones were stored is refused, not half read."""
+    whole = pq.read_table(store_dataset(tmp_path / "samples", parameters=True) / "test.parquet")
+    pq.write_table(whole, tmp_path / "x.parquet")
+    assert read_dataset(tmp_path / "x.parquet").dlambda_dp is not None
+    pq.write_table(whole.drop_columns(["dlambda_dp", "ddelta_e_dp"]), tmp_path / "x.parquet")
+    with pytest.raises(InputError, match="its columns"):
+        read_dataset(tmp_path / "x.parquet")
+
+
 def test_the_one_that_is_not_harmed_is_read(stored, tmp_path):
     pq.write_table(stored, tmp_path / "x.parquet")
     assert len(read_dataset(tmp_path / "x.parquet")) == len(stored)

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from cfem.condensed import Rows, unpack_upper
 from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import InputError
-from cfem.dataset.schema import COLUMNS, FORMAT, REQUIRED, metadata, parameters_of, rows_of
+from cfem.dataset.schema import BY_PARAMETERS, COLUMNS, FORMAT, REQUIRED, metadata, parameters_of, rows_of
 
 CONVERGED = "converged"
 
@@ -140,7 +140,8 @@ def read_table(path: Path) -> pa.Table:
         raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path), do=do)
     columns = set(table.column_names)
     known = REQUIRED <= columns <= {column.name for column in COLUMNS} and _typed(table.schema)
-    if not known or not _speaks(meta):
+    whole = not columns & BY_PARAMETERS or columns >= BY_PARAMETERS
+    if not known or not whole or not _speaks(meta):
         raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
     return table
 

@@ -58,6 +58,7 @@ COLUMNS = (
     Column("residual", _F, "1"),
     Column("seconds", _F, "s"),
 )
+BY_PARAMETERS = frozenset(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))  # all or none
 REQUIRED = frozenset(column.name for column in COLUMNS if not column.optional)
 
 
@@ -86,7 +87,7 @@ def schema(
         "actuators x parameters": rows.n_a * len(varied),
         "effectors x parameters": rows.n_e * len(varied),
     }
-    there = dict.fromkeys(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"), bool(varied)) | {"dW": third_order}
+    there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order}
     there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
     fields = [

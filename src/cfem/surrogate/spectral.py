@@ -140,10 +140,11 @@ def fit_quantity(
         return series
 
     pilot = attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
-    others = {"searched": None, "decay": decay_weights(pilot), "active": active} if n > 1 else {}
-    if others:
+    others = {}
+    if n > 1:
         limit = min(most // 2, SEARCH_TERMS)
-        others["searched"] = searched_weights(z, observed.derivatives, targets, divisors, limit, max_degree)
+        searched = searched_weights(z, observed.derivatives, targets, divisors, limit, max_degree)
+        others = {"searched": searched, "decay": decay_weights(pilot), "active": active}
     for name, weights in others.items():
         if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
             attempt(name, weights, most)
