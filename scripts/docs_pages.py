@@ -1,0 +1,128 @@
+"""Pages of the site that come from the code: the command line, and every spec. A hook of MkDocs (`make docs`)."""
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File
+
+OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./([^)]+)\)")
+
+WORDS = {"string": "text", "integer": "whole number", "boolean": "true or false"}
+
+
+def on_config(config):
+    """The repository's address is stated once, in pyproject.toml."""
+    project = tomllib.loads(Path(config.config_file_path).with_name("pyproject.toml").read_text())["project"]
+    urls = project.get("urls", {})
+    config.repo_url = urls.get("Repository") or urls.get("Source")
+    return config
+
+
+def on_files(files, config):
+    for path, text in pages().items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def on_page_markdown(markdown, page, config, files):
+    """Links to files of the repository outside docs/ lead to its web page; without one, only their path is shown."""
+    if "/" in page.file.src_uri:  # one level down, `../` is docs/
+        return markdown
+    return OUTSIDE.sub(rf"[\1]({config.repo_url}/blob/main/\2)" if config.repo_url else r"\1 (`\2`)", markdown)
+
+
+def pages() -> dict[str, str]:
+    """Path under docs/ -> Markdown."""
+    from cfem.cli.schemas import SPECS, schemas
+
+    return {"reference/cli.md": cli_page()} | {
+        f"reference/{name}.md": spec_page(name, json.loads(schemas()[f"{name}.json"])) for name in SPECS
+    }
+
+
+def cli_page() -> str:
+    """Every command with its arguments and options, as `cfem --help` has them."""
+    import typer
+
+    from cfem.cli.app import app
+    from cfem.core.errors import EXIT_CODES
+
+    group = typer.main.get_command(app)
+    lines = ["# Command line", "", f"{group.help}", "", "Generated from the code.", "", "## Commands", ""]
+    lines += ["| command | what it does |", "|---|---|"]
+    shown = [command for command in group.commands.values() if not command.hidden]
+    lines += [f"| [`cfem {one.name}`](#cfem-{one.name}) | {_cell(one.help)} |" for one in shown]
+    lines += ["", "## Exit codes", "", "| code | meaning |", "|---|---|"]
+    lines += [f"| {code} | {meaning} |" for code, meaning in EXIT_CODES.items()]
+    for command in shown:
+        lines += ["", *_command(command)]
+    return "\n".join(lines) + "\n"
+
+
+def _command(command: Any) -> Iterator[str]:
+    arguments = [one for one in command.params if one.param_type_name == "argument"]
+    options = [one for one in command.params if one.param_type_name == "option" and not one.hidden]
+    usage = " ".join(one.name.upper() if one.required else f"[{one.name.upper()}]" for one in arguments)
+    yield from (f"## cfem {command.name}", "", command.help or "", "", f"    cfem {command.name} [OPTIONS] {usage}", "")
+    yield from ("| argument or option | default | what it is |", "|---|---|---|")
+    for one in (*arguments, *options):
+        name = ", ".join(f"`{flag}`" for flag in one.opts) if one in options else f"`{one.name.upper()}`"
+        default = "required" if one.required else "" if one.default in (None, False) else f"`{one.default}`"
+        yield f"| {name} | {default} | {_cell(one.help)} |"
+
+
+def spec_page(name: str, schema: dict[str, Any]) -> str:
+    """Every key of one spec: type, default, description; its parts below."""
+    lines = [f"# {name}.yaml", "", schema.get("description", ""), "", "Generated from the code.", ""]
+    lines += ["## Top level", "", *_table(schema)]
+    for part, definition in sorted(schema.get("definitions", {}).items()):
+        lines += ["", f"## {part}", "", definition.get("description", ""), "", *_table(definition)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(schema: dict[str, Any]) -> Iterator[str]:
+    if "properties" not in schema:
+        yield f"`{', '.join(map(str, schema.get('enum', [])))}`"
+        return
+    yield from ("| key | type | default | what it is |", "|---|---|---|---|")
+    required = schema.get("required", [])
+    for key, field in schema["properties"].items():
+        default = "required" if key in required else "" if field.get("default") is None else _code(field["default"])
+        yield f"| `{key}` | {_type(field)} | {default} | {_cell(field.get('description', ''))} |"
+
+
+def _type(field: dict[str, Any]) -> str:
+    """Of a key's value, in words; parts link to their table."""
+    if "$ref" in field:
+        part = field["$ref"].rsplit("/", 1)[1]
+        return f"[{part}](#{part.lower()})"
+    for key in ("anyOf", "oneOf", "allOf"):
+        if key in field:
+            kinds = [_type(one) for one in field[key] if one.get("type") != "null"]
+            return " or ".join(dict.fromkeys(kinds))
+    if "const" in field:
+        return _code(field["const"])
+    if "enum" in field:
+        return ", ".join(_code(one) for one in field["enum"])
+    if field.get("type") == "array":
+        return f"list of {_type(field.get('items', {}))}"
+    if field.get("maxProperties") == 1:
+        return "numbers under a unit"
+    if field.get("type") == "object" and isinstance(field.get("additionalProperties"), dict):
+        return f"mapping of names to {_type(field['additionalProperties'])}"
+    if "e.g. '" in field.get("description", ""):
+        return "quantity"
+    kinds = field.get("type", "any value")
+    return " or ".join(WORDS.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
+
+
+def _code(value: Any) -> str:
+    return f"`{value if isinstance(value, str) else json.dumps(value)}`".replace("|", "\\|")
+
+
+def _cell(text: str | None) -> str:
+    return " ".join((text or "").split()).replace("|", "\\|")
