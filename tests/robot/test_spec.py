@@ -86,3 +86,13 @@ def test_editors_and_the_program_accept_the_same(parts):
 def test_each_mistake_is_named(tmp_path, changes, part):
     with pytest.raises(SpecError, match=re.escape(part)):
         scene(tmp_path, **changes)
+
+
+@pytest.mark.parametrize("key", ["actuators", "effectors", "contacts"])
+@pytest.mark.parametrize("name", ['a\\"; system(\\"x\\"); //', "two\\nlines", "", "é", "a b", "x" * 101])
+def test_names_are_of_letters_that_any_file_and_language_takes(tmp_path, key, name):
+    """They become names of columns and text in the generated C."""
+    parts = BASE | {"contacts": FULL["contacts"].replace(", body: a", "")}
+    first = re.search(r"name: [a-z]+", parts[key])[0]
+    with pytest.raises(SpecError, match=rf"{key}\.0(\.\w+)?\.name: a name has letters"):
+        scene(tmp_path, **(parts | {key: parts[key].replace(first, f'name: "{name}"')}))

@@ -1,4 +1,4 @@
-"""A device of the pipe protocol that is a model: `python -m cfem.control.fake_device MODEL [--stiffer 1.1] ...`.
+"""A device of the pipe protocol that is a model: `python -P -m cfem.control.fake_device MODEL [--stiffer 1.1] ...`.
 
 To try a closed loop without hardware, and to start one's own device from."""
 

@@ -16,7 +16,7 @@ from cfem.core.yaml import parse_value, read_yaml
 class Spec(BaseModel):
     """Base of every spec and of every part of one."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
 
 
 S = TypeVar("S", bound=Spec)

@@ -70,12 +70,15 @@ def _data(
 ) -> tuple[str, str]:
     """cfem_data.h, cfem_data.c."""
     header = [
-        f"/* {meta['scene']}, kind {meta['kind']}, form {meta['form']}: by cfem export. Units: mm, N, MPa. */\n",
+        c_text.comment(
+            f"{meta['scene']}, kind {meta['kind']}, form {meta['form']}: by cfem export. Units: mm, N, MPa."
+        ),
+        "\n",
         "#ifndef CFEM_DATA_H\n#define CFEM_DATA_H\n\n#include <stdint.h>\n\n",
         f"typedef {scalar} cfem_real;\n\n",
         c_text.defines({f"CFEM_OBSERVER_{name.upper()}": i for i, name in enumerate(OBSERVERS)}),
         c_text.defines({**defines, **model.defines}),
-        c_text.defines({f"CFEM_{name.upper()}": f'"{" ".join(meta["rows"][name])}"' for name in meta["rows"]}),
+        c_text.defines({f"CFEM_{name.upper()}": c_text.string(" ".join(meta["rows"][name])) for name in meta["rows"]}),
         "\n",
     ]
     body = ['#include "cfem_data.h"\n\n#include <math.h>\n\n']

@@ -1,5 +1,6 @@
-"""Numbers and arrays as C."""
+"""Numbers, arrays and text as C."""
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -38,6 +39,18 @@ def _braces(values: np.ndarray, scalar: str) -> str:
             line = ""
         line += f"{text}, "
     return "{" + "\n ".join([*lines, line]).rstrip(", ") + "}"
+
+
+def string(text: str) -> str:
+    """A string literal of the text in UTF-8. Octal escapes end after three digits; `?` could begin a trigraph."""
+    plain = re.compile(rb"[A-Za-z0-9 _.,:;()\[\]/+*=<>-]")
+    pieces = (bytes([byte]) for byte in text.encode("utf-8", "replace"))
+    return '"' + "".join(one.decode() if plain.match(one) else f"\\{one[0]:03o}" for one in pieces) + '"'
+
+
+def comment(text: str) -> str:
+    """A comment of one line, in which whatever could end it is replaced."""
+    return f"/* {re.sub(r'[^A-Za-z0-9 _.,:-]', '_', text)} */"
 
 
 def defines(values: Mapping[str, object]) -> str:

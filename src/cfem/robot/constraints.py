@@ -4,10 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, PositiveInt, model_validator
 
+from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import ForceVector, Length, LengthRange, Point, Points, StressRange, VolumeRange
-
-Name = Annotated[str, Field(min_length=1)]
 
 
 def _either(one: str, other: str) -> ConfigDict:

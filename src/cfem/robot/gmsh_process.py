@@ -1,15 +1,19 @@
-"""The one place that touches gmsh (GPL), which it runs in its own process: `python -m cfem.robot.gmsh_process OUT.npz`.
+"""The one place that touches gmsh (GPL), which it runs in its own process:
+`python -P -m cfem.robot.gmsh_process JOB.json OUT.npz`.
 
-A job comes as JSON on stdin: {'solid': a tree of cad.py, 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
-'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
-corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null,
-nothing is meshed, and the answer is the body's volume mm^3 and the area mm^2 of its surface. One thread and fixed
-algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry cannot be built or
-meshed; cause on stderr."""
+It ends when its stdin does: then nobody waits for the answer any more. A job is {'solid': a tree of cad.py, 'size': mm,
+'refine': [{'low', 'high', 'size', 'blend'}], 'regions': [trees whose surfaces the mesh is to conform to], 'grading':
+rows of a tetrahedron's x, y, z and sizes at its corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4)
+and the CAD volume mm^3; where 'size' is null, nothing is meshed, and the answer is the body's volume mm^3 and the area
+mm^2 of its surface. One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded;
+11: the geometry cannot be built or meshed, cause on stderr; 12: stdin ended."""
 
 import json
 import math
+import os
 import sys
+import threading
+from pathlib import Path
 
 import numpy as np
 
@@ -182,17 +186,25 @@ def _sizes(gmsh, job: dict) -> None:
         gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
 
 
+def end_with_parent() -> None:
+    """Waits for the end of stdin. Not through sys.stdin, whose lock would be held when the interpreter shuts down."""
+    while os.read(0, 4096):
+        pass
+    os._exit(12)
+
+
 def main() -> int:
     try:
         import gmsh
     except (ImportError, OSError) as error:
         print(error, file=sys.stderr)
         return 10
+    threading.Thread(target=end_with_parent, daemon=True).start()
     gmsh.initialize(["gmsh", "-nt", "1"], interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.RandomSeed", 1)
-        job = json.load(sys.stdin)
+        job = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
         if job.get("write"):
             answer = write(gmsh, job["solid"], job["write"], job["deviation"])
         else:
@@ -202,7 +214,7 @@ def main() -> int:
         return 11
     finally:
         gmsh.finalize()
-    np.savez(sys.argv[1], **answer)
+    np.savez(sys.argv[2], **answer)
     return 0
 
 

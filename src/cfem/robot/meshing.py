@@ -227,15 +227,21 @@ def write_cad(solid: Solid, files: Sequence[Path], deviation: float = 0.05) -> N
 def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
     """What gmsh's process answers."""
     with tempfile.TemporaryDirectory() as scratch:
-        out = Path(scratch) / "mesh.npz"
-        command = [sys.executable, "-m", "cfem.robot.gmsh_process", str(out)]
-        text = json.dumps(job)
-        # this interpreter on a module of ours
-        done = subprocess.run(command, input=text, capture_output=True, text=True, check=False)  # nosec B603
-        cause = done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit {done.returncode}"
-        if done.returncode == 10:
+        place, out = Path(scratch), Path(scratch) / "mesh.npz"
+        (place / "job.json").write_text(json.dumps(job))
+        # -P: no module is taken from the working folder
+        command = [sys.executable, "-P", "-m", "cfem.robot.gmsh_process", str(place / "job.json"), str(out)]
+        with (
+            open(place / "said", "wb") as log,
+            # this interpreter on a module of ours, which ends when its stdin does: it never outlives this process
+            subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log) as process,  # nosec B603
+        ):
+            code = process.wait()
+        said = (place / "said").read_text(errors="replace")
+        cause = said.strip().splitlines()[-1] if said.strip() else f"exit {code}"
+        if code == 10:
             raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
-        if done.returncode != 0:
+        if code != 0:
             where = solid.path if isinstance(solid, File) else "geometry"
             kind = InputError if isinstance(solid, File) else NumericalError
             raise kind(f"cannot be meshed: {cause}", where=where, do="mend the geometry or change mesh.size")

@@ -67,10 +67,11 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """`workers` processes (default: one a core), a single one included: the numbers then come from the same environment
     however many there are. Left by an exception (Ctrl-C too), the workers are killed in the middle of what they do."""
     others = set(multiprocessing.active_children())
-    executor = ProcessPoolExecutor(
-        workers or len(os.sched_getaffinity(0)), multiprocessing.get_context("spawn"), initializer=_become_worker
-    )
-    with _environment(dict.fromkeys(ONE_THREAD, "1")):
+    # Safe path: no process takes modules from the working folder.
+    with _environment(dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1")):
+        executor = ProcessPoolExecutor(
+            workers or len(os.sched_getaffinity(0)), multiprocessing.get_context("spawn"), initializer=_become_worker
+        )
         try:
             yield executor
         except BaseException:

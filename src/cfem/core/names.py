@@ -1,0 +1,17 @@
+"""Names that users give to what drives and watches a robot. They become names of columns and text in generated C."""
+
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, WithJsonSchema
+
+NAME = r"^[A-Za-z0-9_.-]{1,100}$"
+
+
+def _plain(text: str) -> str:
+    if not re.fullmatch(NAME[1:-1], text):
+        raise ValueError(f"a name has letters (a to z), digits, '_', '.' and '-' only, at most 100; got {text[:120]!r}")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_plain), WithJsonSchema({"type": "string", "pattern": NAME})]
