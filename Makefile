@@ -183,5 +183,8 @@ include pipelines/surrogates/study.mk
 	scripts/setup.sh dev
 	@touch $@
 
+# All datasets, models and runs, hardware's included: hours of work, so it asks first.
 clean:
-	rm -rf data models
+	@[ -z "$(wildcard data models)" ] || du -sh $(wildcard data models)
+	@if [ "$(FORCE)" = 1 ]; then rm -rf data models && echo "removed"; \
+	else echo "nothing is removed; 'make clean FORCE=1' removes the above"; fi

@@ -37,7 +37,7 @@ def test_a_json_object_is_read_as_it_was_written(tmp_path):
 
 
 def test_only_the_disk_s_errors_become_its_errors(tmp_path):
-    for code, kind in ((errno.ENOSPC, DiskError), (errno.ENOTDIR, NotADirectoryError)):
+    for code, kind in ((errno.ENOSPC, DiskError), (errno.ENOENT, FileNotFoundError)):
         with pytest.raises(kind), disk_errors(tmp_path):
             raise OSError(code, os.strerror(code))
 

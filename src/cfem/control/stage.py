@@ -33,6 +33,7 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
         inputs=inputs,
         out=out or base / spec.out,
         paths=("scene", "mesh", "models", "out"),
+        precious=spec.plant == "pipe",  # what hardware did cannot be computed again
         extra={"scene": meaning(load_spec(scene, SceneSpec), {"out"})},
     )
     return run_stage(stage, lambda folder: _work(folder, spec, base, inputs["mesh"], models, options), options)

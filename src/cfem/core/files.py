@@ -1,6 +1,7 @@
 """Files that are either whole or absent, and the hashes that name their content."""
 
 import errno
+import glob
 import hashlib
 import json
 import os
@@ -17,19 +18,27 @@ import numpy as np
 
 from cfem.core.errors import DiskError, InputError, OutputError, SpecError
 
-DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
+# Why the system refuses to write, and what to do about it.
+DISK = {
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free space, or choose --out on another disk"),
+    **dict.fromkeys((errno.EACCES, errno.EPERM), "choose --out in a folder that you may write to"),
+    errno.EROFS: "the disk is read-only: choose --out on another",
+    errno.EFBIG: "the file would be larger than this system allows",
+    errno.EIO: "look at the disk, or choose --out on another",
+}
 
 
 @contextmanager
 def disk_errors(path: Path) -> Iterator[None]:
-    """Turns a full or read-only disk into one sentence with its exit code."""
+    """Turns a disk's refusal to write into one sentence with its exit code."""
     try:
         yield
     except OSError as error:
         if error.errno in DISK:
-            raise DiskError(
-                f"cannot write: {error.strerror}", where=str(path), do="free space or choose --out"
-            ) from error
+            raise DiskError(f"cannot write: {error.strerror}", where=str(path), do=DISK[error.errno]) from error
+        if error.errno in (errno.ENOTDIR, errno.EEXIST):
+            what = "a file stands where a folder is needed"
+            raise DiskError(what, where=error.filename or str(path), do="choose another --out") from error
         raise
 
 
@@ -146,7 +155,8 @@ def locked(target: Path) -> Iterator[None]:
     lock = target.with_name(f".{target.name}.lock")
     with disk_errors(lock):
         lock.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+        refuse_link(lock)
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -164,10 +174,17 @@ def locked(target: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def replace_folder(new: Path, target: Path) -> None:
-    """Puts the finished folder `new` in the place of `target`, whose old content goes. A process that is killed between
-    the two renames leaves the old folder aside; `recover_folder` puts it back."""
-    old = target.with_name(f".{target.name}.{os.getpid()}.old")
+def refuse_link(path: Path) -> None:
+    """OutputError where a link stands at the name of one of our own files: what it points to is not ours."""
+    if path.is_symlink():
+        raise OutputError("is a symbolic link; cfem writes its own file here", where=str(path), do="remove the link")
+
+
+def replace_folder(new: Path, target: Path, aside: Path | None = None) -> None:
+    """Puts the finished folder `new` in the place of `target`. The old content is moved to `aside`, or deleted where
+    that is None. A process that is killed between the two renames leaves the old folder under another name, from which
+    `recover_folder` puts it back unless that is `aside`."""
+    old = aside or target.with_name(f".{target.name}.{os.getpid()}.old")
     with disk_errors(target):
         sync_tree(new)
         if target.exists():
@@ -179,14 +196,15 @@ def replace_folder(new: Path, target: Path) -> None:
                 os.replace(old, target)
             raise
         sync(target.parent)
-    shutil.rmtree(old, ignore_errors=True)
+    if aside is None:
+        shutil.rmtree(old, ignore_errors=True)
 
 
 def recover_folder(target: Path) -> None:
     """Undoes a replacement that was cut in two, and removes what others left. To be called by the holder of its lock
     alone."""
     with disk_errors(target):
-        for old in sorted(target.parent.glob(f".{target.name}.*.old")):
+        for old in sorted(target.parent.glob(f".{glob.escape(target.name)}.[0-9]*.old")):
             if target.exists():
                 shutil.rmtree(old, ignore_errors=True)
             else:

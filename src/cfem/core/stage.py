@@ -10,11 +10,11 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from cfem.core.errors import GateError, InputError, OutputError
+from cfem.core.errors import GateError, InputError
 from cfem.core.files import (
     confined,
     content_sha256,
@@ -22,11 +22,13 @@ from cfem.core.files import (
     file_sha256,
     locked,
     recover_folder,
+    refuse_link,
     remove_unfinished,
     replace_folder,
     write_whole,
 )
 from cfem.core.manifest import MANIFEST, is_inside, read_manifest, write_manifest
+from cfem.core.place import demand_replaceable, destination, move_aside, set_aside
 from cfem.core.provenance import versions
 from cfem.core.spec import Spec, meaning
 
@@ -50,7 +52,8 @@ class Stage:
     inputs:   artefact folders (with a manifest) or plain files that the stage reads
     out:      the artefact folder that it makes
     paths:    names of top-level spec fields that are paths; what they point to enters through `inputs`
-    precious: True where remaking costs so much that an output from other inputs is kept unless --force"""
+    precious: True where the output costs so much that one from other inputs is kept unless --force, and then moved
+              aside rather than deleted"""
 
     name: str
     version: int
@@ -115,26 +118,13 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
         return {**read_manifest(stage.out), "status": "up to date"}
     if options.check:
         raise GateError(f"{stage.name}: stale", where=str(stage.out), do=f"run cfem {stage.name}")
+    stage = replace(stage, out=destination(stage.out))
     with locked(stage.out):
         recover_folder(stage.out)
-        if not options.force:
-            if is_current(stage, made_from):
-                return {**read_manifest(stage.out), "status": "up to date"}
-            _demand_replaceable(stage)
+        if not options.force and is_current(stage, made_from):
+            return {**read_manifest(stage.out), "status": "up to date"}
+        demand_replaceable(stage.out, stage.name, made_from, stage.precious, options.force)
         return _work(stage, made_from, work)
-
-
-def _demand_replaceable(stage: Stage) -> None:
-    """Raises OutputError where the output is not cfem's, or dear; InputError where what is dear is damaged."""
-    out = stage.out
-    if not out.exists():
-        return
-    if not (out / MANIFEST).exists() and (not out.is_dir() or any(out.iterdir())):
-        raise OutputError("exists and was not made by cfem", where=str(out), do="choose another --out")
-    if stage.precious and (out / MANIFEST).exists():
-        manifest = read_manifest(out)
-        if manifest.get("made_from") != stage.made_from():
-            raise OutputError("holds results from other inputs", where=str(out), do="choose another --out, or --force")
 
 
 def partial_folder(out: Path) -> Path:
@@ -144,11 +134,14 @@ def partial_folder(out: Path) -> Path:
 
 def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
     partial, mark = partial_folder(stage.out), stage.out.with_name(f".{stage.out.name}.made_from")
+    refuse_link(partial)
     with disk_errors(partial):
         if partial.is_dir() and mark.exists() and mark.read_text() == made_from:
             remove_unfinished(partial)
         else:
             mark.unlink(missing_ok=True)  # first: what it marked is whole no more
+            if stage.precious and partial.is_dir() and any(partial.iterdir()):
+                move_aside(partial, stage.out.with_name(f"{stage.out.name}.partial"))
             shutil.rmtree(partial, ignore_errors=True)
             partial.mkdir(parents=True)
             write_whole(mark, made_from.encode())
@@ -159,9 +152,10 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
     files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
     manifest = {
         "stage": stage.name,
+        "precious": stage.precious,
         "made_from": made_from,
         "content": results.pop("content", None) or content_sha256(files),
-        "inputs": {name: os.path.relpath(path, stage.out) for name, path in stage.inputs.items()},
+        "inputs": {name: _relative(path, stage.out) for name, path in stage.inputs.items()},
         "spec": stage.spec.model_dump(),
         "files": files,
         "results": results,
@@ -169,7 +163,12 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
         "seconds": time.perf_counter() - start,
     }
     write_manifest(partial, manifest)
-    replace_folder(partial, stage.out)
+    replace_folder(partial, stage.out, set_aside(stage.out, stage.precious))
     with disk_errors(mark):
         mark.unlink(missing_ok=True)
     return {**manifest, "status": "done"}
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """From the folder itself, wherever links on the way to it or to `path` lead."""
+    return os.path.relpath(os.path.realpath(path), os.path.realpath(folder))

@@ -8,6 +8,7 @@ from pathlib import Path
 from cfem.core.errors import CfemError, InputError
 from cfem.core.files import file_sha256
 from cfem.core.manifest import MANIFEST, read_manifest
+from cfem.core.place import foreign_files
 
 ROOTS = (Path("data"), Path("models"))
 
@@ -59,10 +60,7 @@ def judge(folder: Path) -> Verdict:
         return Verdict(folder, "", 0, None, (str(error),))
     known = manifest["files"]
     damage = [sentence for name, expected in known.items() if (sentence := _damage(folder / name, expected))]
-    there = {
-        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
-    }
-    foreign = sorted(there - set(known) - {MANIFEST})
+    foreign = foreign_files(folder, manifest)
     damage += [f"{folder / name}: is foreign: the manifest does not name it" for name in foreign]
     whole = len(known) - (len(damage) - len(foreign))
     return Verdict(folder, str(manifest.get("stage", "")), whole, manifest.get("format"), tuple(damage))

@@ -1,0 +1,94 @@
+"""Where an artefact goes, and what becomes of what stands there. cfem deletes nothing but its own cheap results."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from cfem.core.errors import InputError, OutputError
+from cfem.core.files import disk_errors
+from cfem.core.manifest import MANIFEST, read_manifest
+
+
+def destination(out: Path) -> Path:
+    """The folder that `out` means: links are followed, so that a link to another disk stays a link. OutputError where
+    it is a file, or the folder that the command runs in, which cannot be replaced under its feet."""
+    real = Path(os.path.realpath(out))
+    if real.exists() and not real.is_dir():
+        raise OutputError("is a file, not a folder", where=str(out), do="choose another --out")
+    if Path.cwd().is_relative_to(real):
+        raise OutputError("is the folder that you are in, or above it", where=str(out), do="choose another --out")
+    return real if out.is_symlink() or not out.name or out.name == ".." else out
+
+
+def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, force: bool) -> None:
+    """Raises OutputError where what stands at `out` is not a result of the same stage, or is precious, from other
+    inputs and not `force`; InputError where its manifest is damaged and not `force`."""
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    if _is_foreign(out):
+        raise OutputError("exists and was not made by cfem", where=str(out), do="choose another --out")
+    try:
+        old = read_manifest(out)
+    except InputError:
+        if not force:
+            raise
+        return
+    if old.get("stage") != stage:
+        what = f"holds results of cfem {old.get('stage')}, which cfem {stage} does not replace"
+        raise OutputError(what, where=str(out), do="choose another --out")
+    if old.get("precious", precious) and old.get("made_from") != made_from and not force:
+        what = "holds results from other inputs that cost too much to lose"
+        raise OutputError(what, where=str(out), do="choose another --out, or --force, which moves them aside")
+
+
+def set_aside(out: Path, precious: bool) -> Path | None:
+    """Where the old content of `out` goes, told in a sentence; None where it is cfem's own, cheap and may be
+    deleted."""
+    if not out.is_dir() or not any(out.iterdir()):
+        return None
+    try:
+        old = read_manifest(out)
+        foreign = foreign_files(out, old)
+        if not old.get("precious", precious) and not foreign:
+            return None
+        why = f"cfem did not make {foreign[0]} in it" if foreign else "it cost much to make"
+    except InputError:
+        why = "its manifest is damaged"
+    return _told(out, out, why)
+
+
+def move_aside(folder: Path, name: Path) -> None:
+    """Unfinished work of other inputs, to `name` with a number."""
+    with disk_errors(folder):
+        os.replace(folder, _told(folder, name, "it was made from other inputs, and cost much"))
+
+
+def foreign_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
+    """Names of what lies in an artefact folder and is not in its manifest, in order."""
+    there = {
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
+    }
+    return sorted(there - set(manifest["files"]) - {MANIFEST})
+
+
+def _told(folder: Path, name: Path, why: str) -> Path:
+    """The first free `<name>.old-<n>`."""
+    n = 1
+    while os.path.lexists(aside := name.with_name(f"{name.name}.old-{n}")):
+        n += 1
+    print(f"cfem: what was in {folder} is now in {aside}: {why}", file=sys.stderr)
+    return aside
+
+
+def _is_foreign(out: Path) -> bool:
+    """Whether there is no manifest, or one that another program wrote. A manifest that no parser reads may be ours."""
+    path = out / MANIFEST
+    if not path.is_file():
+        return True
+    try:
+        known = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return not isinstance(known, dict) or "made_from" not in known or "files" not in known
