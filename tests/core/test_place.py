@@ -1,4 +1,4 @@
-"""What stands at `--out` is lost to nobody: replaced where it is cfem's own and cheap, moved aside or refused elsewhere."""
+"""What stands at `--out` is never lost: replaced where it is our own and cheap, else moved aside or refused."""
 
 import json
 import os
@@ -158,7 +158,7 @@ def test_the_working_folder_and_a_file_are_no_place_for_an_artefact(tmp_path, mo
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_no_permission_is_said_as_such(tmp_path):
     (tmp_path / "closed").mkdir(mode=0o500)
-    with pytest.raises(DiskError, match="Permission denied .*that you may write to"):
+    with pytest.raises(DiskError, match=r"Permission denied .*that you may write to"):
         make(tmp_path / "closed" / "out")
 
 
