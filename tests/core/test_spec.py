@@ -7,7 +7,7 @@ from pydantic import Field
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, json_schema, load_spec, meaning
-from cfem.core.units import Length, LengthMatrix, Points
+from cfem.core.units import Angle, Length, LengthMatrix, Points
 
 
 class Inner(Spec):
@@ -17,7 +17,12 @@ class Inner(Spec):
 
 class Outer(Spec):
     name: str
+    """What the outer one
+    is called."""
     inner: Inner
+    gap: Length = 2.5
+    """Free space."""
+    slope: Angle = np.pi / 4
     parts: list[Inner] = []
     count: int = Field(default=1, gt=0)
 
@@ -75,6 +80,13 @@ def test_schema_is_draft_07_and_agrees_with_the_model():
     assert validator.is_valid(good)
     assert not validator.is_valid({**good, "other": 1})
     assert not validator.is_valid({**good, "inner": {"stiffness": 3}})
+
+
+def test_schema_has_the_string_below_a_field_for_its_description_and_defaults_with_units():
+    fields = json_schema(Outer)["properties"]
+    assert fields["name"]["description"] == "What the outer one is called."
+    assert fields["gap"]["description"].startswith("Free space. (length with its unit")
+    assert (fields["gap"]["default"], fields["slope"]["default"]) == ("2.5 mm", "45 deg")
 
 
 def test_meaning_leaves_out_what_is_default_and_what_is_named():

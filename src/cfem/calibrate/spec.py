@@ -14,46 +14,59 @@ Source = Literal["effectors", "actuators"]
 
 
 class NoiseSpec(Spec):
-    """Standard deviation of each measured number: of effectors, and of the actuators' forces (or of their
-    displacements, where forces drive them, in actuator_displacements)."""
+    """Standard deviation of each measured number."""
 
     effectors: Length = Field(gt=0)
+    """Of effector positions."""
     forces: Force | None = Field(None, gt=0)
+    """Of the actuators' forces."""
     actuator_displacements: Length | None = Field(None, gt=0)
+    """Of the actuators' displacements, where forces drive them."""
 
 
 class CalibrateSpec(Spec):
-    """measurements: a .yaml, .csv or .parquet table, or the folder of a dataset, of which split and rows (their numbers
-    in the file) are taken for measurements. driven: what is known of the actuators; the rest is measured. use: of what
-    was measured.
-
-    model: folder of a model that takes parameters. fe: by finite elements instead, with the model's parameters or
-    those in `parameters`, as sample.yaml has them; scene, mesh: of the elements, the scene also where a model is of
-    several shapes. find: all parameters unless given; fixed: values of the others, the scene's unless given. starts:
-    of the search, or how many spread over the ranges. noise: found from what the fit leaves unless given. profile:
-    intervals by profiles of the likelihood as well; with a model unless said otherwise. repeats: of the measurement,
-    simulated with the noise stated, in which intervals are counted that cover. truth: to compare with."""
+    """Which parameters of the robot to find, from which measurements, with which model."""
 
     measurements: Path
+    """A .yaml, .csv or .parquet table, or the folder of a dataset."""
     out: Path
+    """Folder for the result."""
     model: Path | None = None
+    """Folder of a model that takes parameters."""
     fe: bool = False
+    """Whether to use finite elements in the place of a model's predictions."""
     scene: Path | None = None
+    """Scene of the elements; also needed where a model covers several shapes."""
     mesh: Path | None = None
+    """Mesh of the elements."""
     parameters: dict[str, ParameterSpec] = {}
+    """Parameters for finite elements without a model, as in sample.yaml."""
     split: Literal["train", "test"] = "train"
+    """Split of the dataset that serves as measurements."""
     rows: list[Annotated[int, Field(ge=0)]] | None = None
+    """Rows that serve as measurements, by their number in the file. All unless given."""
     use: list[Source] = Field(["effectors", "actuators"], min_length=1)
+    """Which of the measured quantities to use."""
     driven: Literal["displacement", "force"] = "displacement"
+    """What is known of the actuators. The other is measured."""
     find: list[str] | None = Field(None, min_length=1)
+    """Parameters to find. All unless given."""
     fixed: dict[str, Value] = {}
+    """Values of the other parameters. The scene's unless given."""
     starts: PositiveInt | list[dict[str, Value]] = 5
+    """Starts of the search, or how many to spread over the ranges."""
     noise: NoiseSpec | None = None
+    """Noise of the measurements. Estimated from the residuals of the fit unless given."""
     confidence: float = Field(0.95, gt=0, lt=1)
+    """Level of the intervals."""
     profile: bool | None = None
+    """Whether to compute intervals by profiles of the likelihood too. With a model, yes unless stated."""
     repeats: Annotated[int, Field(ge=0, le=10_000)] = 0
+    """Number of simulated measurements with the stated noise, to count how many intervals cover the truth."""
     truth: dict[str, Value] = {}
+    """True values, to compare with."""
     figure: bool = True
+    """Whether to draw a figure."""
 
     @model_validator(mode="after")
     def _has_a_robot(self) -> "CalibrateSpec":

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cfem.core.errors import GateError
 from cfem.core.files import write_whole
-from cfem.core.spec import json_schema
+from cfem.core.spec import Spec, json_schema
 
 # pipeline file (scene.yaml, train-mlp.yaml, ...) begins with the name of its schema
 SPECS = {
@@ -21,11 +21,17 @@ SPECS = {
 }
 
 
+def model_of(name: str) -> type[Spec]:
+    """Of the spec `name`.yaml."""
+    module, model = SPECS[name]
+    return getattr(import_module(module), model)
+
+
 def schemas() -> dict[str, str]:
     """File name -> text."""
     found = {}
-    for name, (module, model) in SPECS.items():
-        schema = json_schema(getattr(import_module(module), model))
+    for name in SPECS:
+        schema = json_schema(model_of(name))
         found[f"{name}.json"] = json.dumps(schema, indent=1, sort_keys=True) + "\n"
     return found
 

@@ -15,32 +15,41 @@ PositiveEffort = Annotated[Effort, Field(gt=0)]
 
 
 class DisplacementCommandSpec(Spec):
-    """Cables by their shortening, chambers by their growth. step: largest change in a tick; quantum: what the plant
-    rounds commands to."""
+    """Cables are told their shortening, chambers their growth."""
 
     kind: Literal["displacement"]
+    """Commands are displacements."""
     step: PositiveCourse | None = None
+    """Largest change per tick."""
     quantum: PositiveCourse | None = None
+    """What the plant rounds commands to."""
 
 
 class ForceCommandSpec(Spec):
-    """Cables by their tension, chambers by their pressure. step: largest change in a tick; largest: amplitude;
-    quantum: what the plant rounds commands to."""
+    """Cables are told their tension, chambers their pressure."""
 
     kind: Literal["force"]
+    """Commands are forces."""
     step: PositiveEffort | None = None
+    """Largest change per tick."""
     largest: PositiveEffort | None = None
+    """Largest command."""
     quantum: PositiveEffort | None = None
+    """What the plant rounds commands to."""
 
 
 class GainsSpec(Spec):
-    """Of the PI on the effector error, per sample, no dt: either `integral` (with `proportional`), or the phase_margin
-    that the integral gain is to leave for the loop's delay. bound: longest correction that the integral may become."""
+    """Gains of the PI controller on the effector error, per sample. Give `integral` (with `proportional`) or
+    `phase_margin`."""
 
     proportional: float = Field(0.0, ge=0)
+    """Proportional gain."""
     integral: float | None = Field(None, ge=0)
+    """Integral gain."""
     phase_margin: Angle | None = None
+    """Phase margin that the integral gain leaves for the delay of the loop."""
     bound: Length | None = None
+    """Largest length of the integral part."""
 
     @model_validator(mode="after")
     def _one_of_both(self):
@@ -52,15 +61,19 @@ class GainsSpec(Spec):
 
 
 class ControllerSpec(Spec):
-    """One way to control. model: one of `models`, the first unless given, or `fe-based`, FE matrices; observer:
-    where no sensor says where the actuators stand (`previous_step` is the paper's); iterations: inverse steps a tick, 1
-    is the paper's; gains: of mode: closed, a phase margin of 60 deg unless given."""
+    """One way to control."""
 
     mode: Literal["open", "closed"]
+    """open: no feedback. closed: with gains on the measured error."""
     model: str | None = None
+    """One of `models`, or fe-based for FE matrices. The first unless given."""
     observer: Literal["measured", "previous_step", "equilibrium"] = "equilibrium"
+    """Where the actuators stand, if no sensor measures it: previous_step, the last linearisation, as in the paper;
+    equilibrium, the model under the last command."""
     iterations: PositiveInt = 1
+    """Inverse steps per tick. The paper has 1."""
     gains: GainsSpec | None = None
+    """Gains of mode closed. A phase margin of 60 deg unless given."""
 
     @model_validator(mode="after")
     def _gains_are_closed(self):
@@ -70,67 +83,87 @@ class ControllerSpec(Spec):
 
 
 class SettleSpec(Spec):
-    """A goal is reached when the effectors stay within `radius` of it for `hold`; at_most: time before it is given up,
-    where goals wait for each other."""
+    """When a goal counts as reached: the effectors stay within `radius` of it for `hold`."""
 
     radius: Length
+    """Largest distance from the goal."""
     hold: Time
+    """Time within that distance."""
     at_most: Time = 10.0
+    """Time after which the goal is given up, where goals wait for each other."""
 
 
 class SensorSpec(Spec):
-    """noise: standard deviation of each measured coordinate; rate: of samples, the loop's unless given; delay: ticks
-    from sample to controller."""
+    """What measures the effectors."""
 
     noise: Length = 0.0
+    """Standard deviation of each measured coordinate."""
     rate: Frequency | None = None
+    """Samples per second. The loop's rate unless given."""
     delay: NonNegativeInt = 0
+    """Ticks from sample to controller."""
 
 
 class WallSpec(Spec):
-    """A plane without friction that the first effector cannot pass. point: on it; normal: to the side where the
-    effector may be."""
+    """A plane without friction that the first effector cannot pass."""
 
     point: Point
+    """A point of the plane."""
     normal: Direction
+    """Direction, x, y and z, of the side where the effector may be."""
 
 
 class RealSpec(Spec):
-    """What the real robot has that the model does not know. scene: overrides `key=value` of the scene, mesh: another
-    one, wall: something in its way (plant: fem); stiffer: times the model's stiffness (plant: model)."""
+    """How the real robot differs from the model."""
 
     scene: list[str] = Field(default=[])
+    """Overrides `key=value` of the scene (plant: fem)."""
     mesh: Path | None = None
+    """Another mesh (plant: fem)."""
     wall: WallSpec | None = None
+    """A wall in its way (plant: fem)."""
     stiffer: float = Field(1.0, gt=0)
+    """Stiffness relative to the model's (plant: model)."""
 
 
 class DisturbanceSpec(Spec):
-    """A constant force on the first effector from a tick on."""
+    """A constant force on the first effector from one tick on."""
 
     tick: PositiveInt
+    """First tick with the force."""
     force: ForceVector
+    """The force along x, y and z."""
 
 
 class LoopSpec(Spec):
-    """rate: control ticks a second; command: what the plant is told; goal_every: time from one goal to the next, else
-    each waits for the last to be reached (`settle`); approach: time for the first goal where goal_every is given;
-    budget: time for all goals; seeds: a run of everything with each; device: command line of plant: pipe, and how long
-    it may take to answer."""
+    """Control over time, open or closed."""
 
     rate: Frequency
+    """Control ticks per second."""
     command: Annotated[DisplacementCommandSpec | ForceCommandSpec, Field(discriminator="kind")]
+    """What the plant is told."""
     controllers: dict[str, ControllerSpec] = Field(min_length=1)
+    """Ways to control, by name."""
     settle: SettleSpec
+    """When a goal counts as reached."""
     goal_every: Time | None = None
+    """Time from one goal to the next. Without it, each goal waits until the last is reached."""
     approach: Time = 1.0
+    """Time for the first goal, where goal_every is given."""
     budget: Time | None = None
+    """Time for all goals."""
     seeds: list[NonNegativeInt] = Field(default=[0], min_length=1)
+    """Seeds of the noise. Everything runs once per seed."""
     sensor: SensorSpec = SensorSpec()
+    """What measures the effectors."""
     real: RealSpec = RealSpec()
+    """How the real robot differs from the model."""
     disturbance: DisturbanceSpec | None = None
+    """A force that appears during the run."""
     device: list[str] | None = Field(None, min_length=1)
+    """Command line of the device, for plant: pipe."""
     answer_within: Time = 1.0
+    """Time in which the device must answer."""
 
     @model_validator(mode="after")
     def _sensor_is_no_faster(self):

@@ -14,45 +14,63 @@ FE_BASED = "fe-based"  # name of the controller that has FE matrices for its mod
 
 
 class ArcSpec(Spec):
-    """Goals on an arc of a circle, whether the robot can reach them or not. from_rest: so many more before them, on the
-    straight line from where the effector rests."""
+    """Goals on an arc of a circle, whether the robot can reach them or not."""
 
     kind: Literal["arc"]
+    """An arc of a circle."""
     centre: LengthVector
+    """Centre of the circle."""
     radius: Length
+    """Radius of the circle."""
     start: Angle
+    """Angle of the first goal."""
     end: Angle
+    """Angle of the last goal."""
     plane: Literal["xy", "yz", "zx"]
+    """Plane of the circle."""
     goals: PositiveInt
+    """Number of goals on the arc."""
     from_rest: NonNegativeInt = 0
+    """Number of goals before the arc, on the straight line from where the effector rests."""
 
 
 class HalfSphereSpec(Spec):
     """Goals on a spiral over the upper half of a sphere, from its top down to its equator, whether the robot can reach
-    them or not. turns: about the z axis."""
+    them or not."""
 
     kind: Literal["half-sphere"]
+    """A spiral over a half sphere."""
     centre: LengthVector
+    """Centre of the sphere."""
     radius: Length
+    """Radius of the sphere."""
     turns: float = 3.0
+    """Turns about the z axis."""
     goals: PositiveInt
+    """Number of goals."""
 
 
 class GoalsSpec(Spec):
     """Goals one by one."""
 
     kind: Literal["goals"]
+    """Stated goals."""
     points: LengthMatrix
+    """Goals of the effectors, one row per goal."""
 
 
 class ImageSpec(Spec):
-    """The image by FE of a closed curve in the pulling cube [0, 1]^n_a: an ellipse for two actuators.
-    Reachable."""
+    """The image by FE of a closed curve of pulls, so that every goal is reachable. With two actuators the curve is an
+    ellipse in [0, 1]^2."""
 
     kind: Literal["image"]
+    """A curve that the robot can reach."""
     centre: list[float]
+    """Centre of the curve: one share of a full pull per actuator."""
     radii: list[float]
+    """Radii of the curve: one share of a full pull per actuator."""
     goals: PositiveInt
+    """Number of goals."""
 
     @model_validator(mode="after")
     def _inside_the_cube(self):
@@ -67,75 +85,98 @@ TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Fie
 
 
 class SearchSpec(Spec):
-    """iterations: inverse steps a goal; tolerance: a smaller move of every actuator ends them; step: largest
-    move in one; regularisation: what full course costs relative to missing by the robot's length; preload: course that
-    it counts from, to which actuators tend where the effectors leave them the choice; damping: what a move by full
-    course in one step costs, which keeps redundant actuators from wandering; weights: of effector rows."""
+    """How the inverse steps approach a goal."""
 
     iterations: PositiveInt = 20
+    """Largest number of inverse steps per goal."""
     tolerance: Length = 1e-5
+    """The steps end when every actuator moves by less."""
     step: Length = 5.0
+    """Largest move of an actuator in one step."""
     regularisation: float = Field(1e-10, ge=0)
+    """Cost of a full stroke relative to missing the goal by the robot's length."""
     preload: Length = 0.0
+    """Displacement to which actuators tend where the effectors leave them the choice."""
     damping: float = Field(0.0, ge=0)
+    """Cost of a full stroke in one step. It keeps redundant actuators from wandering."""
     weights: list[Annotated[float, Field(ge=0)]] | None = None
+    """Weight of each effector row."""
     largest_force: Force | None = None
+    """Largest force of any actuator."""
     qp: Literal["daqp", "osqp"] = "daqp"
+    """Solver of the quadratic program."""
 
 
 class ObjectSpec(Spec):
-    """A rigid box that robots hold by their contact points. half_size: for pictures, and where its faces are; turns:
-    whether it can turn, else it is guided; force: constant, its weight for one.
-
-    law: of its contact with the robots in the plant. `bilateral` glues the points to it; under the others they open,
-    and slide, `coulomb` with `friction`. Models go by glue whatever the law."""
+    """A rigid box that robots hold by their contact points. Models treat contact as bilateral, whatever the law."""
 
     centre: Point
+    """Centre of the box."""
     half_size: Point
+    """Half of its edges along x, y and z."""
     turns: bool = True
+    """Whether the box can turn. It is guided otherwise."""
     force: ForceVector | None = None
+    """Constant force on it, such as its weight."""
     law: Literal["bilateral", "signorini", "coulomb"] = "bilateral"
+    """Contact in the plant. bilateral glues the points to the box; signorini lets them open and slide; coulomb adds
+    friction."""
     friction: float = Field(0.0, ge=0)
+    """Coefficient of friction."""
 
 
 class RobotSpec(Spec):
-    """One of several equal robots: the scene's, turned by `rotate` about the origin and then moved by `translate`."""
+    """One of several equal robots: the scene's, turned about the origin and then moved."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    """Name of this robot."""
     rotate: Turn | None = None
+    """Rotation about the origin."""
     translate: Point | None = None
+    """Movement after the rotation."""
 
 
 class ControlSpec(Spec):
-    """scene, mesh: the robot; models: export folders by name; out: artefact to make; plant: what the commands
-    act on, `fem` or `model` (the first model grades itself: for trying out); runtime: of the models; fe_based:
-    whether the same control also runs on FE matrices, to fe_tolerance; fewer_iterations: also follow with the
-    first model and so few inverse steps a goal, to see what a shorter step costs; pictures: deformed shapes
-    kept of each trajectory; reached: a goal counts as reachable where the search ends nearer than this. object: what
-    the scene's contact points hold, whose centre then is what follows the goals; robots: that hold it, one where the
-    scene stands unless given; updates: of the object's pose at each query of a learned model, as many as it takes to
-    balance it unless given. design: values of the models' parameters by their names, '41 mm' or 0.47, of the robot that
-    is controlled, the scene's own where left out; goals are told as for the scene's own robot, and move with where the
-    effectors rest. loop: control over time instead, tick by tick, open or closed; `pipe` is a plant of it."""
+    """Which models follow which trajectories, in which plant."""
 
     scene: Path
+    """The robot's scene.yaml."""
     mesh: Path
+    """Folder of its mesh."""
     models: dict[str, Path] = Field(min_length=1)
+    """Export folders by name."""
     out: Path
+    """Folder for the result."""
     plant: Literal["fem", "model", "pipe"] = "fem"
+    """What the commands act on: fem, the finite-element robot; model, the first model itself, for trying out; pipe,
+    your own device."""
     runtime: Literal["arrays", "onnx"] = "arrays"
+    """Runtime of the models."""
     fe_based: bool = True
+    """Whether the same control also runs on FE matrices, for comparison."""
     fe_tolerance: Length = 1e-3
+    """Tolerance of that control on FE matrices."""
     trajectories: dict[str, TrajectorySpec] = Field(min_length=1)
+    """Goals to follow, by name."""
     search: SearchSpec = SearchSpec()
+    """How the inverse steps approach a goal."""
     reached: Length = 0.1
+    """A goal counts as reached where the search ends nearer than this."""
     fewer_iterations: list[PositiveInt] = Field(default=[])
+    """Also follow with the first model and these numbers of inverse steps per goal, to see what fewer steps cost."""
     pictures: PositiveInt = 5
+    """Deformed shapes kept of each trajectory."""
     object: ObjectSpec | None = None
+    """What the scene's contact points hold. Its centre then follows the goals."""
     robots: list[RobotSpec] = Field(default=[RobotSpec(name="robot")], min_length=1)
+    """Robots that hold the object. One, where the scene stands, unless given."""
     updates: PositiveInt | None = None
+    """Updates of the object's pose at each query of a learned model. As many as balance needs unless given."""
     design: dict[str, Any] = {}
+    """Values of the models' parameters by name, '41 mm' or 0.47, of the robot that is controlled. The scene's own where
+    left out. Goals move with where the effectors rest."""
     loop: LoopSpec | None = None
+    """Control over time instead, tick by tick."""
 
     @model_validator(mode="after")
     def _object_and_fe(self):

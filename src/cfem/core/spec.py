@@ -1,15 +1,20 @@
 """Specs: what the user writes. One frozen model a YAML file; unknown keys are errors with line and suggestion."""
 
+import ast
 import difflib
+import inspect
+import textwrap
 from collections.abc import Iterable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
 
 from cfem.core.errors import SpecError
 from cfem.core.files import plain
+from cfem.core.units import unit_of, written
 from cfem.core.yaml import parse_value, read_yaml
 
 
@@ -17,6 +22,32 @@ class Spec(BaseModel):
     """Base of every spec and of every part of one."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> dict:
+        """The string below a field describes it, and its default has a unit. pydantic reads such strings too, but at
+        each import (1 ms per class); only schemas need them."""
+        schema = handler(core)
+        properties = handler.resolve_ref_schema(schema)["properties"]
+        for name, text in described(cls).items():
+            kind = properties[name].get("description")
+            properties[name]["description"] = f"{text} ({kind})" if kind else text
+        for name, field in cls.model_fields.items():
+            if isinstance(field.default, Spec):
+                properties[name]["default"] = {}
+            elif isinstance(field.default, float) and (unit := unit_of(field)) != "1":
+                properties[name]["default"] = written(field.default, unit)
+        return schema
+
+
+def described(model: type[BaseModel]) -> dict[str, str]:
+    """Field -> the string below it."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(model))).body[0].body
+    return {
+        field.target.id: " ".join(below.value.value.split())
+        for field, below in pairwise(body)
+        if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr)
+    }
 
 
 S = TypeVar("S", bound=Spec)

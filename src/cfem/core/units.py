@@ -138,6 +138,7 @@ def _either(one: str, other: str):
         float,
         BeforeValidator(read),
         WithJsonSchema({"type": "string", "description": f"with its unit, e.g. '1 {one}' or '1 {other}'"}),
+        SystemUnit(one),
     ]
 
 
@@ -145,6 +146,12 @@ def unit_of(field: FieldInfo) -> str:
     """The unit that a number of a spec is computed in, '1' where it has none."""
     marks = [*field.metadata, *(mark for part in get_args(field.annotation) for mark in get_args(part)[1:])]
     return next((mark.name for mark in marks if isinstance(mark, SystemUnit)), "1")
+
+
+def written(value: float, system_unit: str) -> str:
+    """A number as a person would write it in a spec: 0.7854 rad as '45 deg'."""
+    unit = _customary(system_unit)
+    return f"{value / _factor(unit, system_unit):.12g} {unit}"
 
 
 def _vector(system_unit: str, ndim: int, last: int | None = None):

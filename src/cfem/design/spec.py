@@ -15,42 +15,56 @@ Weight = Annotated[float, Field(ge=0)]
 
 
 class DexteritySpec(Spec):
-    """|angle - alpha|, alpha = arccos(tip_z / |rest|): how far the effector turns. rest: a point for all designs;
-    where each rests unless given."""
+    """|angle - alpha| with alpha = arccos(tip_z / |rest|): how far the effector turns."""
 
     kind: Literal["dexterity"]
+    """How far the effector turns."""
     effector: str | None = None
+    """Name of the effector. The first unless given."""
     axis: Literal["x", "y", "z"] = "z"
+    """Axis that alpha is measured from."""
     angle: Angle = np.pi / 2
+    """Wanted angle."""
     rest: Point | None = None
+    """Point of rest for all designs. Where each design rests unless given."""
 
 
 class StrengthSpec(Spec):
-    """|largest - |lambda_c||, lambda_c the force along `axis` that holds the effector at rest. rest: see dexterity."""
+    """|largest - |lambda_c||, where lambda_c is the force along `axis` that holds the effector at rest."""
 
     kind: Literal["strength"]
+    """How strongly the effector pushes."""
     effector: str | None = None
+    """Name of the effector. The first unless given."""
     axis: Literal["x", "y", "z"] = "y"
+    """Axis of the force."""
     largest: Force = 91.0
+    """Wanted force."""
     rest: Point | None = None
+    """Point of rest for all designs. Where each design rests unless given."""
 
 
 class FunctionSpec(Spec):
-    """One's own: 'module:function' or 'file.py:function' of W (m, n, n), delta_free (m, n), p (m, n_p) -> (m,)."""
+    """Your own function of W (m, n, n), delta_free (m, n) and p (m, n_p), which returns (m,)."""
 
     kind: Literal["python"]
+    """A Python function."""
     function: str
+    """'module:function' or 'file.py:function'."""
     sense: Literal["minimise", "maximise"] = "minimise"
+    """Whether smaller or larger is better."""
 
 
 Objective = Annotated[DexteritySpec | StrengthSpec | FunctionSpec, Field(discriminator="kind")]
 
 
 class ActuationSpec(Spec):
-    """At which every design is judged."""
+    """The actuation at which every design is judged: displacements or forces."""
 
     displacement: LengthVector | None = None
+    """Displacement of each actuator."""
     force: Forces | None = None
+    """Force of each actuator."""
 
     @model_validator(mode="after")
     def _one(self) -> "ActuationSpec":
@@ -60,11 +74,14 @@ class ActuationSpec(Spec):
 
 
 class ConstraintFunction(Spec):
-    """As an objective of one's own, with bounds."""
+    """Your own function, as for an objective, with bounds."""
 
     function: str
+    """'module:function' or 'file.py:function'."""
     at_least: float | None = None
+    """Smallest allowed value."""
     at_most: float | None = None
+    """Largest allowed value."""
 
     @model_validator(mode="after")
     def _bounded(self) -> "ConstraintFunction":
@@ -74,51 +91,71 @@ class ConstraintFunction(Spec):
 
 
 class FrontSpec(Spec):
-    """of: names of objectives; points: designs asked for between the ends."""
+    """The trade-off between objectives."""
 
     of: list[str] = Field(min_length=2)
+    """Names of the objectives."""
     points: PositiveInt = 23
+    """Number of designs between the ends."""
 
 
 class TaskSpec(Spec):
-    """Goals that one design is to reach, each with an actuation of its own. relative_to: the frame, or where each
-    design rests; force: on the effectors at all goals; weights: of effector rows."""
+    """Goals that one design has to reach, each with its own actuation."""
 
     goals: LengthMatrix
+    """Goals of the effectors, one row per goal."""
     relative_to: Literal["frame", "rest"] = "frame"
+    """What goals are measured from: the frame, or where each design rests."""
     force: Forces | None = None
+    """Force on the effectors at all goals."""
     weights: list[Weight] | None = None
+    """Weight of each effector row."""
     starts: PositiveInt = 4
+    """Number of starts of the search."""
 
 
 class DesignSpec(Spec):
-    """model: folder of a model that takes parameters; scene, mesh: where designs rest, their volumes, and finite
-    elements to verify by. vary: all parameters unless given; fixed: values of the others, the scene's unless given.
-    blends: weights of normalised objectives, each blend with a best design of its own. constraints: inequalities of
-    parameters (numbers in their units, mm and MPa) and of `volume` (mm^3), or functions; largest_force: of any
-    actuator. grid: points along each parameter. verify: the best designs and the front's corners, or all of the front,
-    by finite elements. cad: also write each best design as STEP, and as STL for printing; controller: and its
-    controller in C."""
+    """Which designs to look for, what they are judged by, and how they are checked."""
 
     model: Path
+    """Folder of a model that takes parameters."""
     out: Path
+    """Folder for the result."""
     scene: Path | None = None
+    """Scene: where designs rest, their volumes, and the finite elements to verify with."""
     mesh: Path | None = None
+    """Mesh of the scene."""
     actuation: ActuationSpec | None = None
+    """Actuation at which every design is judged."""
     vary: list[str] | None = Field(None, min_length=1)
+    """Parameters to vary. All unless given."""
     fixed: dict[str, Value] = {}
+    """Values of the other parameters. The scene's unless given."""
     objectives: dict[Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")], Objective] = {}
+    """What is to be best, by a name."""
     blends: dict[str, dict[str, Weight]] = {}
+    """Weights of normalised objectives. Each blend has its own best design."""
     front: FrontSpec | None = None
+    """Trade-off between objectives."""
     task: TaskSpec | None = None
+    """Goals that one design has to reach."""
     constraints: dict[str, str | ConstraintFunction] = {}
+    """Inequalities of parameters (numbers in mm and MPa) and of `volume` (mm^3), or functions."""
     largest_force: Force | None = Field(None, gt=0)
+    """Largest force of any actuator."""
     grid: PositiveInt | list[PositiveInt] = 8
+    """Points along each parameter."""
     starts: PositiveInt = 3
+    """Number of starts of the gradient search."""
     verify: Literal["fe", "fe-front", "no"] = "no"
+    """What to check with finite elements: fe, the best designs and the corners of the front; fe-front, all of the
+    front."""
     figures: bool = True
+    """Whether to draw figures."""
     cad: bool = False
+    """Whether to write each best design as STEP, and as STL for printing."""
     controller: CSpec | None = None
+    """Write the controller of each best design in C."""
 
     @model_validator(mode="after")
     def _names(self) -> "DesignSpec":

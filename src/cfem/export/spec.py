@@ -13,57 +13,74 @@ Format = Literal["arrays", "onnx", "torchscript", "c"]
 
 
 class ControllerSpec(Spec):
-    """The controller around the model, on one robot. Displacements are mm of cables and mm^3 of chambers, forces N
-    and MPa.
-
-    command: what the drives take; observer: of where the actuators stand (measured by a sensor; previous_step: the
-    last linearisation, the paper's; equilibrium: the model under the last command, by Newton's method); iterations:
-    model and program within a tick; step: farthest that an actuator moves in a linearisation; halvings: lengths of
-    step tried, each half the last, until the model says that it leads nearer to the goal, 0 takes it unseen, as the
-    paper does; tolerance: a smaller move of every actuator is not made; rate, force_rate: by which the command may
-    change in a tick; unilateral: actuators pull and do not push; largest_force: of any actuator; regularisation: what
-    full course costs relative to missing by the robot's length; damping: what a move by full course in a tick costs,
-    which keeps redundant actuators from wandering; weights: of effector rows; K_P, K_I: gains on the
-    measured error, per tick; integral_limit: longest that K_I sum(e) becomes; start: where the actuators stand at
-    first, 0 unless given."""
+    """The controller around the model, on one robot. Displacements are mm of cables and mm^3 of chambers; forces are N
+    and MPa."""
 
     command: Literal["displacement", "force"] = "displacement"
+    """What the drives take."""
     observer: Literal["measured", "previous_step", "equilibrium"] = "previous_step"
+    """Where the actuators stand: measured by a sensor; previous_step, the last linearisation, as in the paper;
+    equilibrium, the model under the last command, by Newton's method."""
     iterations: Annotated[int, Field(ge=1, le=50)] = 1
+    """Model queries and programs per tick."""
     halvings: Annotated[int, Field(ge=0, le=20)] = 8
+    """Lengths of step tried, each half the last, until the model says that a step leads nearer to the goal. 0 takes the
+    full step, as the paper does."""
     tolerance: Course = 1e-5
+    """A smaller move of every actuator is not made."""
     step: Course = 5.0
+    """Farthest that an actuator moves in one linearisation."""
     rate: Course | None = None
+    """Largest change of a displacement command per tick. No limit unless given."""
     force_rate: Effort | None = None
+    """Largest change of a force command per tick. No limit unless given."""
     unilateral: bool = True
+    """Whether actuators pull and do not push."""
     largest_force: Effort | None = None
+    """Largest force of any actuator."""
     regularisation: float = Field(1e-10, gt=0)
+    """Cost of a full stroke relative to missing the goal by the robot's length."""
     damping: float = Field(0.0, ge=0)
+    """Cost of a full stroke in one tick. It keeps redundant actuators from wandering."""
     weights: list[Annotated[float, Field(ge=0)]] | None = None
+    """Weight of each effector row."""
     K_P: float = Field(0.01, ge=0)
+    """Proportional gain on the measured error, per tick."""
     K_I: float = Field(0.002, ge=0)
+    """Integral gain on the measured error, per tick."""
     integral_limit: Length = 10.0
+    """Largest length of the integral part."""
     start: LengthVector | VolumeVector | None = None
+    """Displacements of the actuators at the start; 0 unless given."""
 
 
 class CSpec(Spec):
-    """C99 for firmware. scalar: of the model, the program is always solved in double; hidden_weights: of a network's
-    hidden layers, as the scalar or as 16-bit integers; full: also the energy and W_ee, which control does not use;
-    parameters: values of the model's parameters, the scene's own unless given; vectors: of the self-test."""
+    """C99 for firmware."""
 
     scalar: Literal["double", "float"] = "double"
+    """Number type of the model. The program is always solved in double."""
     hidden_weights: Literal["scalar", "int16"] = "scalar"
+    """Number type of a network's hidden layers: as scalar, or 16-bit integers."""
     full: bool = False
+    """Whether to write the energy and W_ee too, which control does not use."""
     parameters: dict[str, Value] = {}
+    """Values of the model's parameters. The scene's own unless given."""
     vectors: PositiveInt = 100
+    """Number of vectors of the self-test."""
     controller: ControllerSpec = ControllerSpec()
+    """The controller around the model."""
 
 
 class ExportSpec(Spec):
-    """model: folder of `cfem train`; scene: for the format c, whose stated pressures bound the multipliers."""
+    """Which trained model to write, in which formats."""
 
     model: Path
+    """Folder of `cfem train`."""
     scene: Path | None = None
+    """For format c: the scene whose stated pressures bound the multipliers."""
     out: Path
+    """Folder for the files."""
     formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")
+    """Formats to write."""
     c: CSpec = CSpec()
+    """Settings of format c."""

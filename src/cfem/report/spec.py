@@ -12,13 +12,16 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class MeshCase(Spec):
-    """A mesh: even (size; sizes near refined places shrink in the same proportion) or graded (cells). radius: of all
-    attachments, in the place of the scene's; 0 attaches to mathematical points."""
+    """A mesh: even (size; sizes near refined places shrink in the same proportion) or graded (cells)."""
 
     element: Literal["tet4", "tet10", "tet10p0", "hex8"]
+    """Type of the elements."""
     size: Length | None = None
+    """Largest size of a cell."""
     cells: int | None = Field(default=None, ge=100)
+    """About how many tetrahedra, graded."""
     radius: Length | None = Field(default=None, ge=0)
+    """Radius of all attachments in the place of the scene's; 0 attaches to mathematical points."""
 
     @model_validator(mode="after")
     def _one(self):
@@ -28,36 +31,48 @@ class MeshCase(Spec):
 
 
 class Discretisation(Spec):
-    """Meshes judged by a finer one. poisson: ratios to repeat it at, the scene's own by default; tolerances: of the
-    solver, tried on the scene's own mesh; states: shares of a pull on all actuators."""
+    """A study of meshes, judged by a finer one."""
 
     cases: list[MeshCase] = Field(min_length=1)
+    """Meshes to judge."""
     reference: MeshCase
+    """The finer mesh."""
     poisson: list[Annotated[float, Field(ge=0, lt=0.5)]] = []
+    """Poisson's ratios to repeat the study at. The scene's own unless given."""
     tolerances: list[PositiveFloat] = []
+    """Tolerances of the solver, tried on the scene's own mesh."""
     states: list[list[Share]] = Field(min_length=1)
+    """States to solve: shares of a pull on all actuators."""
 
 
 class Published(Spec):
-    """Figures from the literature to stand beside ours; each optional."""
+    """Figures from the literature to show beside ours."""
 
     source: str
+    """Where the figures come from."""
     samples: PositiveInt | None = None
+    """Number of training samples."""
     loss: PositiveFloat | None = None
+    """Loss of the model."""
     query_us: PositiveFloat | None = None
+    """Time of one query in microseconds."""
     tracking_percent: PositiveFloat | None = None
+    """Tracking error in percent of the robot's length."""
 
 
 class SurrogateScene(Spec):
-    """Models of one robot to compare. models: folders of `cfem train` by name; default: the one that users get unless
-    they ask for another; samples: the dataset whose test states judge whether a flagged query deserves its flag;
-    beyond: one whose states out of the actuators' reach serve the same end."""
+    """Models of one robot to compare."""
 
     models: dict[str, Path] = Field(min_length=1)
+    """Folders of `cfem train` by name."""
     default: str | None = None
+    """The model that users get unless they ask for another."""
     samples: Path | None = None
+    """Dataset whose test states judge whether a flagged query deserves its flag."""
     beyond: Path | None = None
+    """Dataset whose states lie out of the actuators' reach, for the same purpose."""
     published: Published | None = None
+    """Figures from the literature."""
 
     @model_validator(mode="after")
     def _default_is_known(self):
@@ -67,32 +82,45 @@ class SurrogateScene(Spec):
 
 
 class SizedMesh(Spec):
-    """One mesh of the same robot: the artefact, a model of its samples, and control of it."""
+    """One mesh of the same robot."""
 
     mesh: Path
+    """Folder of the mesh."""
     model: Path
+    """Folder of a model of its samples."""
     control: Path
+    """Folder of a control run with it."""
     published: Published | None = None
+    """Figures from the literature."""
 
 
 class ReportSpec(Spec):
-    """scene: what the page is about; mesh, samples, control: artefacts of the stages; models: folders of `cfem train`
-    by name; discretisation: a study of meshes. surrogates: models of several robots by the robots' names; sampling:
-    folders of `cfem train` by method of sampling and model, to compare methods; meshes: models and control of one robot
-    by mesh. loops: artefacts of `cfem control` with a loop, by a name. A page holds what is given."""
+    """Which artefacts the page shows. It holds what is given."""
 
     scene: Path | None = None
+    """The robot's scene.yaml."""
     mesh: Path | None = None
+    """Folder of its mesh."""
     samples: Path | None = None
+    """Folder of its dataset."""
     models: dict[str, Path] = {}
+    """Folders of `cfem train` by name."""
     control: Path | None = None
+    """Folder of `cfem control`."""
     out: Path
+    """Folder for the page."""
     discretisation: Discretisation | None = None
+    """A study of meshes."""
     published: Published | None = None
+    """Figures from the literature."""
     surrogates: dict[str, SurrogateScene] = {}
+    """Models of several robots by the robots' names."""
     sampling: dict[str, dict[str, list[Path]]] = {}
+    """Folders of `cfem train` by method of sampling and model, to compare methods."""
     meshes: dict[str, SizedMesh] = {}
+    """Models and control of one robot by mesh."""
     loops: dict[str, Path] = {}
+    """Folders of `cfem control` with a loop, by name."""
 
     @model_validator(mode="after")
     def _whole(self):

@@ -15,28 +15,36 @@ def _either(one: str, other: str) -> ConfigDict:
 
 
 class Route(Spec):
-    """A straight way along a soft finger, at x and y: through its segments, seen at their sloped faces."""
+    """A straight way along a soft finger, through its segments."""
 
     x: Length
+    """Coordinate x of the cable."""
     y: Length
+    """Coordinate y of the cable."""
 
 
 class Cable(Spec):
-    """A cable through points of the body, from a fixed pull point where one is given. points; or route, along a soft
-    finger, whose points then move with its design. reach: its smallest and largest shortening. radius: of the region
-    through which each point acts, 0 for a mathematical point. unilateral: it can pull and cannot push. body: the part,
-    or named group of cells, that all its points belong to."""
+    """A cable through points of the body. Give its points or, on a soft finger, a route."""
 
     model_config = _either("points", "route")
     kind: Literal["cable"]
+    """A cable."""
     name: Name
+    """Name of the cable."""
     points: Points | None = None
+    """Points of the body that the cable runs through, from the pull point on."""
     route: Route | None = None
+    """Straight way along a soft finger. Its points move with the design."""
     pull_point: Point | None = None
+    """Fixed point outside the body from which the cable is pulled."""
     radius: Length = Field(default=2.0, ge=0)
+    """Radius of the region through which each point acts; 0 for a mathematical point."""
     reach: LengthRange
+    """Smallest and largest shortening."""
     unilateral: bool = True
+    """Whether the cable can only pull and not push."""
     body: str | None = None
+    """Part, or named group of cells, that all points belong to."""
 
     @model_validator(mode="after")
     def _ordered(self):
@@ -46,19 +54,23 @@ class Cable(Spec):
 
 
 class Cavity(Spec):
-    """A chamber, driven by the growth of its volume against a pressure. inside: a point in the void, which must be
-    closed on all sides; or surface: the name of a facet set of the mesh file. reach: smallest and largest growth;
-    pressure: smallest and largest pressure, between which sample.yaml can draw. unilateral: it can push and cannot
-    suck."""
+    """A chamber, driven by the growth of its volume against a pressure. Give a point inside or a surface."""
 
     model_config = _either("inside", "surface")
     kind: Literal["cavity"]
+    """A chamber with walls that deform."""
     name: Name
+    """Name of the chamber."""
     inside: Point | None = None
+    """A point in the void. The void must be closed on all sides."""
     surface: str | None = None
+    """Name of a facet set of the mesh file."""
     reach: VolumeRange
+    """Smallest and largest growth of the volume."""
     pressure: StressRange | None = None
+    """Smallest and largest pressure, between which sample.yaml can draw."""
     unilateral: bool = False
+    """Whether the chamber can only push and not suck."""
 
     @model_validator(mode="after")
     def _ordered(self):
@@ -69,17 +81,22 @@ class Cavity(Spec):
 
 
 class Chambers(Spec):
-    """Chambers of one module of a stiff-flop that share a pressure, driven by the growth of their volume. module: 1 at
-    the base; chambers: their numbers, 0 to 5. reach: smallest and largest growth; pressure: smallest and largest
-    pressure, between which sample.yaml can draw. unilateral: they can push and cannot suck."""
+    """Chambers of one module of a stiff-flop that share a pressure, driven by the growth of their volume."""
 
     kind: Literal["chambers"]
+    """Chambers of a stiff-flop."""
     name: Name
+    """Name of this group of chambers."""
     module: PositiveInt
+    """Number of the module, 1 at the base."""
     chambers: list[Annotated[int, Field(ge=0, le=5)]] = Field(min_length=1)
+    """Numbers of the chambers, 0 to 5."""
     reach: VolumeRange
+    """Smallest and largest growth of the volume."""
     pressure: StressRange | None = None
+    """Smallest and largest pressure, between which sample.yaml can draw."""
     unilateral: bool = True
+    """Whether the chambers can only push and not suck."""
 
     @model_validator(mode="after")
     def _ordered(self):
@@ -94,29 +111,38 @@ Actuator = Annotated[Cable | Cavity | Chambers, Field(discriminator="kind")]
 
 
 class Contact(Spec):
-    """A point of the body that something may touch, through a region of `radius`: three rows, x, y and z. body: the
-    part, or named group of cells, that it belongs to."""
+    """A point of the body that something may touch. It has three rows: x, y and z."""
 
     name: Name
+    """Name of the point."""
     point: Point
+    """Place of the point."""
     radius: Length = Field(default=2.0, ge=0)
+    """Radius of the region through which it acts."""
     body: str | None = None
+    """Part, or named group of cells, that the point belongs to."""
 
 
 class Effector(Spec):
-    """A watched point, or the mean of several `points`, or the point `at` a place that the geometry names: the tip of a
-    soft finger, which moves with its design. One that lies outside the body is carried by the best-fit rigid
-    motion of what lies within carrier_radius of it. orientation: its rotation vector is watched too, rows rx, ry, rz.
-    body: the part, or named group of cells, that it belongs to."""
+    """A watched point. Give a point, or points whose mean is watched, or a place that the geometry names. A point
+    outside the body is carried by the rigid motion that fits the body near it best."""
 
     name: Name
+    """Name of the effector."""
     point: Point | None = None
+    """Place of the effector."""
     points: Points | None = None
+    """Points whose mean is watched."""
     at: Literal["tip"] | None = None
+    """A place that the geometry names: the tip of a soft finger, which moves with its design."""
     radius: Length = Field(default=2.0, ge=0)
+    """Radius of the region over which the motion is averaged."""
     carrier_radius: Length = Field(default=10.0, gt=0)
+    """For a point outside the body: what lies within this distance carries it."""
     orientation: bool = False
+    """Whether its rotation vector is watched too: rows rx, ry, rz."""
     body: str | None = None
+    """Part, or named group of cells, that the effector belongs to."""
 
     @model_validator(mode="after")
     def _placed(self):
@@ -130,13 +156,16 @@ class Effector(Spec):
 
 
 class Load(Spec):
-    """A constant force on a point of the body, through a region of `radius`; it keeps its direction. body: the part, or
-    named group of cells, that the point belongs to."""
+    """A constant force on a point of the body. It keeps its direction."""
 
     point: Point
+    """Where the force acts."""
     force: ForceVector
+    """The force along x, y and z."""
     radius: Length = Field(default=2.0, ge=0)
+    """Radius of the region through which it acts."""
     body: str | None = None
+    """Part, or named group of cells, that the point belongs to."""
 
 
 def _demand_order(what: str, ends, name: str = "reach") -> None:

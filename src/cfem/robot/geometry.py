@@ -12,42 +12,58 @@ from cfem.robot.selection import Direction
 
 
 class SoftFinger(Spec):
-    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025); defaults are the paper's.
-    plateau: length over which a bellow has its largest radius; wall: of a bellow around its cavity; centre_wall:
-    between its two halves, 0 for one cavity; cork: what fills it from y = 0 up."""
+    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025). Defaults are the paper's."""
 
     kind: Literal["soft-finger"]
+    """The soft finger of the paper."""
     segment_length: Length = Field(default=40.0, gt=0)
+    """Length of each segment."""
     height: Length = Field(default=20.0, gt=0)
+    """Height of a segment."""
     joint_height: Length = Field(default=6.0, gt=0)
+    """Height of the joint between two segments."""
     thickness: Length = Field(default=17.5, gt=0)
+    """Thickness of the finger."""
     slope: Angle = Field(default=pi / 4, gt=0, lt=pi / 2)
+    """Angle of the sloped faces of a bellow."""
     plateau: Length = Field(default=0.0, ge=0, lt=8)
+    """Length over which a bellow has its largest radius."""
     wall: Length = Field(default=3.5, gt=0)
+    """Thickness of a bellow's wall around its cavity."""
     centre_wall: Length = Field(default=3.0, ge=0)
+    """Thickness of the wall between the two halves of a cavity; 0 for one cavity."""
     cork: Length = Field(default=4.0, ge=0)
+    """Height from y = 0 up to which the cavity is filled."""
 
 
 class Bar(Spec):
     """A bar along x from the origin, centred on the x axis."""
 
     kind: Literal["bar"]
+    """A straight bar."""
     length: Length = Field(default=60.0, gt=0)
+    """Length along x."""
     width: Length = Field(default=10.0, gt=0)
+    """Width along y."""
     height: Length = Field(default=10.0, gt=0)
+    """Height along z."""
 
 
 class Diamond(Spec):
-    """Four legs with knees, from a base up to a platform (after Menager et al. 2023). width: of base, legs and
-    platform; hinge_thickness: of a leg at its root; knee_distance: of the knees' outer sides from the z axis;
-    height: of all, from z = -37 mm up."""
+    """Four legs with knees, from a base up to a platform (after Menager et al. 2023)."""
 
     kind: Literal["diamond"]
+    """The diamond robot."""
     width: Length = Field(default=30.0, gt=0)
+    """Width of base, legs and platform."""
     leg_thickness: Length = Field(default=13.5, gt=0)
+    """Thickness of a leg."""
     hinge_thickness: Length = Field(default=9.0, gt=0)
+    """Thickness of a leg at its root. Smaller than leg_thickness."""
     knee_distance: Length = Field(default=97.0, gt=0)
+    """Distance of the knees' outer sides from the z axis."""
     height: Length = Field(default=163.0, gt=0)
+    """Height of the whole robot, from z = -37 mm up."""
 
     @model_validator(mode="after")
     def _possible(self):
@@ -57,17 +73,24 @@ class Diamond(Spec):
 
 
 class Trunk(Spec):
-    """A tapered trunk from z = 0 up, its disks joined by necks (after Menager et al. 2023). widths: across flats;
-    neck: width of a neck relative to that of a disk there; pitch: from disk to disk."""
+    """A tapered trunk from z = 0 up. Necks join its disks (after Menager et al. 2023)."""
 
     kind: Literal["trunk"]
+    """The trunk robot."""
     length: Length = Field(default=195.0, gt=0)
+    """Length along z."""
     base_width: Length = Field(default=26.0, gt=0)
+    """Width across flats at the base."""
     tip_width: Length = Field(default=12.0, gt=0)
+    """Width across flats at the tip."""
     neck: float = Field(default=0.63, gt=0, le=1)
+    """Width of a neck relative to that of a disk there."""
     disks: PositiveInt = 10
+    """Number of disks."""
     pitch: Length = Field(default=17.5, gt=0)
+    """Distance from disk to disk."""
     disk_thickness: Length = Field(default=6.0, gt=0)
+    """Thickness of a disk. Smaller than pitch."""
 
     @model_validator(mode="after")
     def _possible(self):
@@ -77,18 +100,25 @@ class Trunk(Spec):
 
 
 class StiffFlop(Spec):
-    """Modules in a row from x = 0 along x, with a bore and, around it, six chambers along each module; circles are
-    polygons of twelve sides. Chamber k lies at k times 60 deg from the y axis towards z. Its sections do not deform, as
-    with a reinforcement of fibres around it (the STIFF-FLOP trunk of Navez, Menager et al. 2025; defaults are theirs).
-    It is meshed into slices of mesh.size along x."""
+    """Modules in a row from x = 0 along x, each with a bore and six chambers around it (the STIFF-FLOP trunk of Navez,
+    Menager et al. 2025). Chamber k lies at k times 60 deg from the y axis towards z. Circles are polygons of twelve
+    sides. The sections do not deform, as with fibres around the body. The robot is meshed into slices of mesh.size
+    along x. Defaults are the paper's."""
 
     kind: Literal["stiff-flop"]
+    """The pneumatic trunk of one or more modules."""
     modules: PositiveInt = 2
+    """Number of modules."""
     module_length: Length = Field(default=55.0, gt=0)
+    """Length of one module."""
     radius: Length = Field(default=5.75, gt=0)
+    """Outer radius."""
     bore_radius: Length = Field(default=2.25, gt=0)
+    """Radius of the bore."""
     chamber_radius: Length = Field(default=0.75, gt=0)
+    """Radius of a chamber."""
     chamber_circle: Length = Field(default=4.0, gt=0)
+    """Radius of the circle on which the chambers' centres lie."""
 
     @model_validator(mode="after")
     def _possible(self):
@@ -99,58 +129,73 @@ class StiffFlop(Spec):
 
 
 class MeshFile(Spec):
-    """A mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh) or closed surface (.stl) of the user's own, its numbers in
-    `unit`."""
+    """The user's own mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh), or closed surface (.stl)."""
 
     kind: Literal["mesh-file"]
+    """A mesh or surface from a file."""
     path: Path
+    """The file, relative to this spec."""
     unit: Length = Field(default=1.0, gt=0)
+    """Size of one unit of the file's numbers, such as '1 mm' or '25.4 mm'."""
 
 
 class StepFile(Spec):
-    """A solid in a STEP file, whose units it states itself."""
+    """A solid in a STEP file. The file states its own units."""
 
     kind: Literal["step"]
+    """A solid from a STEP file."""
     path: Path
+    """The file, relative to this spec."""
 
 
 Single = SoftFinger | Bar | Diamond | Trunk | StiffFlop | MeshFile | StepFile
 
 
 class Refinement(Spec):
-    """A finer mesh size within a box, blending into the rest over `blend`."""
+    """A finer mesh size within a box."""
 
     corners: Points
+    """Two opposite corners of the box."""
     size: Length = Field(gt=0)
+    """Largest size of a cell in the box."""
     blend: Length = Field(default=6.0, ge=0)
+    """Distance over which the size grows to that of the rest."""
 
 
 class Turn(Spec):
-    """A rotation by `angle` about the line through the origin along `axis`, by the right-hand rule."""
+    """A rotation about a line through the origin, by the right-hand rule."""
 
     axis: Direction
+    """Direction of the line."""
     angle: Angle
+    """Angle of the rotation."""
 
 
 class Part(Spec):
-    """One body of several: its geometry turned by `rotate` about its own origin and then moved by `translate`. size:
-    of its mesh, in the place of mesh.size. refine: in the part's own coordinates, those of its geometry before it is
-    placed, so that equal parts have equal meshes. All else in a scene is in the scene's coordinates."""
+    """One body of several. Its geometry is turned by `rotate` about its own origin, then moved by `translate`."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    """Name of the part, and of its cells, nodes and facets."""
     geometry: Annotated[Single, Field(discriminator="kind")]
+    """Shape of the part."""
     rotate: Turn | None = None
+    """Rotation about the part's own origin."""
     translate: Point | None = None
+    """Movement after the rotation."""
     size: Annotated[Length, Field(gt=0)] | None = None
+    """Largest size of a cell of this part, in the place of mesh.size."""
     refine: list[Refinement] = []
+    """Boxes of finer tetrahedra, in the part's own coordinates before it is placed."""
 
 
 class Assembly(Spec):
-    """Several bodies, each meshed on its own. The name of a part is that of its cells, nodes and facets; a set `end` of
-    its mesh file is `part.end`. Touching parts are not joined, unless by a rigid group."""
+    """Several bodies, each meshed on its own. A set `end` of a part's mesh file is named `part.end`. Parts that touch
+    are not joined, unless a rigid group joins them."""
 
     kind: Literal["assembly"]
+    """Several bodies."""
     parts: list[Part] = Field(min_length=1)
+    """The bodies."""
 
     @field_validator("parts")
     @classmethod

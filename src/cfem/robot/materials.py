@@ -21,12 +21,16 @@ MaybeDensity = Annotated[Density, Field(gt=0)] | None
 
 
 class Elastic(Spec):
-    """A hyperelastic material by its Young's modulus. density: needed under gravity only."""
+    """A hyperelastic material by its Young's modulus."""
 
     law: Literal["neo-hookean", "neo-hookean-log", "corotational", "st-venant-kirchhoff"] = "neo-hookean"
+    """The energy of the material."""
     young: Stress = Field(gt=0)
+    """Young's modulus."""
     poisson: Poisson
+    """Poisson's ratio, from 0 to 0.4999."""
     density: MaybeDensity = None
+    """Density. Needed under gravity only."""
 
     @property
     def shape(self) -> None:
@@ -35,14 +39,19 @@ class Elastic(Spec):
 
 
 class MooneyRivlin(Spec):
-    """Mooney-Rivlin rubber, c10 (I1 - 3) + c01 (I2 - 3) of isochoric invariants, and a volumetric part; shear modulus
-    2 (c10 + c01)."""
+    """Mooney-Rivlin rubber: c10 (I1 - 3) + c01 (I2 - 3) of isochoric invariants, and a volumetric part. The shear
+    modulus is 2 (c10 + c01)."""
 
     law: Literal["mooney-rivlin"]
+    """Mooney-Rivlin rubber."""
     c10: Stress
+    """Constant of the first invariant."""
     c01: Stress
+    """Constant of the second invariant."""
     poisson: Poisson
+    """Poisson's ratio, from 0 to 0.4999."""
     density: MaybeDensity = None
+    """Density. Needed under gravity only."""
 
     @model_validator(mode="after")
     def _stiff(self):
@@ -66,14 +75,19 @@ class MooneyRivlin(Spec):
 
 
 class Ogden(Spec):
-    """Ogden rubber, sum of mu_i / alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) of isochoric principal
-    stretches l, and a volumetric part; shear modulus sum of mu_i alpha_i / 2."""
+    """Ogden rubber: the sum of mu_i / alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) of isochoric principal
+    stretches l, and a volumetric part. The shear modulus is the sum of mu_i alpha_i / 2."""
 
     law: Literal["ogden"]
+    """Ogden rubber."""
     mu: StressVector
+    """Modulus of each term."""
     alpha: list[float] = Field(min_length=1)
+    """Exponent of each term, as many as mu."""
     poisson: Poisson
+    """Poisson's ratio, from 0 to 0.4999."""
     density: MaybeDensity = None
+    """Density. Needed under gravity only."""
 
     @model_validator(mode="after")
     def _stiff(self):
@@ -116,12 +130,13 @@ MaterialSpec = Annotated[
 
 
 class MaterialRegion(Spec):
-    """Another material for the cells whose centroid lies in `region`, or for a named cell set. Meshes that are made
-    here (not read from a file, nor within an .stl) conform to a box, so that no cell straddles its faces; hexahedra, if
-    the box is not askew to the bar."""
+    """Another material for a part of the body. Meshes that cfem makes conform to a box, so that no cell straddles its
+    faces. Exceptions are meshes of an .stl, and hexahedra where the box is askew to the bar."""
 
     region: Selection
+    """The cells whose centroid lies in this region, or a named cell set."""
     material: MaterialSpec
+    """Material of these cells."""
 
     @model_validator(mode="after")
     def _solid(self):

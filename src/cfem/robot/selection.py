@@ -24,7 +24,9 @@ class Box(Spec):
     """All points between two opposite corners."""
 
     kind: Literal["box"]
+    """A box."""
     corners: Points
+    """Two opposite corners."""
 
     @property
     def low(self) -> np.ndarray:
@@ -39,23 +41,31 @@ class Sphere(Spec):
     """All points within a ball."""
 
     kind: Literal["sphere"]
+    """A ball."""
     centre: Point
+    """Centre of the ball."""
     radius: Length
+    """Radius of the ball."""
 
 
 class Plane(Spec):
-    """All points on or beyond a plane, on the side that `normal` points to."""
+    """All points on a plane or beyond it."""
 
     kind: Literal["plane"]
+    """A half space."""
     point: Point
+    """A point of the plane."""
     normal: Direction
+    """Direction, x, y and z, in which the selected side lies."""
 
 
 class Named(Spec):
     """A node, facet or cell set of the mesh: a physical group of the mesh file, or a part of an assembly."""
 
     kind: Literal["name"]
+    """A set by its name."""
     name: str
+    """Name of the set."""
 
 
 Shape = Box | Sphere | Plane

@@ -16,46 +16,61 @@ from cfem.robot.selection import Selection
 
 
 class Meshing(Spec):
-    """element: linear (tet4), quadratic (tet10), or quadratic tetrahedra with one pressure an element (tet10p0: never
-    locks); hexahedra (hex8) of a bar, or of a mesh file that holds them. A stiff-flop, of rigid sections, is a
-    geometrically exact rod (beam), or hexahedra between the sections: hex8-full, whose shear locks, or hex8-reduced;
-    with hex8 it is a solid whose chambers are wound by hoops that keep their shape, one a section, and whose modules
-    end in rigid plates. size: the largest. refine: boxes of finer tetrahedra. cells: about how many tetrahedra; they
-    are then graded, finest where W needs it. mirror: the axis across which the body is its own mirror image: one half
-    is meshed, and W is as symmetric as the body."""
+    """How the body is meshed."""
 
     size: Length = Field(gt=0)
+    """Largest size of a cell."""
     cells: int | None = Field(default=None, ge=100)
+    """About how many tetrahedra to make. They are graded: finest where W needs it."""
     refine: list[Refinement] = []
+    """Boxes of finer tetrahedra."""
     mirror: Literal["x", "y", "z"] | None = None
+    """Axis across which the body is its own mirror image. One half is meshed, so that W is as symmetric as the body."""
     element: Literal["tet4", "tet10", "tet10p0", "hex8", "hex8-full", "hex8-reduced", "beam"] = "tet10p0"
+    """tet10p0: quadratic tetrahedra with one pressure per element, which never lock. tet4, tet10: linear and quadratic
+    tetrahedra. hex8: hexahedra of a bar, of a mesh file, or of a stiff-flop as a solid with hoops around its chambers.
+    beam: a stiff-flop as a geometrically exact rod. hex8-full, hex8-reduced: a stiff-flop as hexahedra between rigid
+    sections; hex8-full locks in shear."""
 
 
 class Gravity(Spec):
-    """The weight of everything; each material then needs its density."""
+    """The weight of everything. Each material then needs its density."""
 
     acceleration: AccelerationVector
+    """Acceleration along x, y and z."""
 
 
 class SceneSpec(Spec):
-    """The whole robot. length: what '% of length' refers to. out: the mesh artefact folder. materials: regions of
-    another material, of which later ones win. rigid: groups of nodes that each move as one rigid body. contacts: points
-    that something may touch. loads: constant forces."""
+    """The whole robot: geometry, mesh, material, what holds it, what drives it, what is watched."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
+    """Name of the robot: small letters, digits and hyphens."""
     out: Path
+    """Folder for the mesh that `cfem mesh` makes."""
     length: Length = Field(gt=0)
+    """Length of the robot, to which '% of length' refers."""
     geometry: Geometry
+    """Shape of the robot."""
     mesh: Meshing
+    """How the body is meshed."""
     material: MaterialSpec
+    """Material of the body."""
     materials: list[MaterialRegion] = []
+    """Regions of another material. Later regions win."""
     fixed: list[Selection] = Field(min_length=1)
+    """What is held: regions or named sets of nodes that do not move."""
     rigid: list[Selection] = []
+    """Groups of nodes that each move as one rigid body."""
     gravity: Gravity | None = None
+    """Gravity, none unless given."""
     loads: list[Load] = []
+    """Constant forces."""
     actuators: list[Actuator] = Field(min_length=1)
+    """What drives the robot: cables and chambers."""
     contacts: list[Contact] = []
+    """Points that something may touch."""
     effectors: list[Effector] = Field(min_length=1)
+    """What is watched and controlled."""
 
     @model_validator(mode="after")
     def _names(self):

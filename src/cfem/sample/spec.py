@@ -10,13 +10,15 @@ from cfem.core.units import AngleRanges, Force, Length, LengthRanges
 
 
 class SplitSpec(Spec):
-    """One set of states. In `random` and `scrambled-halton` row i depends on the seed and on i alone, so that more rows
-    extend a set; in `grid` (ends included; rows = k^(actuators + parameters)) and `latin-hypercube` it depends on their
-    number too."""
+    """One set of states. With `random` and `scrambled-halton`, row i depends on the seed and on i alone, so that more
+    rows extend a set. With `grid` and `latin-hypercube` it depends on the number of rows too."""
 
     rows: int = Field(ge=1, le=10_000_000)
+    """Number of states. For a grid: k^(actuators + parameters)."""
     method: Literal["scrambled-halton", "random", "grid", "latin-hypercube"]
+    """How the states are drawn. A grid includes the ends."""
     seed: int = Field(0, ge=0, lt=2**63)
+    """Seed of the random numbers. Train and test need different seeds."""
 
 
 def _two(given: Any) -> Any:
@@ -31,12 +33,12 @@ _RANGE = {"anyOf": [_PAIR, {"type": "object", "minProperties": 1, "maxProperties
 
 
 class ParameterSpec(Spec):
-    """A number of the scene that differs from row to row. key: its path there, 'material.poisson' or
-    'actuators.0.radius'. range: its smallest and largest value, as the scene would have them: [0.40, 0.49],
-    ['1000 kPa', '10000 kPa'] or {kPa: [1000, 10000]}."""
+    """A number of the scene that differs from row to row."""
 
     key: str = Field(min_length=1)
+    """Its path in the scene: 'material.poisson' or 'actuators.0.radius'."""
     range: Annotated[Any, AfterValidator(_two), WithJsonSchema(_RANGE)]
+    """Smallest and largest value: [0.40, 0.49], ['1000 kPa', '10000 kPa'] or {kPa: [1000, 10000]}."""
 
     @property
     def ends(self) -> tuple[str, str]:
@@ -48,30 +50,37 @@ class ParameterSpec(Spec):
 
 
 class Until(Spec):
-    """Sampling until a model knows the robot: the training split is then a pool, of which `first` rows are solved, and
-    after them batches of `batch` rows where a spectral model of the states so far errs most, until its effectors were
-    within `error` of FE at all rows of two batches in a row, before it had seen them, or `largest` rows are solved.
-    form, max_terms: of that model, as in train.yaml."""
+    """Sampling until a model knows the robot. The training split is a pool. Its first rows are solved, then batches
+    where a spectral model of the states so far is worst. It ends when, in two batches in a row, the effectors of all
+    new rows were predicted within `error` of FE, or at `largest` rows."""
 
     error: Length = Field(gt=0)
+    """Largest distance of the predicted effectors from FE."""
     first: int = Field(20, ge=8)
+    """Rows solved first."""
     batch: int = Field(10, ge=1)
+    """Rows per batch."""
     largest: int = Field(1000, ge=8)
+    """Largest number of rows."""
     form: Literal["displacement", "force"] = "displacement"
+    """What the model is a function of, as in train.yaml."""
     max_terms: int = Field(1000, ge=1, le=10_000)
+    """Largest number of terms of one series, as in train.yaml."""
 
 
 class ContactSpec(Spec):
-    """All contact points of the scene as one rigid patch, about their mean, whose pose is drawn with the actuators'
-    forces. translation: smallest and largest of x, y, z; rotation: of its rotation vector, left out where the patch
-    cannot turn; force: largest of every actuator, from none on; about_rest: axes whose range is about where the patch
-    would rest in them, were it free there, under the forces and the other coordinates that are drawn (to first order):
-    for directions in which the robot is stiff, where a pose that does not yield to the cables would buckle it."""
+    """All contact points of the scene as one rigid patch, about their mean. Its pose is drawn with the actuators'
+    forces."""
 
     translation: LengthRanges
+    """Smallest and largest displacement of the patch along x, y and z."""
     rotation: AngleRanges | None = None
+    """Smallest and largest rotation vector, x, y and z. Left out where the patch cannot turn."""
     force: Force = Field(gt=0)
+    """Largest force of every actuator. The smallest is 0."""
     about_rest: list[Literal["x", "y", "z", "rx", "ry", "rz"]] = []
+    """Axes whose range is about where the patch would rest if it were free there (to first order). For directions in
+    which the robot is stiff, where a pose that does not yield to the cables would buckle it."""
 
     @model_validator(mode="after")
     def _three_axes(self) -> "ContactSpec":
@@ -84,32 +93,35 @@ class ContactSpec(Spec):
 
 
 class SampleSpec(Spec):
-    """space: 'pulling' draws shares of a pull on all actuators (no actuator ever pushes); 'displacement' draws from the
-    box of actuator displacements, 'force' from the box of the forces (pressures) that the scene's actuators state;
-    'rest' leaves the actuators free, so that only the parameters differ: its designs are those of the other spaces, row
-    by row.
-
-    parameters: numbers of the scene, each by a name, that are drawn with the actuation. Young's modulus of a robot of
-    one material without loads is not: W ~ 1/E and lambda ~ E are exact. third_order: also record dW/dlambda, which
-    energy models learn from; it costs no factorisation.
-
-    contact: instead of a space, draws the actuators' forces and the pose of the patch that holds the contact points.
-
-    skeleton, shard: number of states solved first, from which all others start, and largest number of states in one
-    unit of work. The dataset depends on both to rounding, and on the number of workers not at all."""
+    """Which equilibria `cfem sample` solves, and where it stores them. Young's modulus of a robot of one material
+    without loads need not vary: W ~ 1/E and lambda ~ E are exact."""
 
     scene: Path
+    """The robot's scene.yaml."""
     mesh: Path
+    """Folder of its mesh."""
     out: Path
+    """Folder for the dataset."""
     space: Literal["pulling", "displacement", "force", "rest"] = "pulling"
+    """pulling: shares of a pull on all actuators, so that none pushes. displacement: the box of actuator displacements.
+    force: the box of forces or pressures that the actuators state. rest: actuators free, so that only parameters
+    differ."""
     splits: dict[Literal["train", "test"], SplitSpec] = Field(min_length=1)
+    """The sets of states: train and test."""
     skeleton: int = Field(16, ge=1)
+    """Number of states solved first. All others start from them."""
     shard: int = Field(50, ge=1)
+    """Largest number of states in one unit of work."""
     parameters: dict[Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")], ParameterSpec] = {}
+    """Numbers of the scene, by a name, that are drawn with the actuation."""
     third_order: bool = False
+    """Whether to record dW/dlambda too. Energy models learn from it; it costs no factorisation."""
     until: Until | None = None
+    """Sample until a stated error instead of a stated number of rows."""
     contact: ContactSpec | None = None
-    tolerance: float = Field(1e-10, gt=0, le=1e-6, description="largest relative residual of a converged state")
+    """Draw the actuators' forces and the pose of the patch that holds the contact points, in the place of a space."""
+    tolerance: float = Field(1e-10, gt=0, le=1e-6)
+    """Largest relative residual of a converged state."""
 
     @model_validator(mode="after")
     def _keys_differ(self) -> "SampleSpec":

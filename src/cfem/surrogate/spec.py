@@ -9,14 +9,18 @@ from cfem.core.spec import Spec
 
 
 class SpectralSpec(Spec):
-    """The energy model in Chebyshev polynomials; degrees and weights are chosen by cross-validation. form: what it is
-    a function of, displacements or forces of the actuators; max_terms: of one series."""
+    """The energy model in Chebyshev polynomials. Cross-validation chooses degrees and weights."""
 
     kind: Literal["spectral"]
+    """One potential as a Chebyshev series."""
     form: Literal["displacement", "force"] = "displacement"
+    """What the model is a function of: displacements or forces of the actuators."""
     max_degree: Annotated[int, Field(ge=1, le=40)] = 16
+    """Largest degree of a polynomial."""
     max_terms: Annotated[int, Field(ge=1, le=10_000)] = 2000
+    """Largest number of terms of one series."""
     folds: Annotated[int, Field(ge=2, le=20)] = 5
+    """Number of folds of the cross-validation."""
 
 
 Activation = Literal["relu", "tanh", "silu"]
@@ -25,14 +29,21 @@ PAIR = Field(min_length=2, max_length=2)
 
 
 class MlpRanges(Spec):
-    """What a search varies: least and greatest, or the choices; what is not named keeps the model's value."""
+    """What a search varies. Give the least and the greatest value, or the choices. What is not named keeps the model's
+    value."""
 
     depth: Annotated[list[PositiveInt], PAIR] | None = None
+    """Least and greatest number of hidden layers."""
     width: Annotated[list[PositiveInt], PAIR] | None = None
+    """Least and greatest width of a layer."""
     activation: Annotated[tuple[Activation, ...], Field(min_length=1)] | None = None
+    """Activation functions to try."""
     dropout: Annotated[list[Share], PAIR] | None = None
+    """Least and greatest share of units dropped."""
     learning_rate: Annotated[list[PositiveFloat], PAIR] | None = None
+    """Least and greatest learning rate."""
     batch_size: Annotated[list[PositiveInt], PAIR] | None = None
+    """Least and greatest number of rows per step."""
 
     @model_validator(mode="after")
     def _ordered(self) -> "MlpRanges":
@@ -46,73 +57,101 @@ class MlpRanges(Spec):
 
 
 class MlpSearch(Spec):
-    """A search for the network, judged by validation rows. It ends after `trials`, and begins none after `seconds`;
-    each trial trains for `epochs`, in which its schedule ends too."""
+    """A search for the network, judged by validation rows."""
 
     over: MlpRanges
+    """What the search varies."""
     trials: PositiveInt = 30
+    """Number of networks to try."""
     seconds: PositiveFloat | None = None
+    """No trial begins after this many seconds."""
     epochs: PositiveInt = 200
+    """Epochs of each trial. Its schedule ends with them."""
 
 
 class MlpSpec(Spec):
-    """The paper's network of entries. form: what it is a function of, displacements or forces of the actuators;
-    at_rest: folder of a model of the same robots, whose W and delta_free at rest are then inputs in place of the
-    parameters; depth, width: of its hidden layers; optimiser: muon takes larger batches and rates (225, 4e-3), reaches
-    a lower loss with a smooth activation, and wants a processor with bfloat16 arithmetic; patience: epochs without a
-    better one on validation rows after which training ends; device: auto is a GPU where there is one."""
+    """The paper's network, one output per entry of W and delta_free."""
 
     kind: Literal["mlp"]
+    """The paper's network of entries."""
     form: Literal["displacement", "force"] = "displacement"
+    """What the model is a function of: displacements or forces of the actuators."""
     at_rest: Path | None = None
+    """Folder of a model of the same robots. Its W and delta_free at rest are then inputs in the place of the
+    parameters."""
     depth: PositiveInt = 3
+    """Number of hidden layers."""
     width: PositiveInt = 450
+    """Width of a hidden layer."""
     activation: Activation = "relu"
+    """Activation function."""
     dropout: Share = 0.0
+    """Share of units dropped in training."""
     optimiser: Literal["adam", "muon"] = "adam"
+    """muon takes larger batches and rates (225, 4e-3) and reaches a lower loss with a smooth activation. It needs a
+    processor with bfloat16 arithmetic."""
     learning_rate: PositiveFloat = 1e-3
+    """Learning rate at the start."""
     schedule: Literal["plateau", "cosine"] = "cosine"
+    """How the learning rate falls."""
     batch_size: PositiveInt = 64
+    """Rows per step."""
     epochs: PositiveInt = 1500
+    """Largest number of epochs."""
     patience: PositiveInt = 500
+    """Training ends after this many epochs without a better one on validation rows."""
     seed: NonNegativeInt = 0
+    """Seed of the random numbers."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
+    """auto takes a GPU where there is one."""
     search: MlpSearch | None = None
+    """Search for the network first."""
 
 
 class EnergyNetSpec(Spec):
-    """The energy model in networks of sines. form: what it is a function of, displacements or forces of the actuators;
-    depth, width: of the hidden layers of each quantity's network; patience: Gauss-Newton iterations without a better
-    one on validation rows after which training ends."""
+    """The energy model in networks of sines."""
 
     kind: Literal["energy_net"]
+    """One potential as a smooth network."""
     form: Literal["displacement", "force"] = "displacement"
+    """What the model is a function of: displacements or forces of the actuators."""
     depth: PositiveInt = 2
+    """Number of hidden layers of each quantity's network."""
     width: PositiveInt = 24
+    """Width of a hidden layer."""
     iterations: PositiveInt = 300
+    """Largest number of Gauss-Newton iterations."""
     patience: PositiveInt = 40
+    """Training ends after this many iterations without a better one on validation rows."""
     seed: NonNegativeInt = 0
+    """Seed of the random numbers."""
 
 
 class SerialSpec(Spec):
-    """Equal modules in a row, without external load, from the model of one: of form displacement, its effector the
-    module's end with its orientation. module: folder of that model; softer: how compliant each module is relative to
-    it, from the base on: its Young's modulus over theirs. The dataset, of the whole robot, only judges."""
+    """Equal modules in a row, without external load, from the model of one module. That model has form displacement,
+    and its effector is the module's end with its orientation. The dataset, of the whole robot, only judges."""
 
     kind: Literal["serial"]
+    """Modules in a row."""
     module: Path
+    """Folder of the model of one module."""
     softer: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
+    """Compliance of each module relative to that model, from the base on: its Young's modulus over theirs."""
 
 
 ModelSpec = Annotated[SpectralSpec | EnergyNetSpec | MlpSpec | SerialSpec, Field(discriminator="kind")]
 
 
 class TrainSpec(Spec):
-    """dataset: folder of `cfem simulate-sample`; samples: how many of its first training rows to use, all where absent;
-    learning_curve: numbers of rows at which the model is trained as well, judged on the same test rows."""
+    """Which dataset, which kind of model, and where to store it."""
 
     dataset: Path
+    """Folder of `cfem sample`."""
     out: Path
+    """Folder for the model."""
     model: ModelSpec
+    """Kind of model and its settings."""
     samples: Annotated[int, Field(ge=4)] | None = None
+    """How many of the first training rows to use. All unless given."""
     learning_curve: tuple[Annotated[int, Field(ge=4)], ...] = ()
+    """Numbers of rows at which the model is trained as well, judged on the same test rows."""
