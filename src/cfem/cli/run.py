@@ -5,10 +5,11 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from cfem.core.errors import CfemError
 from cfem.core.files import DISK
+from cfem.core.optional import explained
 from cfem.core.stage import Options
 
 LONGEST = 2000  # characters of an error
@@ -44,6 +45,10 @@ def run_command(
             working = False
     except CfemError as error:
         _fail(str(error), error.exit_code)
+    except ImportError as error:
+        if (missing := explained(error)) is None:
+            _defect(error)
+        _fail(str(missing), missing.exit_code)
     except KeyboardInterrupt:
         _fail("interrupted; run the same command again to go on", 130)
     except BrokenPipeError:
@@ -57,14 +62,18 @@ def run_command(
     except MemoryError:
         _fail("out of memory (make the problem smaller, or use fewer --workers)", 4)
     except Exception as error:
-        if os.environ.get("CFEM_DEBUG"):
-            raise
-        _fail(f"a defect of cfem: {type(error).__name__}: {error}; please report it (CFEM_DEBUG=1 shows where)", 1)
+        _defect(error)
     else:
         print(_json(outcome) if as_json else _text(outcome))
 
 
-def _fail(message: str, code: int) -> None:
+def _defect(error: Exception) -> NoReturn:
+    if os.environ.get("CFEM_DEBUG"):
+        raise error
+    _fail(f"a defect of cfem: {type(error).__name__}: {error}; please report it (CFEM_DEBUG=1 shows where)", 1)
+
+
+def _fail(message: str, code: int) -> NoReturn:
     """One line, whatever a spec or a file made of it."""
     line = "".join(char if char.isprintable() else " " for char in message)
     print(f"cfem: {line if len(line) <= LONGEST else line[:LONGEST] + ' ...'}", file=sys.stderr)

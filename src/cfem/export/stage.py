@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.files import disk_errors, file_sha256, plain, write_json, write_whole
+from cfem.core.optional import demand
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
@@ -18,6 +19,7 @@ from cfem.predict.load import build, read_arrays, read_meta
 from cfem.robot.spec import SceneSpec
 
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c"}
+PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
 VECTORS = "test_vectors.npz"
 NOTHING = Embedding()
 
@@ -51,6 +53,8 @@ def _sources() -> dict[str, str]:
 
 def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding = NOTHING) -> dict[str, Any]:
     """Writes every format, runs each from its file, compares."""
+    for name in spec.formats:
+        demand(*PACKAGES.get(name, ()), where=f"formats: {name}")
     meta, arrays = read_meta(model_folder), read_arrays(model_folder)
     if "arrays" in spec.formats:
         copy(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])

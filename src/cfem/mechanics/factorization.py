@@ -11,12 +11,12 @@ never silently solved. Measured: docs/method.md."""
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 
 import numpy as np
 import scipy.sparse as sp
 
 from cfem.core.errors import InputError
+from cfem.core.optional import demand, installed
 from cfem.mechanics.assembly import Pattern
 
 
@@ -67,7 +67,9 @@ def solver_name() -> str:
     wanted = os.environ.get("CFEM_SOLVER", "")
     if wanted and wanted not in SOLVERS:
         raise InputError(f"CFEM_SOLVER={wanted} is no solver", do=f"use one of {sorted(SOLVERS)}")
-    return wanted or ("pardiso" if find_spec("pymklpardiso") else "rslab")
+    if wanted:
+        demand(PACKAGES[wanted], where=f"CFEM_SOLVER={wanted}")
+    return wanted or ("pardiso" if installed("pymklpardiso") else "rslab")
 
 
 def _rslab(pattern: Pattern) -> Numeric:
@@ -113,4 +115,5 @@ def _pardiso(pattern: Pattern) -> Numeric:
     return factor
 
 
+PACKAGES = {"pardiso": "pymklpardiso", "rslab": "rslab"}
 SOLVERS: dict[str, Callable[[Pattern], Numeric]] = {"pardiso": _pardiso, "rslab": _rslab}

@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import read_json
+from cfem.core.optional import demand
 from cfem.core.stage import artefact_file
 from cfem.predict.energy_net import EnergyNetPredictor
 from cfem.predict.mlp import MlpPredictor
@@ -29,6 +30,7 @@ def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
     """The model of a folder that `cfem train` or `cfem export` made. InputError where a file is missing or damaged."""
     meta = read_meta(folder)
     if runtime == "onnx":
+        demand("onnx", "onnxruntime", where="runtime: onnx")
         from cfem.predict.onnx import OnnxPredictor
 
         return OnnxPredictor(meta, artefact_file(folder, "model.onnx"))

@@ -6,6 +6,7 @@ from typing import Any
 
 from cfem.core.errors import InputError
 from cfem.core.files import write_json, write_whole
+from cfem.core.optional import demand
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_stage
 from cfem.report.spec import ReportSpec
@@ -65,6 +66,7 @@ def _work(
     inputs: dict[str, Path],
     quiet: bool,
 ) -> dict[str, Any]:
+    demand("matplotlib", where="cfem report")
     from cfem.core.provenance import versions
     from cfem.report import tables
     from cfem.report.discretisation import headline, study

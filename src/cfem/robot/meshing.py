@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.core.optional import demand
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import hexahedra, selection
@@ -226,6 +227,7 @@ def write_cad(solid: Solid, files: Sequence[Path], deviation: float = 0.05) -> N
 
 def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
     """What gmsh's process answers."""
+    demand("gmsh", where="a mesh of this geometry")
     with tempfile.TemporaryDirectory() as scratch:
         place, out = Path(scratch), Path(scratch) / "mesh.npz"
         (place / "job.json").write_text(json.dumps(job))

@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 from cfem.core.errors import InputError, SpecError
+from cfem.core.optional import demand
 from cfem.core.provenance import versions
 from cfem.sample.pool import WorkersLost
 
@@ -25,10 +26,9 @@ def cluster(address: str) -> Iterator[Executor]:
     """The workers of the scheduler at `address`. Left by an exception, what they have not begun is withdrawn. Raises
     SpecError where there is none, WorkersLost where Dask gives a task up or the scheduler ends, InputError where a
     worker is not like this process."""
-    try:
-        from distributed import Client, KilledWorker
-    except ImportError:
-        raise SpecError("needs dask.distributed", where="--scheduler", do="pip install 'cfem[cluster]'") from None
+    demand("distributed", where="--scheduler")
+    from distributed import Client, KilledWorker
+
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is raised below
     try:

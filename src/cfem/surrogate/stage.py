@@ -16,6 +16,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import write_json, write_whole
+from cfem.core.optional import demand
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
 from cfem.predict.load import build
@@ -48,6 +49,8 @@ def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Op
 
 def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     """Fills the model folder; results for the manifest."""
+    if isinstance(spec.model, MlpSpec):
+        demand("torch", *(["optuna"] if spec.model.search else []), where="kind: mlp")
     from cfem.dataset.reader import read_dataset
 
     training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples)

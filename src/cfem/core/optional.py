@@ -1,0 +1,61 @@
+"""Packages that not every installation holds: which extra of cfem brings each, and what to say where one is missing."""
+
+import platform
+import sys
+from importlib.util import find_spec
+
+from cfem.core.errors import SpecError
+
+# import name -> extra of pyproject.toml
+EXTRAS = {
+    "llvmlite": "fe",
+    "meshio": "fe",
+    "numba": "fe",
+    "pyarrow": "fe",
+    "rslab": "fe",
+    "gmsh": "mesh",
+    "onnx": "train",
+    "onnxruntime": "train",
+    "onnxscript": "train",
+    "optuna": "train",
+    "torch": "train",
+    "matplotlib": "report",
+    "pymklpardiso": "fast",
+    "dask": "cluster",
+    "distributed": "cluster",
+}
+
+
+class MissingPackageError(SpecError, ImportError):
+    """An optional package is not installed (exit 2)."""
+
+
+def demand(*names: str, where: str) -> None:
+    """Raises MissingPackageError for the first of the import names that is not installed. It imports none.
+
+    where: the command, option or key that needs them."""
+    for name in names:
+        if not installed(name):
+            raise MissingPackageError(f"needs {name}, which is not installed", where=where, do=remedy(name))
+
+
+def installed(name: str) -> bool:
+    """Whether a package can be imported, by its import name. It is not imported."""
+    return name in sys.modules or find_spec(name) is not None
+
+
+def explained(error: ImportError) -> MissingPackageError | None:
+    """The sentence for a failed import of an optional package; None for any other import."""
+    if isinstance(error, MissingPackageError):
+        return error
+    name = (error.name or "").split(".")[0]
+    if not isinstance(error, ModuleNotFoundError) or name not in EXTRAS or installed(name):
+        return None
+    return MissingPackageError(f"this needs {name}, which is not installed", do=remedy(name))
+
+
+def remedy(name: str) -> str:
+    """What to do where the package `name` is missing."""
+    if name == "gmsh" and sys.platform == "linux" and platform.machine() not in ("x86_64", "AMD64"):
+        return f"PyPI has no gmsh for {platform.machine()}: make the mesh on another machine and copy its folder here"
+    return f"pip install 'cfem[{EXTRAS[name]}]'"
