@@ -37,11 +37,11 @@ def on_page_markdown(markdown, page, config, files):
 
 def pages() -> dict[str, str]:
     """Path under docs/ -> Markdown."""
-    from cfem.cli.schemas import SPECS, model_of
+    from cfem.core.kinds import KINDS, model_of
     from cfem.core.spec import json_schema
 
     return {"reference/cli.md": cli_page()} | {
-        f"reference/{name}.md": spec_page(name, json_schema(model_of(name))) for name in SPECS
+        f"reference/{name}.md": spec_page(name, json_schema(model_of(name))) for name in KINDS
     }
 
 

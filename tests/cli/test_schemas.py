@@ -4,10 +4,11 @@ import json
 
 import pytest
 
-from cfem.cli.schemas import SPECS, schemas
+from cfem.cli.schemas import schemas
+from cfem.core.kinds import KINDS
 
 
-@pytest.mark.parametrize("name", SPECS)
+@pytest.mark.parametrize("name", KINDS)
 def test_every_key_is_described_with_the_unit_of_its_default(name):
     schema = json.loads(schemas()[f"{name}.json"])
     for part in (schema, *schema.get("definitions", {}).values()):

@@ -25,7 +25,11 @@ def test_one_clique_a_segment():
 
 @pytest.mark.parametrize(
     "points, part",
-    [([START, START], "points 1 and 2 coincide"), ([START], "cable 'left' needs two points"), ([], "needs two points")],
+    [
+        ([START, START], "point 0 and point 1 coincide"),
+        ([START], "cable 'left' needs two points"),
+        ([], "needs two points"),
+    ],
 )
 def test_bad_input_is_named(points, part):
     with pytest.raises(SpecError, match=re.escape(part)):

@@ -3,7 +3,7 @@ import json
 import jsonschema
 import numpy as np
 import pytest
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, json_schema, load_spec, meaning
@@ -25,6 +25,14 @@ class Outer(Spec):
     slope: Angle = np.pi / 4
     parts: list[Inner] = []
     count: int = Field(default=1, gt=0)
+    least: list[int] = Field([1], min_length=1)
+
+    @model_validator(mode="after")
+    def _rising(self):
+        for index, (one, other) in enumerate(zip(self.least, self.least[1:], strict=False)):
+            if not one < other:
+                raise ValueError(f"least.{index + 1}: must be larger than {one}")
+        return self
 
 
 TEXT = "name: a\ninner:\n  stiffness: 3 cm\nparts:\n  - {stiffness: 1 mm}\n"
@@ -59,6 +67,9 @@ def test_overrides_reach_nested_keys_and_lists(tmp_path):
         (TEXT.replace("3 cm", "3"), (), ["spec.yaml:3", "length with its unit", "'3 mm'"]),
         (TEXT.replace("{stiffness: 1 mm}", "{}"), (), ["spec.yaml:5", "missing key 'stiffness'"]),
         (TEXT, ("count=0",), ["--set", "count", "greater than 0"]),
+        (TEXT, ("count=1.5",), ["--set", "count: expected a whole number, got 1.5"]),
+        (TEXT + "least: []\n", (), ["spec.yaml:6: least: needs 1 or more, got 0"]),
+        (TEXT + "least: [3, 2]\n", (), ["spec.yaml:6: least.1: must be larger"]),
         (TEXT, ("nonsense",), ["--set", "not key.sub=value"]),
         (TEXT, ("name.sub.x=1",), ["--set", "no place"]),
         (TEXT, ("parts.7.stiffness=1 mm",), ["--set", "no place"]),
@@ -69,6 +80,33 @@ def test_each_mistake_gets_a_sentence_that_names_its_place(tmp_path, text, overr
         load(tmp_path, text, *overrides)
     for part in parts:
         assert part in str(error.value)
+
+
+PLACES = {
+    "no place of its own": ((), None, "spec.yaml: wrong"),
+    "a key": ((), "inner.stiffness", "spec.yaml:3: inner.stiffness: wrong"),
+    "a key that is not written": ((), "inner.corners", "spec.yaml:2: inner.corners: wrong"),
+    "an item": (("parts", 0), None, "spec.yaml:5: parts.0: wrong"),
+    "a row under its unit": (("parts", 0), "corners.1", "spec.yaml:8: parts.0.corners.1: wrong"),
+    "an override": ((), "count", "--set: count: wrong"),
+    "an option": ((), "--out", "^--out: wrong"),
+    "a file": ((), "data/name.yaml", "^data/name.yaml: wrong"),
+    "another file": (("parts", 0), "name.step", "^name.step: wrong"),
+    "placed already": (("parts", 0), "other.yaml:3: name", "^other.yaml:3: name: wrong"),
+}
+
+
+@pytest.mark.parametrize("key, where, said", PLACES.values(), ids=PLACES.keys())
+def test_a_later_mistake_is_named_with_file_and_line(tmp_path, key, where, said):
+    text = TEXT.replace("{stiffness: 1 mm}", "stiffness: 1 mm\n    corners: {mm: [\n      [1, 2],\n      [3, 4]]}")
+    spec = load(tmp_path, text, "count=3")
+    with pytest.raises(SpecError, match=said), spec.locating(*key):
+        raise SpecError("wrong", where=where)
+
+
+def test_a_spec_without_a_file_names_the_key():
+    with pytest.raises(SpecError, match="inner: wrong"), Outer(name="a", inner=Inner(stiffness="1 mm")).locating():
+        raise SpecError("wrong", where="inner")
 
 
 def test_schema_is_draft_07_and_agrees_with_the_model():

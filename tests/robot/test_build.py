@@ -51,19 +51,41 @@ def test_the_finger_is_symmetric_and_its_tip_is_carried(tmp_path):
     assert [cable.rest_length for cable in robot.actuators] == pytest.approx([110.6667] * 2)
 
 
-@pytest.mark.parametrize(
-    "override, part",
-    [
-        ("actuators.0.points={mm: [[15, 0, 4], [35, 40, 4]]}", "cable 'cable' point 2 at (35, 40, 4) mm lies outside"),
-        ("fixed.0.point={mm: [-50, 0, 0]}", "selects no node"),
-        ("actuators.0.points={mm: [[15, 0, 4], [15, 0, 4]]}", "coincide"),
-        ("effectors.0.point={mm: [300, 0, 0]}", "lies outside the body"),
-    ],
-)
-def test_what_cannot_be_built_is_named(bar, override, part):
+IMPOSSIBLE = {
+    "point outside": (
+        "actuators.0.points={mm: [[15, 0, 4], [35, 40, 4]]}",
+        "--set: actuators.0.points.1: point 1 of cable 'cable' at (35, 40, 4) mm lies outside",
+    ),
+    "nothing held": ("fixed.0.point={mm: [-50, 0, 0]}", "fixed.0: the plane selects no node"),
+    "points coincide": (
+        "actuators.0.points={mm: [[15, 0, 4], [15, 0, 4]]}",
+        "actuators.0: cable 'cable': point 0 and point 1 coincide",
+    ),
+    "effector outside": ("effectors.0.point={mm: [300, 0, 0]}", "effectors.0: effector 'tip' at (300, 0, 0) mm"),
+    "effector held": (
+        "effectors.0={name: tip, point: {mm: [0, 0, 0]}, radius: 0 mm}",
+        "--set: effectors.0: effector 'tip' lies where `fixed` holds the body",
+    ),
+    "reach beyond the cable": (
+        "actuators.0.reach={mm: [0, 500]}",
+        "--set: actuators.0.reach: cable 'cable' is 55 mm long and cannot be shortened by 500 mm",
+    ),
+}
+
+
+@pytest.mark.parametrize("override, part", IMPOSSIBLE.values(), ids=IMPOSSIBLE.keys())
+def test_what_cannot_be_built_is_named_with_its_place(bar, override, part):
     scene = load_spec(BAR, SceneSpec, [override])
     with pytest.raises(SpecError, match=re.escape(part)):
         build_robot(scene, bar[1])
+
+
+def test_a_misplaced_point_is_named_with_file_and_line(bar, tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(BAR.read_text().replace("[55, 0, 4]", "[55, 40, 4]"))
+    line = next(number for number, text in enumerate(path.read_text().splitlines(), 1) if "[55, 40, 4]" in text)
+    with pytest.raises(SpecError, match=rf"^{re.escape(str(path))}:{line}: actuators\.0\.points\.\d: point"):
+        build_robot(load_spec(path, SceneSpec), bar[1])
 
 
 def test_the_smallest_scene_pays_for_nothing_that_it_has_not(bar):
@@ -196,24 +218,27 @@ def test_what_names_a_body_is_attached_to_no_other(tmp_path):
     [
         (
             {"actuators": BASE["actuators"].replace("reach", "body: c, reach")},
-            "cable 'c' body: the mesh has no cell set 'c'",
+            "actuators.0.body: the mesh has no cell set 'c'",
         ),
         ({"contacts": "[{name: k, point: {mm: [20, 0, 0]}, body: c}]"}, "it has ['a', 'b']"),
         (
             {"contacts": "[{name: k, point: {mm: [20, 12, 0]}, body: a}]"},
             "contact point 'k' at (20, 12, 0) mm lies outside",
         ),
-        ({"loads": "[{point: {mm: [20, 0, 9]}, force: {N: [0, 0, 1]}}]"}, "loads[0] at (20, 0, 9) mm lies outside"),
+        (
+            {"loads": "[{point: {mm: [20, 0, 9]}, force: {N: [0, 0, 1]}}]"},
+            "loads.0: load at (20, 0, 9) mm lies outside",
+        ),
         ({"actuators": AIR % "inside: {mm: [15, 0, 0]}"}, "cavity 'air'"),
         (
             {"actuators": AIR % "surface: wall"},
-            "cavity 'air' surface: the mesh has no facet set 'wall' (it has ['a', 'b'])",
+            "actuators.0.surface: the mesh has no facet set 'wall' (it has ['a', 'b'])",
         ),
         (
             {"materials": "[{region: {kind: name, name: c}, material: {young: 1 MPa, poisson: 0}}]"},
-            "materials[0].region",
+            "materials.0.region",
         ),
-        ({"rigid": "[{kind: name, name: a}]"}, "rigid[0] and fixed share"),
+        ({"rigid": "[{kind: name, name: a}]"}, "rigid.0: shares 12 of its 96 nodes with fixed"),
     ],
 )
 def test_what_cannot_be_attached_is_named(tmp_path, changes, part):

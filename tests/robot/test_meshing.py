@@ -176,7 +176,7 @@ def test_a_named_face_has_the_middles_of_its_edges(tmp_path):
     geometry = "{kind: mesh-file, path: own.vtu}"
     own = scene(tmp_path, geometry=geometry, mesh="{size: 1 mm}", fixed="[{kind: name, name: held}]")
     mesh, _ = meshing.make_mesh(own, tmp_path)
-    np.testing.assert_array_equal(select_nodes(mesh, own.fixed[0], "fixed[0]"), np.flatnonzero(mesh.X[:, 0] == 0))
+    np.testing.assert_array_equal(select_nodes(mesh, own.fixed[0], "fixed.0"), np.flatnonzero(mesh.X[:, 0] == 0))
 
 
 PAIR = (

@@ -35,11 +35,11 @@ def test_groups_are_nodes():
 @pytest.mark.parametrize(
     "selections, part",
     [
-        ([slab(3, 4), EDGE], r"rigid\[1\]: 4 nodes, all on one line"),
-        ([{"kind": "name", "name": "two"}], r"rigid\[0\]: 2 nodes, all on one line"),
-        ([slab(1, 2), slab(2, 3)], r"rigid\[0\] and rigid\[1\] share 9 nodes"),
-        ([slab(0, 1)], r"rigid\[0\] and fixed share 9 nodes of 18"),
-        ([slab(9, 10)], r"rigid\[0\]: the box selects no node"),
+        ([slab(3, 4), EDGE], r"rigid\.1: 4 nodes, all on one line"),
+        ([{"kind": "name", "name": "two"}], r"rigid\.0: 2 nodes, all on one line"),
+        ([slab(1, 2), slab(2, 3)], r"rigid\.1: shares 9 nodes with rigid\.0"),
+        ([slab(0, 1)], r"rigid\.0: shares 9 of its 18 nodes with fixed"),
+        ([slab(9, 10)], r"rigid\.0: the box selects no node"),
     ],
 )
 def test_what_makes_no_rigid_body_is_named(selections, part):

@@ -32,7 +32,7 @@ def selection(data):
 
 @pytest.mark.parametrize("data, expected", SELECTIONS.values(), ids=SELECTIONS.keys())
 def test_shapes_choose_their_nodes(data, expected):
-    np.testing.assert_array_equal(select_nodes(MESH, selection(data), "fixed[0]"), np.flatnonzero(expected))
+    np.testing.assert_array_equal(select_nodes(MESH, selection(data), "fixed.0"), np.flatnonzero(expected))
 
 
 @pytest.mark.parametrize("element", ["tet4", "tet10", "hex8"])
@@ -72,4 +72,4 @@ def test_names_choose_node_and_facet_sets():
 )
 def test_mistakes_are_named(data, part):
     with pytest.raises(SpecError, match=part):
-        select_nodes(MESH, selection(data), "fixed[0]")
+        select_nodes(MESH, selection(data), "fixed.0")

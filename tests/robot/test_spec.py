@@ -52,11 +52,11 @@ def test_editors_and_the_program_accept_the_same(parts):
     [
         (
             {"gravity": FULL["gravity"]},
-            "gravity needs the density of each material, such as '1070 kg/m^3': ['material']",
+            "material: gravity needs the density of each material, such as '1070 kg/m^3'",
         ),
         (
             {**FULL, "materials": FULL["materials"].replace("density: 1 g/cm^3", "")},
-            "['materials[0].material'] lacks it",
+            "materials.0.material: gravity needs the density",
         ),
         ({"material": "{young: 1 MPa, poisson: 0.3, density: 1070}"}, "density with its unit, such as '1070 kg/m^3'"),
         ({"loads": "[{point: {mm: [1, 0, 0]}, force: [0, 0, 1]}]"}, "numbers under their unit, such as {N: [...]}"),
@@ -75,7 +75,10 @@ def test_editors_and_the_program_accept_the_same(parts):
             "expected one of cable, cavity, chambers; got 'cavty', did you mean",
         ),
         ({"effectors": "[{name: tip}]"}, "effector 'tip': give one of point, points and at, got none"),
-        ({"contacts": "[{name: tip, point: {mm: [20, 5, 0]}}]"}, "names must differ, got ['tip', 'tip']"),
+        (
+            {"contacts": "[{name: tip, point: {mm: [20, 5, 0]}}]"},
+            "contacts.0.name: names must differ, and effectors.0.name is 'tip' too",
+        ),
         ({"mesh": "{size: 5 mm, element: hex20}"}, "'hex8'"),
         ({**FULL, "mesh": "{size: 5 mm, refine: [{corners: {mm: [[0, 0, 0], [1, 1, 1]]}, size: 1 mm}]}"}, "each part"),
         ({"geometry": FULL["geometry"].replace("name: b", "name: a")}, "names of parts must differ, got ['a', 'a']"),

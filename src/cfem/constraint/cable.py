@@ -63,6 +63,8 @@ def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name
     ends = ([] if pull_point is None else [np.asarray(pull_point, float)]) + [point.point for point in points]
     lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
     if lengths.min() < 1e-6 * max(lengths.max(), 1e-300):
-        raise SpecError(f"cable '{name}': points {lengths.argmin() + 1} and {lengths.argmin() + 2} coincide")
+        names = ([] if pull_point is None else ["its pull point"]) + [f"point {index}" for index in range(len(points))]
+        first = int(lengths.argmin())
+        raise SpecError(f"cable '{name}': {names[first]} and {names[first + 1]} coincide", do="leave one of them out")
     cliques = tuple(nodes[row != 0.0][None] for row in along)
     return Cable(nodes, along, start, float(lengths.sum()), cliques, np.zeros(1))

@@ -3,25 +3,55 @@
 import ast
 import difflib
 import inspect
+import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, ValidationError
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, PrivateAttr, ValidationError
 
 from cfem.core.errors import SpecError
 from cfem.core.files import plain
+from cfem.core.kinds import other_kind
+from cfem.core.origin import Origin, key_path
 from cfem.core.units import unit_of, written
 from cfem.core.yaml import parse_value, read_yaml
 
 
 class Spec(BaseModel):
-    """Base of every spec and of every part of one."""
+    """Base of every spec and of every part of one. A spec that was read from a file knows its file and lines."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
+    _origin: Origin | None = PrivateAttr(default=None)
+
+    @contextmanager
+    def locating(self, *key: str | int) -> Iterator[None]:
+        """A SpecError that is raised within says file and line, those of `key` where it has no `where` of its own. Its
+        own may be a key path, of the spec or of the part that `key` names: 'points.1' in `locating("actuators", 0)`."""
+        try:
+            yield
+        except SpecError as error:
+            path = self._path(error.where, key)
+            if path is None:
+                raise
+            where = self._origin.place(path) if self._origin else ".".join(map(str, path))
+            raise SpecError(error.what, where=where or None, do=error.do) from None
+
+    def _path(self, where: str | None, key: tuple) -> tuple | None:
+        """The key path in this spec that is meant; None where `where` is something else: a file, an option."""
+        if where is None:
+            return key
+        if not re.fullmatch(r"[\w-]+(\.[\w-]+)*", where):
+            return None
+        own = key_path(where)
+        if key and (self._origin is None or self._origin.has(key + own)):
+            return key + own
+        known = own[0] in type(self).model_fields
+        return own if known and (self._origin is None or self._origin.has(own)) else None
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> dict:
@@ -86,10 +116,16 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
     data, lines = read_yaml(path)
     for override in overrides:
         _set(data, lines, override)
+    origin = Origin(str(path), lines)
     try:
-        return model.model_validate(data)
+        spec = model.model_validate(data)
+        spec._origin = origin
+        return spec
     except ValidationError as error:
-        found = _sentences(error, data, lines, str(path), model)
+        other = other_kind(data, model)
+        if other:
+            raise SpecError(other, where=str(path)) from None
+        found = _sentences(error, data, origin, model)
         more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
         raise SpecError("; ".join(found[:3]) + more) from None
 
@@ -98,7 +134,7 @@ def _set(data: dict, lines: dict, override: str) -> None:
     key, sign, text = override.partition("=")
     if not sign or not key:
         raise SpecError(f"'{override}' is not key.sub=value", where="--set")
-    *parents, last = (int(part) if part.isdigit() else part for part in key.split("."))
+    *parents, last = key_path(key)
     node: Any = data
     try:
         for part in parents:
@@ -106,10 +142,13 @@ def _set(data: dict, lines: dict, override: str) -> None:
         node[last] = parse_value(text)
     except (IndexError, TypeError, KeyError):
         raise SpecError(f"no place '{key}' in the spec", where="--set", do="check the key path") from None
-    lines[(*parents, last)] = 0
+    path = (*parents, last)
+    for one in [one for one in lines if one[: len(path)] == path]:
+        del lines[one]
+    lines[path] = 0
 
 
-def _sentences(error: ValidationError, data: dict, lines: dict, source: str, model: type[Spec]) -> list[str]:
+def _sentences(error: ValidationError, data: dict, origin: Origin, model: type[Spec]) -> list[str]:
     """One sentence an error: `file:line: key: what; nearest known key`."""
     items = error.errors(include_url=False)
     found = []
@@ -117,11 +156,11 @@ def _sentences(error: ValidationError, data: dict, lines: dict, source: str, mod
         # pydantic also counts a list short whose items failed: the items' own errors say all.
         if item["type"] == "too_short" and any(item["loc"] == other["loc"][:-1] for other in _deeper(items, item)):
             continue
-        path = _present(item["loc"], data)
-        line = next((lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in lines), 1)
-        where = f"{source}:{line}" if line else "--set"
-        key = ".".join(str(part) for part in path)
-        found.append(f"{where}: {key + ': ' if key else ''}{_what(item, path, model)}")
+        path, what = _present(item["loc"], data), _what(item, _present(item["loc"], data), model)
+        said = re.match(r"([\w-]+(\.[\w-]+)*): ", what) if item["type"] == "value_error" else None
+        if said and path + key_path(said[1]) in origin.lines:  # a check of several keys names the one that is wrong
+            path, what = path + key_path(said[1]), what[said.end() :]
+        found.append(f"{origin.place(path)}: {what}")
     return found
 
 
@@ -143,10 +182,39 @@ def _what(item: Any, path: tuple, model: type[Spec]) -> str:
         known = context["expected_tags"].replace("'", "").split(", ")
         near = _nearest(context["tag"], known)
         return f"{context['discriminator']}: expected one of {', '.join(known)}; got '{context['tag']}'{near}"
-    what = item["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    if item["type"] in _WORDS:
+        what = _WORDS[item["type"]].format(**item.get("ctx", {}))
+    else:
+        what = item["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     if not isinstance(item["input"], dict | list | tuple) and "got" not in what:
         what += f", got {item['input']!r}"
     return what
+
+
+# pydantic's words for these are about types of Python
+_WORDS = {
+    "too_short": "needs {min_length} or more, got {actual_length}",
+    "too_long": "takes {max_length} at most, got {actual_length}",
+    "greater_than": "must be greater than {gt}",
+    "greater_than_equal": "must be at least {ge}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le}",
+    "literal_error": "expected {expected}",
+    "int_type": "expected a whole number",
+    "int_parsing": "expected a whole number",
+    "int_from_float": "expected a whole number",
+    "float_type": "expected a number",
+    "float_parsing": "expected a number",
+    "finite_number": "expected a finite number",
+    "bool_type": "expected true or false",
+    "bool_parsing": "expected true or false",
+    "string_type": "expected a text",
+    "path_type": "expected a path",
+    "list_type": "expected a list",
+    "dict_type": "expected a mapping of names to values",
+    "model_type": "expected a mapping of keys to values",
+    "model_attributes_type": "expected a mapping of keys to values",
+}
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:

@@ -146,7 +146,7 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
             partial.mkdir(parents=True)
             write_whole(mark, made_from.encode())
     start = time.perf_counter()
-    with confined(partial):
+    with confined(partial), stage.spec.locating():
         results = dict(work(partial))
     made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
     files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}

@@ -1,6 +1,8 @@
 """From a scene and its mesh to the robot that mechanics solves."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -24,25 +26,32 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
 from cfem.robot import constraints, soft_finger, spec, stiff_flop
 from cfem.robot.materials import MaterialSpec
+from cfem.robot.plausible import demand_possible
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 
 
 def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
-    """Raises SpecError where a point lies outside the body, a chamber is not closed or a selection is empty."""
+    """Raises SpecError, with the key that is wrong and its file and line, where a point lies outside the body, a
+    chamber is not closed, a selection is empty or an actuator's reach cannot be."""
+    with scene.locating():
+        return _robot(scene, mesh)
+
+
+def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
     regions = [
-        select_cells(mesh, item.region, f"materials[{index}].region") for index, item in enumerate(scene.materials)
+        select_cells(mesh, item.region, f"materials.{index}.region") for index, item in enumerate(scene.materials)
     ]
     sections = stiff_flop.sections_of(mesh) if scene.mesh.element in SECTIONED else []
     body = _body(scene, mesh, regions, sections)
-    fixed = [select_nodes(mesh, part, f"fixed[{index}]") for index, part in enumerate(scene.fixed)]
+    fixed = [select_nodes(mesh, part, f"fixed.{index}") for index, part in enumerate(scene.fixed)]
     fixed = np.unique(np.concatenate(fixed))
-    return Robot(
+    robot = Robot(
         name=scene.name,
         body=body,
         fixed=fixed,
-        actuators=tuple(_actuator(scene, mesh, body, item, sections) for item in scene.actuators),
-        effectors=tuple(_effector(scene, mesh, item, sections) for item in scene.effectors),
+        actuators=_each(scene, "actuators", lambda item: _actuator(scene, mesh, body, item, sections)),
+        effectors=_each(scene, "effectors", lambda item: _effector(scene, mesh, item, sections)),
         rows=Rows(
             effectors=tuple(f"{item.name}.{axis}" for item in scene.effectors for axis in item.axes),
             actuators=tuple(item.name for item in scene.actuators),
@@ -51,11 +60,22 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         reach=np.array([item.reach for item in scene.actuators]),
         unilateral=np.array([item.unilateral for item in scene.actuators]),
         length=scene.length,
-        contacts=tuple(_contact(mesh, item, sections) for item in scene.contacts),
+        contacts=_each(scene, "contacts", lambda item: _contact(mesh, item, sections)),
         rigid=_rigid(scene, mesh, sections, fixed),
         loads=_loads(scene, body, regions, sections),
         forces=_forces(scene),
     )
+    demand_possible(scene, robot)
+    return robot
+
+
+def _each(scene: spec.SceneSpec, key: str, make: Callable[[Any], Any]) -> tuple:
+    """What `make` makes of every item under `key`, an error of whose says its file and line."""
+    made = []
+    for index, item in enumerate(getattr(scene, key)):
+        with scene.locating(key, index):
+            made.append(make(item))
+    return tuple(made)
 
 
 def body_of(scene: spec.SceneSpec, mesh: Mesh) -> Body:
@@ -93,7 +113,8 @@ def _free_sections(sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.nd
     held = [np.isin(nodes, fixed) for nodes in sections]
     for number, each in enumerate(held):
         if each.any() and not each.all():
-            raise SpecError(f"fixed holds {each.sum()} of the {len(each)} nodes of section {number}, which is rigid")
+            what = f"holds {each.sum()} of the {len(each)} nodes of section {number}, which is rigid"
+            raise SpecError(what, where="fixed", do="hold the whole section or none of it")
     return tuple(nodes for nodes, each in zip(sections, held, strict=True) if not each.any())
 
 
@@ -119,11 +140,12 @@ def _actuator(
     if isinstance(item, constraints.Chambers):
         return _chambers(scene.geometry, mesh, body, item)
     label = f"cable '{item.name}'"
-    cells = _cells(mesh, item.body, label)
-    points = [
-        _attach(mesh, point, item.radius, f"{label} point {index + 1}", cells, sections)
-        for index, point in enumerate(cable_points(scene, item))
-    ]
+    cells, points = _cells(mesh, item.body), []
+    for index, point in enumerate(cable_points(scene, item)):
+        try:
+            points.append(_attach(mesh, point, item.radius, f"point {index} of {label}", cells, sections))
+        except SpecError as error:
+            raise SpecError(error.what, where=f"points.{index}", do=error.do) from None
     return make_cable(points, item.pull_point, item.name)
 
 
@@ -144,7 +166,7 @@ def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraint
 def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
     label = f"cavity '{item.name}'"
     if item.surface is not None:
-        facets = facets_of(mesh, item.surface, f"{label} surface")
+        facets = facets_of(mesh, item.surface, "surface")
     else:
         facets = mesh.facets[enclosed(mesh, item.inside, label)]
     return make_cavity(mesh.X, facets, item.name)
@@ -157,7 +179,7 @@ def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sec
         on_plates = np.isin(np.atleast_2d(points)[:, 0], [mesh.X[nodes[0], 0] for nodes in plates]).all()
         if sections or on_plates:
             return make_section_effector(mesh.X, sections or plates, points, item.name, item.orientation)
-    cells = _cells(mesh, item.body, f"effector '{item.name}'")
+    cells = _cells(mesh, item.body)
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
 
 
@@ -170,7 +192,7 @@ def effector_points(scene: spec.SceneSpec, item: constraints.Effector) -> np.nda
 
 def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) -> ContactPoint:
     label = f"contact point '{item.name}'"
-    return ContactPoint(_attach(mesh, item.point, item.radius, label, _cells(mesh, item.body, label), sections))
+    return ContactPoint(_attach(mesh, item.point, item.radius, label, _cells(mesh, item.body), sections))
 
 
 def _loads(
@@ -185,13 +207,14 @@ def _loads(
         for cells, item in zip(regions, scene.materials, strict=True):
             density[cells] = item.material.density
         forces += gravity(body, density, scene.gravity.acceleration)
-    for index, load in enumerate(scene.loads):
-        label = f"loads[{index}]"
-        at = _attach(mesh, load.point, load.radius, label, _cells(mesh, load.body, label), sections)
+    points = _each(
+        scene, "loads", lambda load: _attach(mesh, load.point, load.radius, "load", _cells(mesh, load.body), sections)
+    )
+    for at, load in zip(points, scene.loads, strict=True):
         forces[at.nodes] += at.weights[:, None] * load.force
     return forces
 
 
-def _cells(mesh: Mesh, body: str | None, label: str) -> np.ndarray | None:
+def _cells(mesh: Mesh, body: str | None) -> np.ndarray | None:
     """The cells that a point may be attached to, None for all."""
-    return None if body is None else cells_of(mesh, body, f"{label} body")
+    return None if body is None else cells_of(mesh, body, "body")

@@ -12,23 +12,26 @@ from cfem.robot.selection import Selection, select_nodes
 def rigid_groups(mesh: Mesh, selections: Sequence[Selection], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
     """Node indices of each rigid body. SpecError where one has no three nodes off a line, shares nodes with another, or
     is held by `fixed` nodes."""
-    groups = tuple(select_nodes(mesh, each, f"rigid[{index}]") for index, each in enumerate(selections))
+    groups = tuple(select_nodes(mesh, each, f"rigid.{index}") for index, each in enumerate(selections))
     for index, nodes in enumerate(groups):
         across = np.linalg.svd(mesh.X[nodes] - mesh.X[nodes].mean(axis=0), compute_uv=False)
         if len(nodes) < 3 or across[1] < 1e-6 * mesh.size:
             raise SpecError(
-                f"rigid[{index}]: {len(nodes)} nodes, all on one line, do not make a rigid body",
+                f"{len(nodes)} nodes, all on one line, do not make a rigid body",
+                where=f"rigid.{index}",
                 do="select at least three nodes that are not on a line",
             )
         if (shared := np.intersect1d(nodes, fixed)).size:
             raise SpecError(
-                f"rigid[{index}] and fixed share {shared.size} nodes of {nodes.size}",
+                f"shares {shared.size} of its {nodes.size} nodes with fixed",
+                where=f"rigid.{index}",
                 do="either list the whole of it under fixed, or select it apart from what is fixed",
             )
         for other in range(index):
             if (shared := np.intersect1d(nodes, groups[other])).size:
                 raise SpecError(
-                    f"rigid[{other}] and rigid[{index}] share {shared.size} nodes",
+                    f"shares {shared.size} nodes with rigid.{other}",
+                    where=f"rigid.{index}",
                     do="make one group of the two, or select them apart",
                 )
     return groups

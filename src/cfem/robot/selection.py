@@ -128,11 +128,10 @@ def _inside(points: np.ndarray, shape: Shape, slack: float) -> np.ndarray:
 
 def _some(chosen: np.ndarray, selection: Shape | Named, where: str, what: str) -> np.ndarray:
     if not chosen.any():
-        raise SpecError(
-            f"{where}: the {selection.kind} selects no {what} of the mesh", do="check its coordinates and units"
-        )
+        said = f"the {selection.kind} selects no {what} of the mesh"
+        raise SpecError(said, where=where, do="check its coordinates and units")
     return np.flatnonzero(chosen)
 
 
 def _unknown(where: str, what: str, name: str, known) -> SpecError:
-    return SpecError(f"{where}: the mesh has no {what} '{name}'", do=f"it has {sorted(known) or 'none'}")
+    return SpecError(f"the mesh has no {what} '{name}'", where=where, do=f"it has {sorted(known) or 'none'}")

@@ -1,6 +1,5 @@
 """scene.yaml: what the robot is. Geometry, mesh, material, what holds it, what drives it, what is watched."""
 
-from collections import Counter
 from pathlib import Path
 from typing import Literal
 
@@ -74,30 +73,33 @@ class SceneSpec(Spec):
 
     @model_validator(mode="after")
     def _names(self):
-        for names in (
-            [item.name for item in self.actuators],
-            [item.name for item in (*self.effectors, *self.contacts)],  # both have rows name.x, name.y, name.z
-        ):
-            if max(Counter(names).values()) > 1:
-                raise ValueError(f"names must differ, got {names}")
+        watched = [(key, i, item) for key in ("effectors", "contacts") for i, item in enumerate(getattr(self, key))]
+        driven = [("actuators", index, item) for index, item in enumerate(self.actuators)]
+        for items in (driven, watched):  # effectors and contacts both have rows name.x, name.y, name.z
+            first: dict[str, str] = {}
+            for key, index, item in items:
+                place = f"{key}.{index}.name"
+                if item.name in first:
+                    raise ValueError(f"{place}: names must differ, and {first[item.name]} is '{item.name}' too")
+                first[item.name] = place
         return self
 
     @model_validator(mode="after")
     def _places(self):
-        asked = [f"route of cable '{one.name}'" for one in self.actuators if getattr(one, "route", None)]
-        asked += [f"place `at` of effector '{one.name}'" for one in self.effectors if one.at]
+        asked = [f"actuators.{i}.route" for i, one in enumerate(self.actuators) if getattr(one, "route", None)]
+        asked += [f"effectors.{i}.at" for i, one in enumerate(self.effectors) if one.at]
         if asked and not isinstance(self.geometry, SoftFinger):
-            raise ValueError(f"the {asked[0]} needs a geometry of kind soft-finger")
+            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger")
         return self
 
     @model_validator(mode="after")
     def _weights(self):
         materials = {"material": self.material} | {
-            f"materials[{index}].material": item.material for index, item in enumerate(self.materials)
+            f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
         }
         lacking = [name for name, material in materials.items() if material.density is None]
         if self.gravity is not None and lacking:
-            raise ValueError(f"gravity needs the density of each material, such as '1070 kg/m^3': {lacking} lacks it")
+            raise ValueError(f"{lacking[0]}: gravity needs the density of each material, such as '1070 kg/m^3'")
         return self
 
     @model_validator(mode="after")
@@ -106,14 +108,14 @@ class SceneSpec(Spec):
             self.mesh.element in ("hex8", *SECTIONED)
             or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
         ):
-            raise ValueError("mesh.cells grades tetrahedra that are made here, not hexahedra or a mesh file")
+            raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
         return self
 
     @model_validator(mode="after")
     def _mirrored(self):
         made = not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"
         if self.mesh.mirror and not made:
-            raise ValueError("mesh.mirror is for tetrahedra of one body that is meshed here")
+            raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
         return self
 
     @model_validator(mode="after")
@@ -123,14 +125,15 @@ class SceneSpec(Spec):
             what = f"geometry stiff-flop goes with mesh.element {', '.join(SECTIONED)} or hex8"
             raise ValueError(f"{what}, and the first {len(SECTIONED)} with no other geometry")
         if sections and self.rigid:
-            raise ValueError("what is rigid of a stiff-flop is so already: leave `rigid` out")
-        for item in self.actuators:
+            raise ValueError("rigid: the sections of a stiff-flop are rigid already, leave `rigid` out")
+        for index, item in enumerate(self.actuators):
             if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
-                raise ValueError(f"chambers '{item.name}': the geometry has no module {item.module} with chambers")
+                what = f"chambers '{item.name}': the geometry has no module {item.module} with chambers"
+                raise ValueError(f"actuators.{index}.module: {what}")
         return self
 
     @model_validator(mode="after")
     def _refined(self):
         if isinstance(self.geometry, Assembly) and self.mesh.refine:
-            raise ValueError("mesh.refine has no place in an assembly: give each part its own `refine`")
+            raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
         return self

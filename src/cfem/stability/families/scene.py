@@ -134,7 +134,7 @@ def remade(
         return replace(material, young=factor * material.young, **(change or {}))
 
     regions = [
-        (select_cells(mesh, item.region, f"materials[{index}].region"), changed(item.material))
+        (select_cells(mesh, item.region, f"materials.{index}.region"), changed(item.material))
         for index, item in enumerate(scene.materials)
     ]
     main = changed(scene.material)

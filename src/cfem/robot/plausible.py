@@ -1,0 +1,79 @@
+"""What cannot be, and what hardly can: a reach beyond the cable, a watched point that is held, a robot of 0.06 mm."""
+
+import numpy as np
+
+from cfem.constraint.protocol import Watched
+from cfem.core.errors import SpecError
+from cfem.equilibrium.robot import Robot
+
+SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
+LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
+_HELD = 1e-9  # of the largest entry of a gradient
+
+
+def demand_possible(scene, robot: Robot) -> None:
+    """SpecError where an actuator's reach is more than there is of it, or where all that a point acts on is held."""
+    for index, (item, actuator) in enumerate(zip(scene.actuators, robot.actuators, strict=True)):
+        with scene.locating("actuators", index):
+            _demand_reach(item, actuator)
+            if _is_held(robot, actuator):
+                what = f"{item.kind} '{item.name}' acts on held nodes alone and moves nothing"
+                raise SpecError(what, do="lead it beyond what `fixed` holds, or hold less")
+    for index, (item, effector) in enumerate(zip(scene.effectors, robot.effectors, strict=True)):
+        if _is_held(robot, effector):
+            what = f"effector '{item.name}' lies where `fixed` holds the body and cannot move"
+            with scene.locating("effectors", index):
+                raise SpecError(what, do="watch a point that is free, or hold less")
+
+
+def _demand_reach(item, actuator) -> None:
+    low, high = item.reach
+    length, volume = getattr(actuator, "rest_length", None), getattr(actuator, "rest_volume", None)
+    if length is not None and high >= length:
+        what = f"cable '{item.name}' is {length:.4g} mm long and cannot be shortened by {high:.4g} mm"
+        raise SpecError(what, where="reach", do="give the largest shortening, often a tenth of the length")
+    if volume is not None and low <= -volume:
+        what = f"{item.kind} '{item.name}' holds {volume:.4g} mm^3 and cannot lose {-low:.4g} mm^3"
+        raise SpecError(what, where="reach", do="give the largest loss of volume, below what it holds")
+
+
+def _is_held(robot: Robot, point: Watched) -> bool:
+    """Whether no free node moves it, to first order at rest."""
+    if len(point.nodes) == 0:
+        return False  # chambers of a rod act on its strains
+    slopes = np.abs(point.gradient(robot.X))
+    free = ~np.isin(point.nodes, robot.fixed)
+    return bool(slopes[:, free].max(initial=0.0) <= _HELD * slopes.max(initial=0.0))
+
+
+def doubts(scene, robot: Robot) -> list[str]:
+    """What hardly can be meant, a sentence each."""
+    found = [*size_doubts(np.ptp(robot.X, axis=0))]
+    for item, actuator in zip(scene.actuators, robot.actuators, strict=True):
+        length = getattr(actuator, "rest_length", None)
+        if length is not None and item.reach[1] > LONG * length:
+            share = f"{100 * item.reach[1] / length:.0f} %"
+            found.append(
+                f"cable '{item.name}' may be shortened by {item.reach[1]:.4g} mm, {share} of its {length:.4g} mm"
+            )
+    extent = float(np.ptp(robot.X, axis=0).max())
+    if not extent / 10 <= scene.length <= 10 * extent:
+        found.append(f"length is {scene.length:.4g} mm, and the body measures {_extent(robot.X)} mm")
+    return found
+
+
+def size_doubts(extent: np.ndarray) -> list[str]:
+    """Of a body that measures `extent` (3,) mm: none, or why that is hardly meant."""
+    size = float(extent.max())
+    if SMALLEST <= size <= LARGEST:
+        return []
+    wrong = "metres read as millimetres" if size < SMALLEST else "millimetres read as metres"
+    return [f"the body measures {_sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
+
+
+def _extent(X: np.ndarray) -> str:
+    return _sides(np.ptp(X, axis=0))
+
+
+def _sides(extent: np.ndarray) -> str:
+    return " x ".join(f"{side:.3g}" for side in extent)
