@@ -26,7 +26,7 @@ class Disk:
 
     def __init__(self, monkeypatch, n: int = 0, dead: bool = False, code: int = errno.EIO):
         self.count, self.n, self.dead, self.code = 0, n, dead, code
-        for name in ("replace", "fsync", "unlink", "mkdir", "rmdir", "truncate", "pwrite"):
+        for name in ("replace", "fsync", "unlink", "mkdir", "rmdir", "truncate", "write"):
             monkeypatch.setattr(os, name, self._counted(getattr(os, name)))
         monkeypatch.setattr(files, "open", self._open, raising=False)
 

@@ -22,7 +22,7 @@ def write_schemas(out: Path, check: bool) -> str:
     """Writes all; with `check` writes none and raises GateError where one differs."""
     for name, text in schemas().items():
         path = out / name
-        if check and (not path.exists() or path.read_text() != text):
+        if check and (not path.exists() or path.read_text(encoding="utf-8") != text):
             raise GateError("differs from the specs", where=str(path), do="run cfem schema")
         if not check:
             write_whole(path, text.encode())

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import DiskError, InputError, OutputError, SpecError
+from cfem.core.system import read_head, replace_content, sync, try_lock
 
 # Why the system refuses to write, and what to do about it.
 DISK = {
@@ -80,15 +81,6 @@ def remove_unfinished(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def sync(path: Path) -> None:
-    """Makes a file's bytes, or the renames inside a folder, survive a power cut."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
 def sync_tree(folder: Path) -> None:
     """All files and folders in it, whoever wrote them."""
     with disk_errors(folder):
@@ -150,8 +142,6 @@ def write_json(path: Path, data: dict) -> None:
 def locked(target: Path) -> Iterator[None]:
     """One writer at a time for `target`: a lock of the operating system, which ends with the process that holds it,
     however it ends. OutputError, naming who writes, where it is held."""
-    import fcntl
-
     lock = target.with_name(f".{target.name}.lock")
     with disk_errors(lock):
         lock.parent.mkdir(parents=True, exist_ok=True)
@@ -159,16 +149,15 @@ def locked(target: Path) -> Iterator[None]:
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     try:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            who = os.pread(handle, 200, 0).decode(errors="replace").strip()
-            what = f"another process is writing here{f' ({who})' if who else ''}"
-            raise OutputError(what, where=str(target), do="wait for it to end") from None
+            mine = try_lock(handle)
         except OSError as error:
             raise DiskError(f"cannot be locked: {error.strerror}", where=str(lock), do="choose --out") from error
+        if not mine:
+            who = read_head(handle, 200).decode(errors="replace").strip()
+            what = f"another process is writing here{f' ({who})' if who else ''}"
+            raise OutputError(what, where=str(target), do="wait for it to end")
         with disk_errors(lock):
-            os.truncate(handle, 0)
-            os.pwrite(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
+            replace_content(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
         yield
     finally:
         os.close(handle)

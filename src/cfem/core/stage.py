@@ -136,7 +136,7 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
     partial, mark = partial_folder(stage.out), stage.out.with_name(f".{stage.out.name}.made_from")
     refuse_link(partial)
     with disk_errors(partial):
-        if partial.is_dir() and mark.exists() and mark.read_text() == made_from:
+        if partial.is_dir() and mark.exists() and mark.read_text(encoding="utf-8") == made_from:
             remove_unfinished(partial)
         else:
             mark.unlink(missing_ok=True)  # first: what it marked is whole no more

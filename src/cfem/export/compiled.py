@@ -50,7 +50,7 @@ def _size(folder: Path, command: list[str], size: str) -> dict[str, int] | None:
         listed = run([size, *sorted(path.name for path in Path(place).glob("*.o"))], place)
         rows = [[int(word) for word in line.split()[:3]] for line in listed.splitlines()[1:]]
         text, data, bss = np.sum(rows, axis=0).tolist()
-        frames = "".join(path.read_text() for path in Path(place).glob("*.su"))
+        frames = "".join(path.read_text(encoding="utf-8") for path in Path(place).glob("*.su"))
     stack = sum(int(line.split("\t")[1]) for line in frames.splitlines())
     return {"flash": text + data, "static_ram": data + bss, "stack": stack}
 
@@ -72,7 +72,7 @@ def library(folder: Path, flags: tuple[str, ...] = ("-O2",)) -> ctypes.CDLL:
     command = compiler()
     if not command:
         raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:  # Windows keeps a library that is loaded
         out = Path(place) / "libcfem.so"
         sources = [str((folder / name).resolve()) for name in CORE]
         run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
@@ -93,7 +93,7 @@ class CompiledController:
     """One robot's controller. n_a, n_e: its sizes."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
-        text = (folder / "cfem_data.h").read_text()
+        text = (folder / "cfem_data.h").read_text(encoding="utf-8")
         defines = dict(re.findall(r"^#define (\w+) (.*)$", text, re.MULTILINE))
         self.n_a, self.n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
         real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]

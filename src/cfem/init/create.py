@@ -218,7 +218,7 @@ def _try(scene: str, copy: str, path: Path) -> int:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         shutil.copyfile(path, folder / copy)
-        (folder / "scene.yaml").write_text(scene)
+        (folder / "scene.yaml").write_text(scene, encoding="utf-8")
         spec = load_spec(folder / "scene.yaml", SceneSpec)
         mesh, _ = make_mesh(spec, folder)
         build_robot(spec, mesh)

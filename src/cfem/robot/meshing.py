@@ -230,7 +230,7 @@ def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
     demand("gmsh", where="a mesh of this geometry")
     with tempfile.TemporaryDirectory() as scratch:
         place, out = Path(scratch), Path(scratch) / "mesh.npz"
-        (place / "job.json").write_text(json.dumps(job))
+        (place / "job.json").write_text(json.dumps(job), encoding="utf-8")
         # -P: no module is taken from the working folder
         command = [sys.executable, "-P", "-m", "cfem.robot.gmsh_process", str(place / "job.json"), str(out)]
         with (

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from cfem.core.errors import NumericalError, SpecError
+from cfem.core.system import cores
 
 # Sums in another order, by another number of threads, would end in other digits.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "RAYON_NUM_THREADS")
@@ -70,7 +71,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     # Safe path: no process takes modules from the working folder.
     with _environment(dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1")):
         executor = ProcessPoolExecutor(
-            workers or len(os.sched_getaffinity(0)), multiprocessing.get_context("spawn"), initializer=_become_worker
+            workers or cores(), multiprocessing.get_context("spawn"), initializer=_become_worker
         )
         try:
             yield executor

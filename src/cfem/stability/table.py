@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
-from cfem.stability.families.large import peak_memory
+from cfem.core.system import peak_memory
 from cfem.stability.suite import Result, misbehaving
 
 _FIGURES = ("residual", "rounding", "asymmetry", "smallest_eigenvalue", "condition", "iterations", "factorizations")
@@ -33,7 +33,7 @@ def as_text(results: Sequence[Result]) -> str:
     bad = len(misbehaving(results))
     lines.append(
         f"{len(results)} cases, {len(results) - bad} as they should be, {bad} misbehave; "
-        f"{seconds:.0f} s, {peak_memory():.2f} GiB at most"
+        f"{seconds:.0f} s, {peak_memory() or float('nan'):.2f} GiB at most"
     )
     return "\n".join(lines)
 

@@ -109,5 +109,5 @@ def _distributions(over: MlpRanges) -> dict[str, Any]:
 def _read(table: Path | None) -> tuple[list[dict], float]:
     if table is None or not table.exists():
         return [], 0.0
-    data = json.loads(table.read_text())
+    data = json.loads(table.read_text(encoding="utf-8"))
     return data["trials"], data["seconds"]

@@ -1,0 +1,74 @@
+"""What Linux, macOS and Windows do in different ways: locks, syncing, cores, memory."""
+
+import os
+import sys
+
+_LOCKED_BYTE = 1 << 30  # on Windows a locked byte cannot be read by others: one beyond the text of the file
+
+
+def try_lock(handle: int) -> bool:
+    """Locks an open file for this process until the handle is closed; False where another process holds it.
+
+    The operating system ends the lock with the process, however it ends. OSError where the disk has no locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return _try_lock_on_windows(handle)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _try_lock_on_windows(handle: int) -> bool:
+    import msvcrt
+
+    os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
+    try:
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+    except PermissionError:
+        return False
+    return True
+
+
+def read_head(handle: int, count: int) -> bytes:
+    """The first bytes of an open file."""
+    os.lseek(handle, 0, os.SEEK_SET)
+    return os.read(handle, count)
+
+
+def replace_content(handle: int, data: bytes) -> None:
+    """Makes `data` all that an open file holds."""
+    os.truncate(handle, 0)
+    os.lseek(handle, 0, os.SEEK_SET)
+    os.write(handle, data)
+
+
+def sync(path: str | os.PathLike) -> None:
+    """Makes a file's bytes, or the renames inside a folder, survive a power cut. Windows cannot sync a folder."""
+    windows = sys.platform == "win32"
+    if windows and os.path.isdir(path):
+        return
+    handle = os.open(path, os.O_RDWR if windows else os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def cores() -> int:
+    """How many cores this process may use, where the system says so; otherwise how many there are."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def peak_memory() -> float | None:
+    """GiB that this process has held at most; None where the system does not say."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30
