@@ -1,6 +1,6 @@
 """`cfem calibrate`: measurements to parameters, with their intervals, fit, and what cannot be found."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,26 +13,38 @@ from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
+from cfem.robot.spec import scene_meaning
 
+_PATHS = ("measurements", "model", "scene", "mesh")
 TABLE, RESULT, FIGURE = "predicted.parquet", "calibration.json", "calibration.png"
 
 
-def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The manifest; results: value and interval by parameter, what cannot be found, the fit."""
-    spec = load_spec(spec_path, CalibrateSpec, overrides)
-    base = spec_path.parent
-    paths = {
-        name: base / getattr(spec, name) for name in ("measurements", "model", "scene", "mesh") if _used(spec, name)
-    }
-    stage = Stage(
+    made = stage(spec_path, overrides, out)
+    return run_stage(made, partial(_work, spec=made.spec, paths=_paths(made.spec, spec_path.parent)), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, CalibrateSpec, overrides), spec_path.parent
+    paths = _paths(spec, base)
+    scene = paths.pop("scene", None)
+    return Stage(
         name="calibrate",
-        version=1,
+        version=2,
         spec=spec,
         inputs=paths,
         out=out or base / spec.out,
-        paths=("measurements", "model", "scene", "mesh", "out"),
+        paths=(*_PATHS, "out"),
+        extra={"scene": scene_meaning(scene)} if scene else {},
+        spec_path=spec_path,
+        overrides=overrides,
     )
-    return run_stage(stage, partial(_work, spec=spec, paths=paths), options)
+
+
+def _paths(spec: CalibrateSpec, base: Path) -> dict[str, Path]:
+    """Of what the spec names and needs."""
+    return {name: base / getattr(spec, name) for name in _PATHS if _used(spec, name)}
 
 
 def _used(spec: CalibrateSpec, name: str) -> bool:

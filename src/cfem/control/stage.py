@@ -10,33 +10,36 @@ import numpy as np
 
 from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
 from cfem.core.errors import SpecError
-from cfem.core.spec import load_spec, meaning
+from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.robot.spec import SceneSpec
+from cfem.robot.spec import scene_meaning
 
 VERSION = 2
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The manifest. Results: per trajectory and controller, see `summary.summarise`."""
-    spec = load_spec(spec_path, ControlSpec, overrides)
-    base = spec_path.parent
-    models = {name: base / path for name, path in spec.models.items()}
-    scene = base / spec.scene
+    made, base = stage(spec_path, overrides, out), spec_path.parent
+    models = {name: base / path for name, path in made.spec.models.items()}
+    return run_stage(made, lambda folder: _work(folder, made.spec, base, made.inputs["mesh"], models, options), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, ControlSpec, overrides), spec_path.parent
     real = spec.loop.real.mesh if spec.loop else None
-    inputs = {"mesh": base / spec.mesh} | {f"model {name}": path for name, path in models.items()}
-    inputs |= {"real mesh": base / real} if real else {}
-    stage = Stage(
+    inputs = {"mesh": base / spec.mesh} | {f"model {name}": base / path for name, path in spec.models.items()}
+    return Stage(
         name="control",
         version=VERSION,
         spec=spec,
-        inputs=inputs,
+        inputs=inputs | ({"real mesh": base / real} if real else {}),
         out=out or base / spec.out,
         paths=("scene", "mesh", "models", "out"),
         precious=spec.plant == "pipe",  # what hardware did cannot be computed again
-        extra={"scene": meaning(load_spec(scene, SceneSpec), {"out"})},
+        extra={"scene": scene_meaning(base / spec.scene)},
+        spec_path=spec_path,
+        overrides=overrides,
     )
-    return run_stage(stage, lambda folder: _work(folder, spec, base, inputs["mesh"], models, options), options)
 
 
 def _work(

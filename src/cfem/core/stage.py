@@ -9,7 +9,7 @@ bytes on disk. Killed, the next run of the same inputs goes on from what is ther
 import os
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from cfem.core.files import (
     disk_errors,
     file_sha256,
     locked,
+    plain,
     recover_folder,
     refuse_link,
     remove_unfinished,
@@ -53,7 +54,9 @@ class Stage:
     out:      the artefact folder that it makes
     paths:    names of top-level spec fields that are paths; what they point to enters through `inputs`
     precious: True where the output costs so much that one from other inputs is kept unless --force, and then moved
-              aside rather than deleted"""
+              aside rather than deleted
+    extra:    what else determines the output: values, or a function that reads them from the inputs
+    spec_path, overrides: where the spec is and what --set changed in it, so that it can be read again"""
 
     name: str
     version: int
@@ -62,19 +65,26 @@ class Stage:
     out: Path
     paths: tuple[str, ...] = ()
     precious: bool = False
-    extra: Mapping[str, Any] = field(default_factory=dict)
+    extra: Mapping[str, Any] | Callable[[], Mapping[str, Any]] = field(default_factory=dict)
+    spec_path: Path | None = None
+    overrides: Sequence[str] = ()
 
-    def made_from(self) -> str:
-        """Content hash of all that determines the output."""
-        return content_sha256(
+    def origin(self) -> dict[str, Any]:
+        """All that determines the output, as plain data."""
+        extra = self.extra() if callable(self.extra) else self.extra
+        return plain(
             {
                 "stage": self.name,
                 "version": self.version,
                 "spec": meaning(self.spec, self.paths),
                 "inputs": {name: artefact_content(path) for name, path in self.inputs.items()},
-                "extra": dict(self.extra),
+                "extra": dict(extra),
             }
         )
+
+    def made_from(self) -> str:
+        """Content hash of all that determines the output."""
+        return content_sha256(self.origin())
 
 
 def artefact_content(path: Path) -> str:
@@ -154,6 +164,8 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
         "stage": stage.name,
         "precious": stage.precious,
         "made_from": made_from,
+        "origin": stage.origin(),
+        "source": _source(stage),
         "content": results.pop("content", None) or content_sha256(files),
         "inputs": {name: _relative(path, stage.out) for name, path in stage.inputs.items()},
         "spec": stage.spec.model_dump(),
@@ -167,6 +179,13 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
     with disk_errors(mark):
         mark.unlink(missing_ok=True)
     return {**manifest, "status": "done"}
+
+
+def _source(stage: Stage) -> dict[str, Any] | None:
+    """The spec from which the command can be run again."""
+    if stage.spec_path is None:
+        return None
+    return {"spec": _relative(stage.spec_path, stage.out), "set": list(stage.overrides)}
 
 
 def _relative(path: Path, folder: Path) -> str:

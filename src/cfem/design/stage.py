@@ -1,7 +1,7 @@
 """`cfem optimize-design`: from what is asked of a design to the designs that do it best."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,28 +14,39 @@ from cfem.core.files import write_json, write_whole
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec
-from cfem.robot.spec import SceneSpec
+from cfem.robot.spec import SceneSpec, scene_meaning
 
 RESULT, GRID, FRONT = "design.json", "grid.parquet", "front.parquet"
 _PATHS = ("model", "scene", "mesh")
 
 
-def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The manifest; results: the best design by every objective and blend, the front, the task, each verified."""
-    spec = load_spec(spec_path, DesignSpec, overrides)
-    base = spec_path.parent
-    paths = {name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None}
-    if spec.verify == "no":
-        paths.pop("mesh", None)
-    stage = Stage(
+    made, base = stage(spec_path, overrides, out), spec_path.parent
+    return run_stage(made, partial(_work, spec=made.spec, paths=_paths(made.spec, base), base=base), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, DesignSpec, overrides), spec_path.parent
+    paths = _paths(spec, base)
+    scene = paths.pop("scene", None)
+    return Stage(
         name="optimize-design",
-        version=2,
+        version=3,
         spec=spec,
         inputs=paths | _sources(spec, base),
         out=out or base / spec.out,
         paths=(*_PATHS, "out"),
+        extra={"scene": scene_meaning(scene)} if scene else {},
+        spec_path=spec_path,
+        overrides=overrides,
     )
-    return run_stage(stage, partial(_work, spec=spec, paths=paths, base=base), options)
+
+
+def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
+    """Of what the spec names and needs."""
+    named = {name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None}
+    return {name: path for name, path in named.items() if name != "mesh" or spec.verify != "no"}
 
 
 def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:

@@ -2,7 +2,7 @@
 
 import shutil
 import warnings
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,24 +24,37 @@ VECTORS = "test_vectors.npz"
 NOTHING = Embedding()
 
 
-def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The export's manifest; results: largest relative difference from the trained model and size, by format."""
-    spec = load_spec(spec_path, ExportSpec, overrides)
-    model = spec_path.parent / spec.model
-    embedded = NOTHING
-    if "c" in spec.formats:
-        scene = None if spec.scene is None else load_spec(spec_path.parent / spec.scene, SceneSpec)
-        embedded = embedding(read_meta(model), spec.c, scene)
-    stage = Stage(
+    made = stage(spec_path, overrides, out)
+    embedded = _embedding(made.spec, spec_path.parent)
+    return run_stage(made, partial(work, spec=made.spec, model_folder=made.inputs["model"], embedded=embedded), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, ExportSpec, overrides), spec_path.parent
+
+    def extra() -> dict[str, Any]:
+        return {"c": _sources(), "embedding": plain(vars(_embedding(spec, base)))} if "c" in spec.formats else {}
+
+    return Stage(
         name="export",
         version=3,
         spec=spec,
-        inputs={"model": model},
-        out=out or spec_path.parent / spec.out,
+        inputs={"model": base / spec.model},
+        out=out or base / spec.out,
         paths=("model", "scene", "out"),
-        extra={"c": _sources(), "embedding": plain(vars(embedded))} if "c" in spec.formats else {},
+        extra=extra,
+        spec_path=spec_path,
+        overrides=overrides,
     )
-    return run_stage(stage, partial(work, spec=spec, model_folder=model, embedded=embedded), options)
+
+
+def _embedding(spec: ExportSpec, base: Path) -> Embedding:
+    if "c" not in spec.formats:
+        return NOTHING
+    scene = None if spec.scene is None else load_spec(base / spec.scene, SceneSpec)
+    return embedding(read_meta(base / spec.model), spec.c, scene)
 
 
 def _sources() -> dict[str, str]:

@@ -10,7 +10,7 @@ from cfem.core.optional import demand
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_stage
 from cfem.report.spec import ReportSpec
-from cfem.robot.spec import SceneSpec
+from cfem.robot.spec import SceneSpec, scene_meaning
 
 VERSION = 4
 PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes", "loops")
@@ -20,25 +20,31 @@ Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The manifest. Results: path of the page, headline figures."""
-    spec = load_spec(spec_path, ReportSpec, overrides)
-    base = spec_path.parent
-    inputs = artefacts(spec, base)
-    scene_path = base / spec.scene if spec.scene else None
+    made = stage(spec_path, overrides, out)
+    scene_path = spec_path.parent / made.spec.scene if made.spec.scene else None
     scene = load_spec(scene_path, SceneSpec) if scene_path else None
-    extra: dict[str, Any] = {"scene": meaning(scene, {"out"})} if scene else {}
+    return run_stage(
+        made, lambda folder: _work(folder, made.spec, scene, scene_path, made.inputs, options.quiet), options
+    )
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, ReportSpec, overrides), spec_path.parent
+    extra: dict[str, Any] = {"scene": scene_meaning(base / spec.scene)} if spec.scene else {}
     for name, folders in FOLDERS.items():
         if given := getattr(spec, name):
             extra[name] = {key: meaning(one, folders) for key, one in given.items()}
-    stage = Stage(
+    return Stage(
         name="report",
         version=VERSION,
         spec=spec,
-        inputs=inputs,
+        inputs=artefacts(spec, base),
         out=out or base / spec.out,
         paths=PATHS,
         extra=extra,
+        spec_path=spec_path,
+        overrides=overrides,
     )
-    return run_stage(stage, lambda folder: _work(folder, spec, scene, scene_path, inputs, options.quiet), options)
 
 
 def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:

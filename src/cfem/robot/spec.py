@@ -1,11 +1,11 @@
 """scene.yaml: what the robot is. Geometry, mesh, material, what holds it, what drives it, what is watched."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from cfem.core.spec import Spec
+from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
@@ -137,3 +137,8 @@ class SceneSpec(Spec):
         if isinstance(self.geometry, Assembly) and self.mesh.refine:
             raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
         return self
+
+
+def scene_meaning(path: Path) -> Any:
+    """What a scene says, whatever its comments, its spelling and where its mesh goes."""
+    return meaning(load_spec(path, SceneSpec), {"out"})

@@ -16,11 +16,23 @@ MESH = "mesh.vtu"
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """Make (or find up to date) the mesh of a scene; returns the manifest."""
+    made = stage(spec_path, overrides, out)
+    return run_stage(made, lambda target: _work(made.spec, spec_path.parent, target), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     scene = load_spec(spec_path, SceneSpec, overrides)
     folder = spec_path.parent
-    source = {name: folder / path for name, path in files(scene.geometry).items()}
-    stage = Stage("mesh", 1, scene, source, out or folder / scene.out, paths=("out",))
-    return run_stage(stage, lambda target: _work(scene, folder, target), options)
+    return Stage(
+        name="mesh",
+        version=1,
+        spec=scene,
+        inputs={name: folder / path for name, path in files(scene.geometry).items()},
+        out=out or folder / scene.out,
+        paths=("out",),
+        spec_path=spec_path,
+        overrides=overrides,
+    )
 
 
 def files(geometry: Geometry) -> dict[str, Path]:

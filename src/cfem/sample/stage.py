@@ -1,15 +1,15 @@
 """`cfem simulate-sample`: a scene, its mesh and a plan to a dataset."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cfem.condensed.parameters import Parameter, to_json
+from cfem.condensed.parameters import to_json
 from cfem.core.errors import SpecError
-from cfem.core.spec import load_spec, meaning
+from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.robot.spec import SceneSpec
+from cfem.robot.spec import scene_meaning
 from cfem.sample.parameters import scene_parameters
 from cfem.sample.pool import Workers
 from cfem.sample.spec import SampleSpec
@@ -19,7 +19,7 @@ VERSION = 5
 
 def run(
     spec_path: Path,
-    overrides: Iterable[str],
+    overrides: Sequence[str],
     out: Path | None,
     options: Options,
     *,
@@ -39,8 +39,8 @@ def run(
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)
-    stage = _stage(spec, spec_path, parameters, out)
-    whole, crew = stage.made_from(), Workers(workers, scheduler, timeout)
+    made = stage(spec_path, overrides, out)
+    whole, crew = made.made_from(), Workers(workers, scheduler, timeout)
 
     def factory() -> Any:
         from cfem.robot.load import load_scene_and_mesh
@@ -55,34 +55,35 @@ def run(
         return (fill or artefact.fill)(folder, spec, factory(), whole, options.quiet, crew)
 
     if shard is None:
-        return run_stage(stage, work, options)
+        return run_stage(made, work, options)
     if spec.until:
         what = "--shard does not go with until: which states come next depends on all before"
         raise SpecError(what, where=str(spec_path), do="leave one of them out")
     from cfem.sample.part import fill_part, parse_part
 
     part = parse_part(shard)
-    mine = replace(stage, out=out or part.folder(stage.out), extra={**stage.extra, "part": vars(part)})
+    mine = replace(made, out=out or part.folder(made.out), extra={**made.extra, "part": vars(part)})
     return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), whole, part, options.quiet, crew), options)
 
 
 def merge(
-    spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options, parts: Sequence[Path] = ()
+    spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options, parts: Sequence[Path] = ()
 ) -> dict[str, Any]:
     """The manifest of the dataset of which `parts` (those beside it by default) are all parts, content hash and all as
     if one machine had solved it."""
-    spec = load_spec(spec_path, SampleSpec, overrides)
-    stage = _stage(spec, spec_path, scene_parameters(spec.parameters, spec_path.parent / spec.scene), out)
+    made = stage(spec_path, overrides, out)
 
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample.part import dataset_parts, fill_merged
 
-        return fill_merged(folder, spec, list(parts) or dataset_parts(stage.out), stage.made_from())
+        return fill_merged(folder, made.spec, list(parts) or dataset_parts(made.out), made.made_from())
 
-    return run_stage(stage, work, options)
+    return run_stage(made, work, options)
 
 
-def _stage(spec: SampleSpec, spec_path: Path, parameters: Sequence[Parameter], out: Path | None) -> Stage:
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec = load_spec(spec_path, SampleSpec, overrides)
+    scene = spec_path.parent / spec.scene
     return Stage(
         name="simulate-sample",
         version=VERSION,
@@ -91,8 +92,7 @@ def _stage(spec: SampleSpec, spec_path: Path, parameters: Sequence[Parameter], o
         out=out or spec_path.parent / spec.out,
         paths=("scene", "mesh", "out", "parameters"),  # parameters: by their values, not by their spelling
         precious=True,
-        extra={
-            "scene": meaning(load_spec(spec_path.parent / spec.scene, SceneSpec), {"out"}),
-            "parameters": to_json(parameters),
-        },
+        extra={"scene": scene_meaning(scene), "parameters": to_json(scene_parameters(spec.parameters, scene))},
+        spec_path=spec_path,
+        overrides=overrides,
     )

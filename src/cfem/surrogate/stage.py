@@ -6,7 +6,7 @@ W and delta_free that the model gives there, so that every other form of it can 
 import io
 import shutil
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -23,28 +23,32 @@ from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 
+PARTS = ("module", "at_rest")  # models that this one is made of
 QUERIES = 100_000  # at which W has to be positive definite
 
 
-def run(spec_path: Path, overrides: Iterable[str], out: Path | None, options: Options) -> dict[str, Any]:
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The model's manifest."""
-    spec = load_spec(spec_path, TrainSpec, overrides)
-    folder = spec_path.parent / spec.dataset
-    inputs, found = {"dataset": folder}, spec
-    for name in ("module", "at_rest"):  # models that this one is made of
-        part = getattr(spec.model, name, None)
-        if part is not None:
-            inputs[name] = spec_path.parent / part
-            found = spec.model_copy(update={"model": spec.model.model_copy(update={name: inputs[name]})})
-    stage = Stage(
+    made = stage(spec_path, overrides, out)
+    spec = made.spec
+    parts = {name: made.inputs[name] for name in PARTS if name in made.inputs}
+    found = spec.model_copy(update={"model": spec.model.model_copy(update=parts)})
+    return run_stage(made, partial(work, spec=found, dataset_folder=made.inputs["dataset"]), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, TrainSpec, overrides), spec_path.parent
+    parts = {name: getattr(spec.model, name, None) for name in PARTS}
+    return Stage(
         name="train",
         version=3,
         spec=spec,
-        inputs=inputs,
-        out=out or spec_path.parent / spec.out,
+        inputs={"dataset": base / spec.dataset} | {name: base / part for name, part in parts.items() if part},
+        out=out or base / spec.out,
         paths=("dataset", "out"),
+        spec_path=spec_path,
+        overrides=overrides,
     )
-    return run_stage(stage, partial(work, spec=found, dataset_folder=folder), options)
 
 
 def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
