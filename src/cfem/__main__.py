@@ -11,8 +11,10 @@ def main() -> None:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _leave)
     from cfem.cli.app import app
+    from cfem.cli.run import stdout_errors
 
-    app()
+    with stdout_errors():
+        app()
 
 
 def _leave(number: int, frame: Any) -> None:

@@ -75,3 +75,20 @@ def test_an_interrupt_after_the_work_does_not_undo_what_is_said(capsys):
         for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
             signal.signal(number, handler)
     assert capsys.readouterr().out == "done\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["schema", "--out", "made"]], ids=" ".join)
+def test_a_summary_that_meets_a_full_disk_is_one_sentence(words, tmp_path):
+    with open("/dev/full", "w") as full:
+        words = [sys.executable, "-m", "cfem", *words]
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert done.returncode == 7 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("cfem: stdout: cannot write: No space left on device")
+
+
+def test_a_reader_that_has_gone_is_no_error_to_report():
+    process = subprocess.Popen([sys.executable, "-m", "cfem", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    assert process.stderr.read() == b"" and process.wait() == 1
+    process.stderr.close()

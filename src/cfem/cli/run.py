@@ -4,7 +4,8 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
 from cfem.core.errors import CfemError
@@ -64,7 +65,23 @@ def run_command(
     except Exception as error:
         _defect(error)
     else:
-        print(_json(outcome) if as_json else _text(outcome))
+        with stdout_errors():
+            print(_json(outcome) if as_json else _text(outcome), flush=True)
+
+
+@contextmanager
+def stdout_errors() -> Iterator[None]:
+    """What is printed within may meet a full disk, one sentence and exit 7, or a reader that has gone, exit 1."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        if os.environ.get("CFEM_DEBUG"):
+            raise
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - what is left in the buffer has nowhere to go
+        if isinstance(error, BrokenPipeError):
+            sys.exit(1)
+        _fail(f"stdout: cannot write: {error.strerror} (the work is done; only its summary could not be printed)", 7)
 
 
 def _defect(error: Exception) -> NoReturn:
@@ -76,7 +93,8 @@ def _defect(error: Exception) -> NoReturn:
 def _fail(message: str, code: int) -> NoReturn:
     """One line, whatever a spec or a file made of it."""
     line = "".join(char if char.isprintable() else " " for char in message)
-    print(f"cfem: {line if len(line) <= LONGEST else line[:LONGEST] + ' ...'}", file=sys.stderr)
+    with suppress(OSError):  # nobody can be told
+        print(f"cfem: {line if len(line) <= LONGEST else line[:LONGEST] + ' ...'}", file=sys.stderr)
     sys.exit(code)
 
 

@@ -1,0 +1,53 @@
+"""Where cfem keeps what a machine needs once: the user's cache folder, or a private temporary one."""
+
+import os
+import stat
+import sys
+import tempfile
+from pathlib import Path
+
+
+def cache_folder() -> Path | None:
+    """A folder that this user may write to and nobody else; None where there is none.
+
+    That of the user's caches (XDG_CACHE_HOME, LOCALAPPDATA on Windows), or else one of the temporary folder: what lies
+    there is run, so it must be this user's own."""
+    home = os.environ.get("LOCALAPPDATA") if sys.platform == "win32" else os.environ.get("XDG_CACHE_HOME")
+    kept = Path(home) / "cfem" if home else Path(os.path.expanduser("~")) / ".cache" / "cfem"
+    if is_writable(kept):
+        return kept
+    try:
+        temporary = Path(tempfile.gettempdir()) / f"cfem-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
+        temporary.mkdir(mode=0o700, exist_ok=True)
+        return temporary if _is_private(temporary) and is_writable(temporary) else None
+    except OSError:
+        return None
+
+
+def is_writable(folder: Path) -> bool:
+    """Whether files can be made in a folder, which is made where it is missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether it is a folder, no link, of this user alone. On Windows temporary folders are."""
+    found = folder.lstat()
+    if not hasattr(os, "getuid"):
+        return stat.S_ISDIR(found.st_mode)
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+
+
+def place_compiled_code(package: Path) -> None:
+    """Tells numba, before its first use, where to keep the machine code of a package that cannot be written to."""
+    if os.environ.get("NUMBA_CACHE_DIR") or is_writable(package / "__pycache__"):
+        return
+    folder = cache_folder()
+    if folder is not None:
+        os.environ["NUMBA_CACHE_DIR"] = str(folder / "numba")
+        if "numba" in sys.modules:  # which has read its environment
+            sys.modules["numba"].config.CACHE_DIR = str(folder / "numba")
