@@ -37,7 +37,8 @@ CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 
 def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
-    from cfem.control.closed_loop import Gains, Pace, run_loop
+    from cfem.control.closed_loop import Pace, run_loop
+    from cfem.control.controller import Gains
     from cfem.control.experiment import Controller, Tracker
     from cfem.control.fem_plant import FemPlant
     from cfem.control.inverse import Limits, ridge_of
@@ -127,7 +128,8 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     """Errors in mm at the end of each goal of the circle: open loop into the robot of the model, by growths and by
     pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
-    from cfem.control.closed_loop import Gains, Pace, run_loop
+    from cfem.control.closed_loop import Pace, run_loop
+    from cfem.control.controller import Gains
     from cfem.control.experiment import Controller, Tracker
     from cfem.control.fem_plant import FemPlant
     from cfem.control.imperfect_plant import Imperfection, ImperfectPlant

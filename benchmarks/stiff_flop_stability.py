@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.closed_loop import Gains, Pace, run_loop
+from cfem.control.closed_loop import Pace, run_loop
+from cfem.control.controller import Gains
 from cfem.control.gains import integral_for
 from cfem.control.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.control.inverse import Aim, Limits, ridge_of

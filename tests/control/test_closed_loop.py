@@ -8,7 +8,8 @@ from control import linear, synthetic
 from control.linear import LinearRobot
 from control.synthetic import ArcRobot, tip
 
-from cfem.control.closed_loop import Correction, Gains, Pace, run_loop
+from cfem.control.closed_loop import Pace, run_loop
+from cfem.control.controller import Correction, Gains
 from cfem.control.gains import integral_for, poles
 from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.control.inverse import Limits, ridge_of

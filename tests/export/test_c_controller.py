@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from export.embedded import export, needs_compiler, spectral
 
-from cfem.control.closed_loop import Gains, Pace, run_loop
+from cfem.control.closed_loop import Pace, run_loop
+from cfem.control.controller import Gains
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.observer import under_force

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.closed_loop import Gains, Pace, run_loop
+from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, record, summarise
+from cfem.control.controller import Gains
 from cfem.control.gains import integral_for, late_samples
 from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.control.inverse import Limits, ridge_of

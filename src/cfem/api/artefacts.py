@@ -1,0 +1,119 @@
+"""Artefacts: stages that make them, datasets and models read from them."""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from cfem.api.vectors import PathLike
+from cfem.core.errors import SpecError
+
+if TYPE_CHECKING:
+    from cfem.dataset.reader import Dataset
+    from cfem.predict.protocol import Predictor
+
+STAGES = {
+    "mesh": "robot",
+    "sample": "sample",
+    "train": "surrogate",
+    "export": "export",
+    "control": "control",
+    "calibrate": "calibrate",
+    "optimize-design": "design",
+    "report": "report",
+}
+
+
+def run_stage(
+    stage: Literal["mesh", "sample", "train", "export", "control", "calibrate", "optimize-design", "report"],
+    spec: PathLike,
+    *,
+    out: PathLike | None = None,
+    overrides: Sequence[str] = (),
+    force: bool = False,
+    check: bool = False,
+    quiet: bool = True,
+    **more: Any,
+) -> Mapping[str, Any]:
+    """Runs one stage, as `cfem STAGE SPEC` does. A stage whose inputs have not changed does nothing.
+
+    Args:
+        stage: name of the command.
+        spec: its YAML file.
+        out: artefact folder, in the place of the spec's.
+        overrides: values in place of the spec's, such as `"mesh.size=8 mm"`.
+        force: run even if up to date.
+        check: run nothing; GateError where the output is stale.
+        quiet: no progress on stderr.
+        **more: for sample: `workers`, `scheduler`, `timeout`, `shard`.
+
+    Returns:
+        The manifest: `status` ('done' or 'up to date'), `results`, `files`, `seconds`, `made_from`, `content`.
+
+    Raises:
+        CfemError: the subclass of the exit code that the command would end with.
+
+    Examples:
+        >>> manifest = cfem.run_stage("mesh", "pipelines/bar/scene.yaml")
+        >>> manifest["results"]["nodes"]
+    """
+    from cfem.core.stage import Options
+
+    if stage not in STAGES:
+        raise SpecError(f"no stage '{stage}'", do=f"choose one of {', '.join(STAGES)}")
+    if stage == "sample":
+        more = {"fill": import_module("cfem.active.fill").fill, **more}
+    run = import_module(f"cfem.{STAGES[stage]}.stage").run
+    options = Options(force=force, check=check, quiet=quiet)
+    return run(Path(spec), overrides, None if out is None else Path(out), options, **more)
+
+
+def read_dataset(path: PathLike, split: Literal["train", "test"] = "train") -> "Dataset":
+    """The converged states of a dataset.
+
+    Args:
+        path: a folder of `cfem sample`, or one of its .parquet files.
+        split: which file of the folder.
+
+    Returns:
+        The dataset of m states: `delta_a` (m, n_a), `delta_e` (m, n_e) mm, `lambda_a` (m, n_a), `W` (m, n, n),
+        `delta_free` (m, n), `energy` (m,) N mm, `failed`, a table of the states that did not converge.
+
+    Raises:
+        InputError: it is missing, damaged, or no dataset of cfem.
+
+    Examples:
+        >>> states = cfem.read_dataset("data/bar/samples", "test")
+        >>> states.delta_a, states.W[0]
+    """
+    from cfem.core.stage import artefact_file
+    from cfem.dataset.reader import read_dataset as read_file
+
+    path = Path(path)
+    return read_file(artefact_file(path, f"{split}.parquet") if path.is_dir() else path)
+
+
+def load_model(folder: PathLike, runtime: Literal["arrays", "onnx"] = "arrays") -> "Predictor":
+    """A learned model of the condensed robot.
+
+    Args:
+        folder: of `cfem train` or `cfem export`.
+        runtime: arrays needs NumPy alone; onnx needs onnxruntime and an exported folder.
+
+    Returns:
+        The model. `at_displacement(delta_a)` and `at_force(lambda_a)` take (n_a,) and return the condensed robot there:
+        `W` (n, n), `delta_free` (n,), `delta_e` (n_e,) mm from rest, `delta_a`, `lambda_a` (n_a,). Both take parameters
+        (n_p,) as a second argument where the model has them. `inside(state)` and `distance(state)` say how near the
+        training states are. `rest_e` (n_e,) mm, `reach` (n_a, 2), `rows`.
+
+    Raises:
+        InputError: a file is missing or damaged, or the model is of another version.
+        NumericalError: (when asked) there is no such state.
+
+    Examples:
+        >>> model = cfem.load_model("models/bar/spectral")
+        >>> model.at_displacement([5.0]).delta_e, model.at_force([1.0]).delta_e
+    """
+    from cfem.predict.load import load_model as load
+
+    return load(Path(folder), runtime)

@@ -1,0 +1,182 @@
+"""Control with a learned model: one inverse step, a search, a controller."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.api.vectors import vector
+
+if TYPE_CHECKING:
+    from cfem.condensed import Condensed
+    from cfem.control.controller import Controller
+    from cfem.control.inverse import InverseStep, Limits
+    from cfem.control.loop import Reach
+    from cfem.control.observer import Observer
+    from cfem.control.plant import Command
+    from cfem.equilibrium.robot import Robot
+    from cfem.predict.protocol import Predictor
+
+
+def inverse_step(
+    model: "Predictor | Robot",
+    state: "Condensed",
+    goal: ArrayLike,
+    *,
+    step: float = np.inf,
+    unilateral: bool = True,
+    largest_force: float = np.inf,
+    weights: ArrayLike | None = None,
+    regularisation: float = 1e-10,
+) -> "InverseStep":
+    """One quadratic program: the actuation that, by the linearisation at a state, brings the effectors to the goal.
+
+    Args:
+        model: the model or the robot that the state is of; it says rest, reach and length.
+        state: of `model.at_displacement`, or `solve(...).condensed`.
+        goal: (n_e,) absolute position of the effectors, mm (rotation vectors in rad).
+        step: largest change of an actuator's displacement, mm or mm^3.
+        unilateral: actuators pull and do not push. A robot knows this itself.
+        largest_force: of any actuator, N or MPa.
+        weights: (n_e,) of the effector rows, 1 unless given; 0 for rows that do not matter.
+        regularisation: cost of a full stroke relative to missing by the robot's length.
+
+    Returns:
+        The step: `delta_a`, `lambda_a` (n_a,), `softened` (no force within bounds keeps the reach), `qp` (residuals).
+
+    Raises:
+        SpecError: goal or weights are not n_e finite numbers.
+        NumericalError: the program has no trustworthy answer.
+
+    Examples:
+        >>> state = model.at_displacement([0.0, 0.0])
+        >>> cfem.inverse_step(model, state, model.rest_e + [1.0, 0.0, 0.0]).delta_a
+    """
+    from cfem.control.inverse import Aim, ridge_of
+    from cfem.control.inverse import inverse_step as solve_step
+
+    n_e = model.rows.n_e
+    aim = Aim(
+        vector("goal", goal, n_e) - model.rest_e,
+        np.ones(n_e) if weights is None else vector("weights", weights, n_e),
+        ridge_of(regularisation, model.reach, model.length),
+    )
+    limits = _limits(model, unilateral, largest_force).within(state.delta_a, step)
+    return solve_step(state, aim, limits)
+
+
+def find_actuation(
+    model: "Predictor",
+    goal: ArrayLike,
+    *,
+    start: ArrayLike | None = None,
+    unilateral: bool = True,
+    largest_force: float = np.inf,
+    weights: ArrayLike | None = None,
+    regularisation: float = 1e-10,
+    iterations: int = 20,
+) -> "Reach":
+    """Inverse steps until the actuators stay where they are: the actuation that brings the effectors nearest to a goal.
+
+    Args:
+        model: of `load_model`.
+        goal: (n_e,) absolute position of the effectors, mm (rotation vectors in rad).
+        start: (n_a,) displacements to start from, 0 unless given.
+        unilateral: as for `inverse_step`.
+        largest_force: as for `inverse_step`.
+        weights: as for `inverse_step`.
+        regularisation: as for `inverse_step`.
+        iterations: inverse steps at most.
+
+    Returns:
+        What was found: `delta_a`, `lambda_a` (n_a,), `distance` mm that remains, `status`, which says how it ended.
+
+    Raises:
+        SpecError: goal, start or weights have a wrong length or are not finite.
+        NumericalError: the model has no answer at the start.
+
+    Examples:
+        >>> found = cfem.find_actuation(model, [0.0, 10.0, -115.0])
+        >>> found.delta_a, found.distance, found.status
+    """
+    from cfem.control.inverse import Aim, ridge_of
+    from cfem.control.loop import Iterate, Settings, reach
+
+    n_e, n_a = model.rows.n_e, model.rows.n_a
+    aim = Aim(
+        vector("goal", goal, n_e) - model.rest_e,
+        np.ones(n_e) if weights is None else vector("weights", weights, n_e),
+        ridge_of(regularisation, model.reach, model.length),
+    )
+    first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
+    return reach(model, aim, _limits(model, unilateral, largest_force), Iterate.at(first), Settings(iterations))
+
+
+def make_controller(
+    model: "Predictor",
+    *,
+    command: "Command" = "displacement",
+    observer: "Observer" = "equilibrium",
+    gains: tuple[float, float] | None = None,
+    rate: float = np.inf,
+    iterations: int = 1,
+    unilateral: bool = True,
+    largest_force: float = np.inf,
+    weights: ArrayLike | None = None,
+    regularisation: float = 1e-10,
+    start: ArrayLike | None = None,
+) -> "Controller":
+    """A controller that turns one goal per tick into one command.
+
+    Args:
+        model: of `load_model`.
+        command: what the drives take, displacements or forces.
+        observer: how it knows where the actuators stand; see control.yaml.
+        gains: (K_P, K_I) on the measured error, per sample; none for open loop.
+        rate: largest change of a command per tick, mm or N (mm^3 or MPa).
+        iterations: inverse steps per tick.
+        unilateral: as for `inverse_step`.
+        largest_force: as for `inverse_step`.
+        weights: as for `inverse_step`.
+        regularisation: as for `inverse_step`.
+        start: (n_a,) displacements at the start, 0 unless given.
+
+    Returns:
+        The controller. `controller.tick(goal, measured)` returns the belief after the tick: `u` (n_a,) the command, and
+        `status`, 'converged' or how the search ended.
+
+    Raises:
+        SpecError: weights or start have a wrong length or are not finite.
+        NumericalError: the model has no answer at the start.
+
+    Examples:
+        >>> controller, plant = cfem.make_controller(model), cfem.FemPlant(robot)
+        >>> measured = plant.step(controller.tick(goal).u)
+    """
+    from cfem.control.controller import Controller, Gains
+    from cfem.control.inverse import ridge_of
+    from cfem.control.loop import Settings
+    from cfem.control.tick import Pilot
+
+    n_e, n_a = model.rows.n_e, model.rows.n_a
+    pilot = Pilot(
+        model,
+        command,
+        observer,
+        _limits(model, unilateral, largest_force),
+        np.ones(n_e) if weights is None else vector("weights", weights, n_e),
+        ridge_of(regularisation, model.reach, model.length),
+        Settings(iterations=iterations),
+        rate,
+    )
+    first = None if start is None else vector("start", start, n_a)
+    return Controller(pilot, model.rest_e, None if gains is None else Gains(*gains), first)
+
+
+def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":
+    from cfem.control.inverse import Limits
+
+    signs = np.asarray(getattr(model, "unilateral", np.full(model.rows.n_a, unilateral)))
+    limits = Limits.of(model.reach, signs)
+    limits.lambda_a.clip(-largest_force, largest_force, out=limits.lambda_a)
+    return limits

@@ -1,0 +1,23 @@
+import shutil
+from pathlib import Path
+
+import pytest
+
+import cfem
+
+BAR = Path(__file__).parents[2] / "pipelines" / "bar"
+
+
+@pytest.fixture(scope="session")
+def bar(tmp_path_factory):
+    """A project with the bar's mesh (hexahedra: no gmsh), its samples and its spectral model."""
+    project = tmp_path_factory.mktemp("project")
+    specs = shutil.copytree(BAR, project / "pipelines" / "bar")
+    scene = specs / "scene.yaml"
+    scene.write_text(
+        scene.read_text().replace("size: 8 mm", "{size: 5 mm, element: hex8}").replace("mesh:\n  ", "mesh: ")
+    )
+    cfem.run_stage("mesh", scene)
+    cfem.run_stage("sample", specs / "sample.yaml", workers=1)
+    cfem.run_stage("train", specs / "train.yaml")
+    return project
