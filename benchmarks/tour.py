@@ -18,6 +18,7 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium import condensation, newton, predictor, problem, solve
+from cfem.equilibrium.actuation import force
 from cfem.mechanics import factorization
 from cfem.robot.build import build_robot
 from cfem.robot.grading import scene_mesh
@@ -84,7 +85,8 @@ def run(scene: Path, samples: int, overrides: list[str]) -> dict:
     watch(clock)
     begin = time.process_time()
     fe = problem.Problem(robot)
-    fe.factor(fe.evaluate(fe.rest, np.empty(0)), np.zeros(fe.n_active), problem.Cost())  # compiles what is not cached
+    rest = solve.solve(fe, force(np.zeros(robot.rows.n_a)))  # also compiles what is not cached
+    compliance = rest.condensed.W_aa
     setup = time.process_time() - begin
     clock.seconds.clear(), clock.calls.clear()
     plan = SampleSpec(scene=scene, mesh=scene, out=scene, splits={"train": SplitSpec(rows=samples, method="random")})
@@ -96,7 +98,7 @@ def run(scene: Path, samples: int, overrides: list[str]) -> dict:
     def walk(rows, known):
         knots = list(known)
         for row in rows:
-            asked = actuation("pulling", u[row], robot.reach)
+            asked = actuation("pulling", u[row], robot.reach, compliance)
             found = solve.solve(fe, asked, predictor.predict(knots, u[row], asked))
             solved.append(found)
             if found.converged:
