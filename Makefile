@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow bench docs lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
+.PHONY: demo test smoke test-slow bench docs lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -13,7 +13,11 @@ demo: .venv/all
 	  models/soft-finger/spectral-export data/soft-finger/control data/soft-finger/report
 
 test: .venv/dev
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -n auto --dist loadfile -r s
+
+# The smallest robot through every command, and what all results stand on: in a minute.
+smoke: .venv/dev
+	$(PYTHON) -m pytest -n auto --dist loadfile tests/test_pipeline.py tests/core tests/condensed tests/constraint
 
 test-slow: .venv/dev
 	$(PYTHON) -m pytest -m slow

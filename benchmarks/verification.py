@@ -1,4 +1,5 @@
 """How exact the mechanics is, on a real scene: prints one JSON object. Usage: verification.py SCENE_YAML
+[KEY=VALUE ...]
 
 Each figure is judged by something that it was not derived from: finite differences of whole equilibrium solves."""
 
@@ -8,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.core.spec import load_spec
 from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
 from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.grading import scene_mesh
+from cfem.robot.spec import SceneSpec
 
 EXACT = Settings(tolerance=1e-12)
 
@@ -56,8 +59,9 @@ def solve_errors(problem: Problem, base) -> tuple[float, float]:
     return float(max(compliance)), float(max(force))
 
 
-def main(scene: Path) -> dict:
-    robot = build_robot(*load_scene_and_mesh(scene))
+def main(scene: Path, overrides: list[str]) -> dict:
+    spec = load_spec(scene, SceneSpec, overrides)
+    robot = build_robot(spec, scene_mesh(spec, scene.parent)[0])
     problem = Problem(robot)
     target = robot.reach @ [0.4, 0.6] * np.linspace(1.0, 0.95, robot.rows.n_a)
     base = solve(problem, actuation.displacement(target), settings=EXACT)
@@ -74,4 +78,4 @@ def main(scene: Path) -> dict:
 
 
 if __name__ == "__main__":
-    print(json.dumps(main(Path(sys.argv[1]))))
+    print(json.dumps(main(Path(sys.argv[1]), sys.argv[2:])))

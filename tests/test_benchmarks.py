@@ -1,0 +1,36 @@
+"""Every benchmark that a page names runs, at the smallest size that takes all its lines."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BAR = "pipelines/bar/scene.yaml"
+QUICK = {
+    "cable_reach.py": ["--quick"],
+    "convergence.py": ["--quick"],
+    "stiff_flop.py rest": ["--quick"],
+    "stiff_flop.py bending": ["--quick"],
+    "stiff_flop.py solid": ["--quick"],
+    "tour.py": [BAR, "8", "mesh.size=10 mm"],
+    "verification.py": [BAR, "mesh.size=10 mm"],
+}
+
+
+def run(script: str, *words: str) -> str:
+    command = [sys.executable, f"benchmarks/{script}", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("named", QUICK)
+def test_a_benchmark_runs(named):
+    script, *words = named.split()
+    printed = run(script, *words, *QUICK[named])
+    assert "nan" not in printed.lower()
+    if script != "stiff_flop.py":
+        assert json.loads(printed)
