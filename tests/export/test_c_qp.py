@@ -121,9 +121,9 @@ def test_it_agrees_with_the_solver_of_control(solver):
     for _ in range(100):
         M, d, A, low, high = problem(rng, badly_scaled=False)
         n = M.shape[1]
-        expected = solve_qp(M.T @ M, -M.T @ d, A, low[n:], high[n:], np.column_stack([low, high])[:n])
+        expected = solve_qp(M, d, A, low[n:], high[n:], np.column_stack([low, high])[:n])
         assert expected.status is QpStatus.OPTIMAL
-        assert solver(M, d, A, low, high)[1] == pytest.approx(expected.x, rel=1e-8, abs=1e-8)
+        assert solver(M, d, A, low, high)[1] == pytest.approx(expected.x, rel=1e-10, abs=1e-10)
 
 
 def test_an_objective_that_is_flat_is_refused(solver):

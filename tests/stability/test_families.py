@@ -31,7 +31,7 @@ FEW = [
     "faults/inverted cell/hex8",
     "faults/open cavity/tet10",
     "not finite/displacement NaN",
-    "programs/well posed/daqp",
+    "programs/well posed/active_set",
     "programs/bounds of the box that exclude each other/osqp",
 ]
 

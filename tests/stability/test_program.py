@@ -13,7 +13,7 @@ from cfem.stability.program import attempt
 OPTIMAL = Case("case", named("OPTIMAL"), lambda: None)
 
 
-@pytest.fixture(scope="module", params=["daqp", "osqp"])
+@pytest.fixture(scope="module", params=["active_set", "osqp"])
 def trial(request):
     return attempt(partial(_inverse, goal=(60.0, 20.0, 5.0)), request.param)()
 

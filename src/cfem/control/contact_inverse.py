@@ -304,8 +304,8 @@ class _Program:
         y_c, Y_c, y_x, Y_x = y[:n3] * force, Y[:n3] * force, y[n3 : n3 + k] * motion, Y[n3 : n3 + k].T * motion
         E = np.zeros((len(now.free_e), k)) if now.E is None else now.E
         pull = self.aim.weights[:, None] * (now.W_ea + now.W_ec @ Y_c + E @ Y_x.T)
-        missing = self.aim.weights * (now.free_e + now.W_ec @ y_c + E @ y_x - self.aim.goal)
-        H, f = pull.T @ pull + np.diag(self.aim.ridge**2), pull.T @ missing
+        wanted = self.aim.weights * (self.aim.goal - now.free_e - now.W_ec @ y_c - E @ y_x)
+        M, d = np.vstack([pull, np.diag(self.aim.ridge)]), np.concatenate([wanted, np.zeros(len(now.free_a))])
         course = now.W_aa + now.W_ac @ Y_c
         low, high = self.limits.delta_a.T - (now.free_a + now.W_ac @ y_c)
         gap, by_gap = self._gap(y, Y)
@@ -313,8 +313,8 @@ class _Program:
             rows = bounds.gap @ by_gap + bounds.force @ Y[:n3] + bounds.rest @ Y[n3 + k :]
             at = bounds.gap @ gap + bounds.force @ y[:n3] + bounds.rest @ y[n3 + k :]
             qp = solve_qp(
-                H,
-                f,
+                M,
+                d,
                 np.vstack([course, rows]),
                 np.concatenate([low, bounds.low - at]),
                 np.concatenate([high, np.full(len(rows), np.inf)]),

@@ -81,31 +81,31 @@ class InverseStep:
 
 
 def inverse_step(
-    now: Condensed, aim: Aim, limits: Limits, curvature: np.ndarray | None = None, backend: Backend = "daqp"
+    now: Condensed, aim: Aim, limits: Limits, curvature: np.ndarray | None = None, backend: Backend = "active_set"
 ) -> InverseStep:
     """now: the condensed model at the present state, effectors from rest; curvature: S (n_a, n_a) positive
     semidefinite.
 
     Raises NumericalError where the program has no trustworthy answer."""
     W_aa, free_a = now.W_aa, now.delta_free[now.rows.a]
-    pull = aim.weights[:, None] * now.W_ea
-    missing = aim.weights * (now.delta_free[now.rows.e] - aim.goal)
-    course = np.diag(aim.ridge**2)
-    f = pull.T @ missing + W_aa @ (course @ (free_a - aim.preload))
-    if curvature is not None or np.any(aim.damping):
-        near = np.diag(np.broadcast_to(np.square(aim.damping), len(free_a)))
-        near = near if curvature is None else near + curvature
-        course = course + near
-        f += W_aa @ (near @ (free_a - now.delta_a))
-    H = pull.T @ pull + W_aa @ course @ W_aa
+    pull, wanted = aim.weights[:, None] * now.W_ea, aim.weights * (aim.goal - now.delta_free[now.rows.e])
+    M, d = [pull, aim.ridge[:, None] * W_aa], [wanted, aim.ridge * (aim.preload - free_a)]
+    if np.any(aim.damping):
+        held = np.broadcast_to(aim.damping, len(free_a))
+        M, d = [*M, held[:, None] * W_aa], [*d, held * (now.delta_a - free_a)]
+    if curvature is not None:
+        values, vectors = np.linalg.eigh(curvature)
+        root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        M, d = [*M, root @ W_aa], [*d, root @ (now.delta_a - free_a)]
+    M, d = np.concatenate(M), np.concatenate(d)
     low, high = limits.delta_a.T - free_a
-    qp = solve_qp(H, f, W_aa, low, high, limits.lambda_a, backend)
+    qp = solve_qp(M, d, W_aa, low, high, limits.lambda_a, backend)
     softened = qp.status is QpStatus.INFEASIBLE
     if softened:
         nearest = _nearest(W_aa, low, high, limits.lambda_a, backend)
         slack = 1e-9 * (high - low).max()
         low, high = np.minimum(low, nearest - slack), np.maximum(high, nearest + slack)
-        qp = solve_qp(H, f, W_aa, low, high, limits.lambda_a, backend)
+        qp = solve_qp(M, d, W_aa, low, high, limits.lambda_a, backend)
     _demand(qp)
     return InverseStep(qp.x, W_aa @ qp.x + free_a, softened, qp)
 
@@ -113,24 +113,15 @@ def inverse_step(
 def _nearest(W_aa: np.ndarray, low: np.ndarray, high: np.ndarray, box: np.ndarray, backend: Backend) -> np.ndarray:
     """(n_a,) W_aa lambda, lambda in its box, that leaves [low, high] by the least: one program in lambda and
     the place s in the course, minimising |W_aa lambda - s|^2."""
-    n = len(low)
+    n, nothing = len(low), np.zeros(0)
+    # Where any s with its lambda is as good, the program is flat: the solver takes one of them.
     apart = np.hstack([W_aa, -np.eye(n)])
-    H = apart.T @ apart
-    # Any s with its lambda is as good: a trace of curvature picks one.
-    H += 1e-10 * np.diag(np.concatenate([np.diag(H)[:n], np.ones(n)]))
-    qp = solve_qp(
-        H,
-        np.zeros(2 * n),
-        np.zeros((0, 2 * n)),
-        np.zeros(0),
-        np.zeros(0),
-        np.vstack([box, np.column_stack([low, high])]),
-        backend,
-    )
+    within = np.vstack([box, np.column_stack([low, high])])
+    qp = solve_qp(apart, np.zeros(n), np.zeros((0, 2 * n)), nothing, nothing, within, backend)
     _demand(qp)
     return W_aa @ qp.x[:n]
 
 
 def _demand(qp: QpSolution) -> None:
     if qp.status is not QpStatus.OPTIMAL:
-        raise NumericalError(f"inverse step: {qp.status.value} (KKT residual {qp.kkt.largest:.1e})")
+        raise NumericalError(f"inverse step: {qp.status.value} ({qp.kkt.missed:.1e} mm from the optimum)")

@@ -62,7 +62,7 @@ class Settings:
     tolerance: float = 1e-5
     step: float = np.inf
     halvings: int = 8
-    backend: Backend = "daqp"
+    backend: Backend = "active_set"
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Reach:
     """The actuation found for one goal, as the model sees it.
 
     delta_a, lambda_a: (n_a,) mm, N; delta_e: (n_e,) mm from rest; distance: mm from the goal; status;
-    iterations: inverse steps; queries: of the model; softened: whether a step had to widen the course; kkt:
+    iterations: inverse steps; queries: of the model; softened: whether a step had to widen the course; kkt: mm,
     residual of the last program; seconds: of it all; iterate: to start the next goal from."""
 
     delta_a: np.ndarray
@@ -143,7 +143,7 @@ def reach(
             status = ReachStatus.QP_FAILED
             break
         iterations += 1
-        softened, kkt = softened or step.softened, step.qp.kkt.largest
+        softened, kkt = softened or step.softened, step.qp.kkt.missed
         if np.abs(step.delta_a - here).max() < settings.tolerance:
             status = ReachStatus.CONVERGED
             break

@@ -103,7 +103,7 @@ class SearchSpec(Spec):
     """Weight of each effector row."""
     largest_force: Force | None = None
     """Largest force of any actuator."""
-    qp: Literal["daqp", "osqp"] = "daqp"
+    qp: Literal["active_set", "osqp"] = "active_set"
     """Solver of the quadratic program."""
 
 

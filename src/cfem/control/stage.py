@@ -14,7 +14,7 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import scene_meaning
 
-VERSION = 2
+VERSION = 3
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:

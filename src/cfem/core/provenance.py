@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from cfem import __version__
 
-_SOLVERS = ("rslab", "py-mkl-pardiso", "daqp", "osqp")
+_SOLVERS = ("rslab", "py-mkl-pardiso", "osqp")
 _PACKAGES = ("numpy", "scipy", "numba", *_SOLVERS, "gmsh", "torch", "onnxruntime", "pyarrow")
 
 

@@ -88,7 +88,7 @@ def tracking_table(summaries: Mapping[str, Mapping[str, dict]]) -> Table:
             "to FE-based, mean / max (mm)",
             "steps a goal",
             "step, median / p99 (ms)",
-            "KKT residual",
+            "residual of the QP (mm)",
         ),
         rows,
     )
