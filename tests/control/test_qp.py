@@ -32,7 +32,7 @@ def test_none_of_many_random_programs_is_solved_wrongly(kind):
         solution = solve_qp(*program.arguments)
         assert solution.status is QpStatus.OPTIMAL, (number, solution.kkt)
         assert program.excess(solution.x) < 1e-7, number
-        assert program.overstep(solution.x) < 1e-8, number
+        assert program.overstep(solution.x) < 1e-7, number
 
 
 @pytest.mark.parametrize("kind", ("plain", "conditioned", "flat", "generous", "scaled", "extreme"))

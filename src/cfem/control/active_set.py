@@ -8,7 +8,7 @@ scale. The exported C uses the same method (export/c/cfem_qp.c)."""
 
 import numpy as np
 
-_ROUNDING = 4e-15  # violations below it, relative to y and to the bound, are none
+_ROUNDING = 2e-15  # violations below it, relative to y and to the terms of the bound, are none
 _DEPENDENT = 1e-11  # a unit normal with no more than this outside of the active ones depends on them
 _APART = 1e-10  # bounds that exclude each other by less, relative to their size, meet
 _CHANGES = 20  # of the active set, allowed a constraint
@@ -19,9 +19,9 @@ class ActiveSet:
     their signed normals as columns, N = Q R; T (k, k): R^-1; force: (k,) >= 0, of each on y; feasible: whether there is
     a y at all; changes: of the set."""
 
-    def __init__(self, N: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+    def __init__(self, N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.ndarray) -> None:
         n = N.shape[1]
-        self._N, self._low, self._high = N, low, high
+        self._N, self._low, self._high, self._terms = N, low, high, terms
         self._Q, self._T, self.force = np.zeros((n, n)), np.zeros((n, n)), np.zeros(0)
         self._which, self._sign, self._bound = [], [], []
         self.y, self.feasible, self.changes = np.zeros(n), True, 0
@@ -58,8 +58,8 @@ class ActiveSet:
                 if r > 1e-14 and force < partial * r:
                     partial, slot = force / r, i
             if not independent and slot < 0:
-                size = abs(bound) + np.abs(relief) @ np.abs(self._bound)
-                self.feasible = bool(by <= _APART * max(size, np.sqrt(self.y @ self.y)))
+                size = np.abs(self._bound) + self._terms[self._which]
+                self.feasible = bool(by <= _APART * (abs(bound) + self._terms[k] + np.abs(relief) @ size))
                 return False
             full = by / square if independent else np.inf
             step = min(full, partial)
@@ -113,10 +113,11 @@ class ActiveSet:
             self._append(k, sign, share, rest / length, length)
 
 
-def least_length(N: np.ndarray, low: np.ndarray, high: np.ndarray) -> ActiveSet | None:
-    """N (m, n), low and high (m,), +-inf where open. None where the changes allowed were not enough."""
-    now, settled = ActiveSet(N, low, high), True
-    lowest, highest = low - _ROUNDING * np.abs(low), high + _ROUNDING * np.abs(high)
+def least_length(N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.ndarray) -> ActiveSet | None:
+    """N (m, n), low and high (m,), +-inf where open; terms: (m,) the size of what these are differences of. None where
+    the changes allowed were not enough."""
+    now, settled = ActiveSet(N, low, high, terms), True
+    lowest, highest = low - _ROUNDING * (np.abs(low) + terms), high + _ROUNDING * (np.abs(high) + terms)
     passed = np.zeros(len(N), dtype=bool)  # met to rounding, and dependent on others
     while now.changes <= _CHANGES * (len(N) + 1):
         at = N @ now.y

@@ -110,8 +110,8 @@ class Program:
         if len(broken):
             nearest = np.where(self.low > at, self.low, self.high)[broken]
             terms = np.abs(self.G[broken]) @ np.abs(x)
-            # A length of 1e-15 in M x is rounding, whatever the terms.
-            size = np.maximum(np.maximum(np.abs(nearest), terms), 1e-15 / TOLERANCE * self.length[broken])
+            # A length of 1e-14 in M x is rounding, whatever the terms.
+            size = np.maximum(np.maximum(np.abs(nearest), terms), 1e-14 / TOLERANCE * self.length[broken])
             feasibility = float((outside[broken] / size).max())
         kkt = Kkt(sqrt(balance @ balance), complementarity, feasibility)
         size = sqrt(max(self.d @ self.d, moved @ moved)) or 1.0
@@ -237,7 +237,8 @@ def _active_set(p: Program) -> tuple[Answer | None, int]:
     x, shadow, best = np.zeros(len(p.S)), p.shadow, None
     for _ in range(_ROUNDS):
         at, shift = p.G @ x, p.normals @ shadow
-        found = least_length(p.normals, (p.low - at) / p.length - shift, (p.high - at) / p.length - shift)
+        low, high, blur = (p.low - at) / p.length - shift, (p.high - at) / p.length - shift, np.abs(shift)
+        found = least_length(p.normals, low, high, blur)
         if found is None:
             break
         total += found.changes
