@@ -105,7 +105,7 @@ parametric-finger-paper: parametric-finger
 
 # The paper's experiments on the trunk (docs/stiff-flop-experiments.md), after `make stiff-flop`; ten minutes.
 EXPERIMENT := pipelines/stiff-flop-experiments
-PUBLISHED := {regularisation: 1e-8, step: 1 m}
+PUBLISHED := {regularisation: 1e-8, step: 1 ml}
 SOFTER := {scene: ["material.young=135 kPa", "materials.0.material.young=81 kPa"]}
 FINER := {scene: ["material.young=165 kPa", "materials.0.material.young=99 kPa"], mesh: ../../data/stiff-flop-experiments/mesh-fine}
 BY_FE := {open: {mode: open, model: fe-based}, \

@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 from typer.testing import CliRunner
 
-from cfem.cli.app import app, spaced
+from cfem.cli.app import app
 from cfem.cli.schemas import schemas
 from cfem.core.kinds import KINDS
 from cfem.core.yaml import read_yaml
@@ -104,9 +104,3 @@ def test_every_pipeline_file_fits_its_schema(path):
     jsonschema.Draft7Validator.check_schema(schema)
     jsonschema.Draft7Validator(schema).validate(read_yaml(path)[0])
     assert "prefixItems" not in json.dumps(schema)
-
-
-@pytest.mark.parametrize("text", ["0.05mm", "0.05 mm", " 5e-2mm", "1E+1 um"])
-def test_a_quantity_on_the_command_line_needs_no_space(text):
-    number, unit = spaced(text).split(" ")
-    assert float(number) > 0 and unit in ("mm", "um")

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,6 +22,14 @@ from cfem.core.units import parse_array, parse_quantity
         ("9.81 m/s^2", "mm/s^2", 9810.0),
         ("2 ml", "mm^3", 2000.0),
         ("1 inch^3", "mm^3", 25.4**3),
+        ("1MPa", "MPa", 1.0),
+        ("9mm", "mm", 9.0),
+        (" 5e-2mm ", "mm", 0.05),
+        ("1E+1um", "mm", 0.01),
+        ("2N/mm^2", "MPa", 2.0),
+        ("2 N / mm**2", "MPa", 2.0),
+        ("3 N*m^-1*mm^-1", "MPa", 3e-3),
+        ("1.5 degree", "rad", np.pi / 120),
     ],
 )
 def test_units_are_converted(text, unit, value):
@@ -27,7 +37,10 @@ def test_units_are_converted(text, unit, value):
 
 
 @pytest.mark.parametrize(
-    "text", ["3 kPa", "3", "mm", "3mmm", "3 furlongish", "nan mm", "inf mm", "", 3, 3.0, True, None, "1 mm; 2 mm"]
+    "text",
+    ["3 kPa", "3", "mm", "3mmm", "3 furlongish", "nan mm", "inf mm", "", 3, 3.0, True, None, "1 mm; 2 mm"]
+    + ["60 mm*9**9**9**9", "60 mm*pi", "60 mm*2", "2 * 30 mm", "60 mm*(1)", "60 mm/percent", "60 mm*rad", "3 mm mm/mm"]
+    + ["1_0 mm", "1e3e4 mm", "1,5 mm", "60 mm^99", "60 (mm)", "60 mm+mm", "60 " + "mm*mm/" * 99 + "mm", "0x10 mm"],
 )
 def test_whatever_is_no_length_is_refused_by_name(text):
     with pytest.raises(ValueError, match=r"length|unit"):
@@ -72,3 +85,19 @@ def test_the_usual_units_agree_with_pint():
     for system, table in units._USUAL.items():
         for unit, factor in table.items():
             assert registry.Quantity(1.0, unit).to(system).magnitude == pytest.approx(factor, rel=1e-14)
+
+
+@pytest.mark.parametrize("text, unit", [("60 rpm", "Hz"), ("1 deg", "Hz"), ("1 percent", "rad"), ("1 pi", "rad")])
+def test_turns_and_numbers_are_no_units(text, unit):
+    with pytest.raises(ValueError, match="is not a unit"):
+        parse_quantity(text, unit)
+
+
+def test_a_quantity_is_the_same_with_and_without_a_blank_for_editors():
+    from pydantic import TypeAdapter
+
+    from cfem.core.units import Length
+
+    pattern = re.compile(TypeAdapter(Length).json_schema()["pattern"])
+    assert all(pattern.search(text) for text in ("9mm", "9 mm", "1e-2 m", "2 N/mm^2"))
+    assert not any(pattern.search(text) for text in ("9", "mm", "9 mm+2 m", "2*3 mm", "(9) mm"))

@@ -62,6 +62,7 @@ def serial(modules: int = 2) -> tuple[dict, dict]:
     names = {"effectors": [f"end.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")]}
     module = model_card("spectral", dataset(60, 1, n, unilateral=False))
     module |= {"rows": {**names, "actuators": module["rows"]["actuators"]}, "rest_e": [55.0, 0, 0, 0, 0, 0]}
+    module |= {"row_units": [("mm", "N")] * 3 + [("rad", "N mm")] * 3 + [("mm", "N")] * n}
     meta = model_card("serial", training, module=module, softer=[1.0, 1.7, 0.6][:modules])
     return meta | {"rest_e": [55.0 * modules, 0.0, 0.0]}, arrays
 

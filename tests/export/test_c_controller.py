@@ -11,6 +11,7 @@ from cfem.control.loop import Settings
 from cfem.control.observer import under_force
 from cfem.control.plant import ModelPlant
 from cfem.control.tick import Belief, Pilot, drive
+from cfem.core.errors import SpecError
 from cfem.export.compiled import CompiledController
 from cfem.predict.load import build
 
@@ -138,7 +139,7 @@ def test_stated_pressures_bound_each_actuator_and_free_its_course(tmp_path):
     """As `cfem control` has it: commanded between stated bounds, a chamber may grow as far as the model knows."""
     model, stated = build(*spectral()), np.array([[0.5, 60.0], [0.0, 3.0]])
     reach = np.array([[0.0, 6.0], [0.0, 6.0]])
-    meta = {**model.meta, "reach": reach.tolist()}
+    meta = {**model.meta, "reach": reach.tolist(), "row_units": [("mm", "N")] * 3 + [("mm^3", "MPa")] * 2}
     controller = compiled(tmp_path, (meta, spectral()[1]), stated, command="force", force_rate="1 MPa")
     goal = model.rest_e + model.at_displacement(np.array([12.0, 12.0])).delta_e
     ticks = [controller.step(goal) for _ in range(60)]
@@ -148,6 +149,14 @@ def test_stated_pressures_bound_each_actuator_and_free_its_course(tmp_path):
     assert ticks[-1].delta_a[0] > 8.0 and ticks[-1].status & HELD == 0
     bounded = compiled(tmp_path / "course", (meta, spectral()[1]), stated, command="displacement")
     assert max(bounded.step(goal).delta_a.max() for _ in range(60)) <= 6.0 + 1e-9
+
+
+@pytest.mark.parametrize(
+    "limit", [{"largest_force": "10 MPa"}, {"rate": "2 mm^3"}, {"step": "1 l"}, {"start": {"mm^3": [1, 1]}}]
+)
+def test_limits_of_chambers_are_none_of_cables(tmp_path, limit):
+    with pytest.raises(SpecError, match=rf"c\.controller\.{next(iter(limit))}\S*: is a (stress|volume)"):
+        compiled(tmp_path, **limit)
 
 
 def test_damping_holds_actuators_where_they_are(tmp_path):

@@ -45,7 +45,7 @@ def store_dataset(
             }
             for i in range(count)
         ]
-        meta = {key: value for key, value in states.meta.items() if key not in ("units", "parameters")}
+        meta = {key: value for key, value in states.meta.items() if key not in ("units", "row_units", "parameters")}
         meta |= {"plan": {"space": "rest"}} if rest else {}
         varied = from_json(states.meta["parameters"])
         write_rows(folder / f"{split}.parquet", records, schema(states.rows, meta, varied))

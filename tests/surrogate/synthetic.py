@@ -130,6 +130,8 @@ def dataset(
         "rest_e": [0.0, 10.0, -LENGTH],
         "reach": [[0.0, REACH]] * n_a,
         "length": LENGTH,
+        "row_units": [("mm", "N")] * (3 + n_a),
+        "units": {"delta_a": "mm", "lambda_a": "N", "delta_e": "mm", "W": "mm/N", "delta_free": "mm", "energy": "N mm"},
         "parameters": to_json([POISSON, YOUNG]) if parameters else [],
     }
     names = ("iterations", "factorizations", "steps", "residual", "seconds")

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveInt, model_validator
 
 from cfem.condensed.given import Value
+from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
-from cfem.core.units import Force, Length
+from cfem.core.units import Length
 from cfem.sample.spec import ParameterSpec
 
 Source = Literal["effectors", "actuators"]
@@ -18,9 +19,9 @@ class NoiseSpec(Spec):
 
     effectors: Length = Field(gt=0)
     """Of effector positions."""
-    forces: Force | None = Field(None, gt=0)
+    forces: Effort | None = Field(None, gt=0)
     """Of the actuators' forces."""
-    actuator_displacements: Length | None = Field(None, gt=0)
+    actuator_displacements: Displacement | None = Field(None, gt=0)
     """Of the actuators' displacements, where forces drive them."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.calibrate.spec import CalibrateSpec
 from cfem.condensed.parameters import Parameter
+from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.spec import load_spec
@@ -58,6 +59,7 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
     from cfem.condensed.given import demand_known, vector
 
     family = family_of(spec, paths)
+    demand_units(spec, family.actuator_units)
     parameters = family.parameters
     measured = read_measurements(paths["measurements"], family.rows, spec.driven, spec.split, spec.rows).of(spec.use)
     names = [one.name for one in parameters]

@@ -1,6 +1,5 @@
 """`cfem`: one command a stage, each reading its YAML spec and making one artefact folder."""
 
-import re
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
@@ -52,11 +51,6 @@ def _stage(package: str):
     return import_module(f"cfem.{package}.stage").run
 
 
-def spaced(quantity: str) -> str:
-    """'0.05mm' as specs write it, '0.05 mm'."""
-    return re.sub(r"^([-+0-9.eE]+?)\s*([A-Za-z]+)$", r"\1 \2", quantity.strip())
-
-
 def simulate_sample(
     spec: Spec,
     set_: Set = None,
@@ -80,7 +74,7 @@ def simulate_sample(
     ] = None,
 ) -> None:
     """Solve the planned equilibria: FE states with W and delta_free, to Parquet. Resumes what was interrupted."""
-    overrides = [*(set_ or []), *([f"until.error={spaced(until_error)}"] if until_error else [])]
+    overrides = [*(set_ or []), *([f"until.error={until_error}"] if until_error else [])]
 
     def fill(*arguments):
         return import_module("cfem.active.fill").fill(*arguments)

@@ -6,6 +6,7 @@ The multiplier is the tension in N, positive when the cable pulls. With d_s the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class Cable:
     rest_length: float
     cliques: tuple[np.ndarray, ...]
     rest: np.ndarray
+    units: ClassVar[tuple[str, str]] = ("mm", "N")
 
     def _segments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         d = self.along @ x[self.nodes] + self.start

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class Cavity:
     form: np.ndarray
     rest_volume: float
     rest: np.ndarray
+    units: ClassVar[tuple[str, str]] = ("mm^3", "MPa")
 
     def value(self, x: np.ndarray) -> np.ndarray:
         y = _local(x, self.nodes, self.place)

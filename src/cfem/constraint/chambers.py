@@ -23,6 +23,7 @@ class RodChambers:
     cliques: ClassVar[tuple[np.ndarray, ...]] = ()
     nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
     rest: ClassVar[np.ndarray] = np.zeros(1)
+    units: ClassVar[tuple[str, str]] = ("mm^3", "MPa")
 
     def value(self, x: np.ndarray) -> np.ndarray:
         return np.array([(self.weights * response(self.beam, x).strain.e).sum()])

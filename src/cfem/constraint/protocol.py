@@ -20,7 +20,8 @@ class Watched(Protocol):
 
 
 class Constraint(Watched, Protocol):
-    """Rows of delta that carry a multiplier: one of a cable or a cavity, three of a contact point.
+    """Rows of delta that carry a multiplier: one of a cable or a cavity, three of a contact point. An actuator also has
+    `units`: of its displacement and of its multiplier.
 
     The curvature is part of the tangent; only a single row has one. It comes in batches of small symmetric matrices."""
 

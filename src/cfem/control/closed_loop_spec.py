@@ -6,11 +6,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
+from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Course, Effort, ForceVector, Frequency, Length, Point, Time
+from cfem.core.units import Angle, ForceVector, Frequency, Length, Point, Time
 from cfem.robot.selection import Direction
 
-PositiveCourse = Annotated[Course, Field(gt=0)]
+PositiveDisplacement = Annotated[Displacement, Field(gt=0)]
 PositiveEffort = Annotated[Effort, Field(gt=0)]
 
 
@@ -19,9 +20,9 @@ class DisplacementCommandSpec(Spec):
 
     kind: Literal["displacement"]
     """Commands are displacements."""
-    step: PositiveCourse | None = None
+    step: PositiveDisplacement | None = None
     """Largest change per tick."""
-    quantum: PositiveCourse | None = None
+    quantum: PositiveDisplacement | None = None
     """What the plant rounds commands to."""
 
 

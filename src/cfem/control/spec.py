@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
+from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Force, ForceVector, Length, LengthMatrix, LengthVector, Point
+from cfem.core.units import Angle, ForceVector, Length, LengthMatrix, LengthVector, Point
 from cfem.robot.geometry import Turn
 
 FE_BASED = "fe-based"  # name of the controller that has FE matrices for its model
@@ -89,19 +90,19 @@ class SearchSpec(Spec):
 
     iterations: PositiveInt = 20
     """Largest number of inverse steps per goal."""
-    tolerance: Length = 1e-5
+    tolerance: Displacement = 1e-5
     """The steps end when every actuator moves by less."""
-    step: Length = 5.0
+    step: Displacement = 5.0
     """Largest move of an actuator in one step."""
     regularisation: float = Field(1e-10, ge=0)
     """Cost of a full stroke relative to missing the goal by the robot's length."""
-    preload: Length = 0.0
+    preload: Displacement = 0.0
     """Displacement to which actuators tend where the effectors leave them the choice."""
     damping: float = Field(0.0, ge=0)
     """Cost of a full stroke in one step. It keeps redundant actuators from wandering."""
     weights: list[Annotated[float, Field(ge=0)]] | None = None
     """Weight of each effector row."""
-    largest_force: Force | None = None
+    largest_force: Effort | None = None
     """Largest force of any actuator."""
     qp: Literal["active_set", "osqp"] = "active_set"
     """Solver of the quadratic program."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
+from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
@@ -62,6 +63,7 @@ def _work(
         robot, predictors, shift = designed(*scene_and_mesh, predictors, spec.design)
     else:
         robot = build_robot(*scene_and_mesh)
+    demand_units(spec, robot.actuator_units)
     if spec.object:
         from cfem.control.assembled import assembled, touching
 

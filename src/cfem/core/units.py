@@ -1,7 +1,8 @@
 """Quantities with explicit units, parsed once at the boundary into one system: mm, N, MPa, s, tonne.
 
-A field of a spec declares the unit that the code computes in, `young: Stress`; the user writes "3000 kPa" and the
-code sees 3.0. Arrays are written once for many numbers: `{mm: [[0, 10, -120]]}`.
+A field of a spec declares the unit that the code computes in, `young: Stress`; the user writes "3000 kPa" or "3MPa"
+and the code sees 3.0. Arrays are written once for many numbers: `{mm: [[0, 10, -120]]}`. A unit is a name, or powers,
+products and quotients of names: `N/mm^2`. It is never evaluated as an expression.
 """
 
 import math
@@ -14,7 +15,12 @@ import numpy as np
 from pydantic import BeforeValidator, WithJsonSchema
 from pydantic.fields import FieldInfo
 
-_NUMBER = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+"
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NAME = r"[A-Za-zµ°][A-Za-z0-9_]*"
+_POWER = rf"{_NAME}(?:(?:\^|\*\*)-?\d)?"
+_UNIT = rf"{_POWER}(?:\s*[*/]\s*{_POWER})*"
+_QUANTITY = rf"^\s*{_NUMBER}\s*[A-Za-zµ°][A-Za-z0-9_ ^*/-]*$"  # for editors
+_LONGEST = 60  # characters of a unit
 
 # The units that specs are written in, so that reading one need not import pint (0.25 s); a test compares them with it.
 _USUAL = {
@@ -44,14 +50,20 @@ def _factor(unit: str, system_unit: str) -> float:
     if unit in usual:
         return usual[unit]
     try:
+        if len(unit) > _LONGEST or not re.fullmatch(_UNIT, unit):
+            raise ValueError
+        bases = [str(_registry().get_base_units(name)[1]) for name in re.findall(_NAME, unit)]
+        if "dimensionless" in bases or any("radian" in base for base in bases) != (system_unit == "rad"):
+            raise ValueError  # a number in disguise, such as pi or percent; or a turn, such as in rpm
         return float(_registry().Quantity(1.0, unit).to(system_unit).magnitude)
-    except Exception as error:  # pint reads the text as an expression, which fails in many ways
+    except Exception as error:  # pint's errors share no base class
+        shown = unit if len(unit) <= _LONGEST else f"{unit[:_LONGEST]} ..."
         raise ValueError(
-            f"'{unit}' is not a unit of {_DIMENSION[system_unit]}; expected e.g. {_customary(system_unit)}"
+            f"'{shown}' is not a unit of {DIMENSION[system_unit]}; expected e.g. {_customary(system_unit)}"
         ) from error
 
 
-_DIMENSION = {
+DIMENSION = {
     "mm": "length",
     "N": "force",
     "MPa": "stress",
@@ -71,16 +83,16 @@ def _customary(system_unit: str) -> str:
 
 def parse_quantity(text: Any, system_unit: str) -> float:
     """'3000 kPa' -> 3.0 for system_unit 'MPa'. A bare number where a unit is due is an error naming the unit."""
-    article = "an" if _DIMENSION[system_unit][0] in "aeiou" else "a"
-    expected = f"expected {article} {_DIMENSION[system_unit]} with its unit"
+    article = "an" if DIMENSION[system_unit][0] in "aeiou" else "a"
+    expected = f"expected {article} {DIMENSION[system_unit]} with its unit"
     if isinstance(text, int | float) and not isinstance(text, bool):
         raise ValueError(f"{expected}, such as '{text} {_customary(system_unit)}'; got the bare number {text}")
-    number = re.match(_NUMBER, text) if isinstance(text, str) else None
-    if number is None or number.end() == len(text):
-        raise ValueError(f"{expected}: number, space and unit, such as '1 {_customary(system_unit)}'; got {text!r}")
-    value = float(number.group()) * _factor(text[number.end() :].strip(), system_unit)
+    found = re.match(rf"\s*({_NUMBER})(.*)", text, re.DOTALL) if isinstance(text, str) else None
+    if found is None or not found[2].strip():
+        raise ValueError(f"{expected}: a number and a unit, such as '1 {_customary(system_unit)}'; got {text!r}")
+    value = float(found[1]) * _factor(found[2].strip(), system_unit)
     if not np.isfinite(value):
-        raise ValueError(f"expected a finite {_DIMENSION[system_unit]}; got '{text}'")
+        raise ValueError(f"expected a finite {DIMENSION[system_unit]}; got '{text}'")
     return value
 
 
@@ -105,12 +117,28 @@ def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None)
     return array
 
 
-def _scalar(system_unit: str):
-    schema = {
-        "type": "string",
-        "pattern": _NUMBER + r"\S.*$",
-        "description": f"{_DIMENSION[system_unit]} with its unit, e.g. '1 {_customary(system_unit)}'",
+def scalar_schema(description: str) -> dict[str, Any]:
+    """JSON schema of a number with a unit."""
+    return {"type": "string", "pattern": _QUANTITY, "description": description}
+
+
+def array_schema(ndim: int, last: int | None, description: str) -> dict[str, Any]:
+    """JSON schema of numbers under their unit."""
+    bounds = {"minItems": last, "maxItems": last} if last else {"minItems": 1}
+    numbers: dict = {"type": "array", "items": {"type": "number"}, **bounds}
+    for _ in range(ndim - 1):
+        numbers = {"type": "array", "items": numbers, "minItems": 1}
+    return {
+        "type": "object",
+        "minProperties": 1,
+        "maxProperties": 1,
+        "additionalProperties": numbers,
+        "description": description,
     }
+
+
+def _scalar(system_unit: str):
+    schema = scalar_schema(f"{DIMENSION[system_unit]} with its unit, e.g. '1 {_customary(system_unit)}'")
     read = BeforeValidator(lambda value: parse_quantity(value, system_unit))
     return Annotated[float, read, WithJsonSchema(schema), SystemUnit(system_unit)]
 
@@ -120,26 +148,6 @@ class SystemUnit:
     """Marks the annotation of a scalar field."""
 
     name: str
-
-
-def _either(one: str, other: str):
-    """A quantity in either of two units of the system."""
-
-    def read(text: Any) -> float:
-        try:
-            return parse_quantity(text, one)
-        except ValueError as error:
-            try:
-                return parse_quantity(text, other)
-            except ValueError:
-                raise ValueError(f"{error}, or {other}") from None
-
-    return Annotated[
-        float,
-        BeforeValidator(read),
-        WithJsonSchema({"type": "string", "description": f"with its unit, e.g. '1 {one}' or '1 {other}'"}),
-        SystemUnit(one),
-    ]
 
 
 def unit_of(field: FieldInfo) -> str:
@@ -155,17 +163,7 @@ def written(value: float, system_unit: str) -> str:
 
 
 def _vector(system_unit: str, ndim: int, last: int | None = None):
-    bounds = {"minItems": last, "maxItems": last} if last else {"minItems": 1}
-    numbers: dict = {"type": "array", "items": {"type": "number"}, **bounds}
-    for _ in range(ndim - 1):
-        numbers = {"type": "array", "items": numbers, "minItems": 1}
-    schema = {
-        "type": "object",
-        "minProperties": 1,
-        "maxProperties": 1,
-        "additionalProperties": numbers,
-        "description": f"numbers under their unit, e.g. {{{_customary(system_unit)}: ...}}",
-    }
+    schema = array_schema(ndim, last, f"numbers under their unit, e.g. {{{_customary(system_unit)}: ...}}")
     return Annotated[
         Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)), WithJsonSchema(schema)
     ]
@@ -179,8 +177,6 @@ Density = _scalar("t/mm^3")
 Time = _scalar("s")
 Frequency = _scalar("Hz")
 Volume = _scalar("mm^3")
-Course = _either("mm", "mm^3")  # of an actuator: a cable's shortening, a chamber's growth
-Effort = _either("N", "MPa")  # of an actuator: a cable's tension, a chamber's pressure
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
 LengthRange = _vector("mm", 1, 2)  # (2,) mm

@@ -7,8 +7,9 @@ import numpy as np
 from pydantic import Field, PositiveInt, model_validator
 
 from cfem.condensed.given import Value
+from cfem.core.actuator_units import Displacements, Effort, Efforts
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Force, Forces, LengthMatrix, LengthVector, Point
+from cfem.core.units import Angle, Force, Forces, LengthMatrix, Point
 from cfem.export.spec import CSpec
 
 Weight = Annotated[float, Field(ge=0)]
@@ -61,9 +62,9 @@ Objective = Annotated[DexteritySpec | StrengthSpec | FunctionSpec, Field(discrim
 class ActuationSpec(Spec):
     """The actuation at which every design is judged: displacements or forces."""
 
-    displacement: LengthVector | None = None
+    displacement: Displacements | None = None
     """Displacement of each actuator."""
-    force: Forces | None = None
+    force: Efforts | None = None
     """Force of each actuator."""
 
     @model_validator(mode="after")
@@ -141,7 +142,7 @@ class DesignSpec(Spec):
     """Goals that one design has to reach."""
     constraints: dict[str, str | ConstraintFunction] = {}
     """Inequalities of parameters (numbers in mm and MPa) and of `volume` (mm^3), or functions."""
-    largest_force: Force | None = Field(None, gt=0)
+    largest_force: Effort | None = Field(None, gt=0)
     """Largest force of any actuator."""
     grid: PositiveInt | list[PositiveInt] = 8
     """Points along each parameter."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.spec import load_spec
@@ -62,6 +63,7 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
     from cfem.parametric.load import finite_elements, learned
 
     family = learned(paths["model"], paths.get("scene"))
+    demand_units(spec, family.actuator_units)
     exact = finite_elements(paths["scene"], paths["mesh"], family.parameters) if spec.verify != "no" else None
     results: dict[str, Any] = {"headline": []}
     asked = task_of(spec, family.rows) if spec.task else None

@@ -55,6 +55,11 @@ class Robot:
         return self.actuators + self.contacts
 
     @property
+    def actuator_units(self) -> tuple[tuple[str, str], ...]:
+        """Of each actuator's displacement and multiplier."""
+        return tuple(one.units for one in self.actuators)
+
+    @property
     def rest_e(self) -> np.ndarray:
         """(n_e,) rest positions (mm) and orientations (rad) of the effectors."""
         return np.concatenate([effector.rest for effector in self.effectors])

@@ -7,6 +7,7 @@ import numpy as np
 
 from cfem.condensed.given import vector
 from cfem.condensed.packing import upper_indices
+from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
 from cfem.export.spec import ControllerSpec, CSpec
 from cfem.predict.energy import layout
@@ -249,7 +250,8 @@ def controller(
     predictor: Predictor, p: np.ndarray, spec: ControllerSpec, scalar: str, pressures: np.ndarray | None = None
 ) -> tuple[dict, dict]:
     """Defines and arrays (all double) of the controller; pressures: (n_a, 2) MPa that the scene states, if any.
-    SpecError where a list has the wrong length."""
+    SpecError where a list has the wrong length, or a quantity is of other actuators."""
+    demand_units(spec, predictor.actuator_units, "c.controller")
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     weights = np.ones(n_e) if spec.weights is None else np.array(spec.weights)
     start = np.zeros(n_a) if spec.start is None else np.asarray(spec.start, float)

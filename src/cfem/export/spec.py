@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveInt
 
 from cfem.condensed.given import Value
+from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.spec import Spec
-from cfem.core.units import Course, Effort, Length, LengthVector, VolumeVector
+from cfem.core.units import Length
 
 Format = Literal["arrays", "onnx", "torchscript", "c"]
 
@@ -26,11 +27,11 @@ class ControllerSpec(Spec):
     halvings: Annotated[int, Field(ge=0, le=20)] = 8
     """Lengths of step tried, each half the last, until the model says that a step leads nearer to the goal. 0 takes the
     full step, as the paper does."""
-    tolerance: Course = 1e-5
+    tolerance: Displacement = 1e-5
     """A smaller move of every actuator is not made."""
-    step: Course = 5.0
+    step: Displacement = 5.0
     """Farthest that an actuator moves in one linearisation."""
-    rate: Course | None = None
+    rate: Displacement | None = None
     """Largest change of a displacement command per tick. No limit unless given."""
     force_rate: Effort | None = None
     """Largest change of a force command per tick. No limit unless given."""
@@ -50,7 +51,7 @@ class ControllerSpec(Spec):
     """Integral gain on the measured error, per tick."""
     integral_limit: Length = 10.0
     """Largest length of the integral part."""
-    start: LengthVector | VolumeVector | None = None
+    start: Displacements | None = None
     """Displacements of the actuators at the start; 0 unless given."""
 
 

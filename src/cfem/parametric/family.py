@@ -19,6 +19,7 @@ class Family(Protocol):
     """stencil: how its responses are differenced by the parameters' coordinates, in shares of their ranges."""
 
     rows: Rows
+    actuator_units: tuple[tuple[str, str], ...]
     parameters: tuple[Parameter, ...]
     reach: np.ndarray
     length: float
@@ -45,6 +46,7 @@ class Learned:
         self._rest = rest or (lambda p: np.broadcast_to(predictor.rest_e, (len(p), predictor.rows.n_e)))
         self.rows, self.parameters = predictor.rows, predictor.parameters
         self.reach, self.length = predictor.reach, predictor.length
+        self.actuator_units = predictor.actuator_units
         # a network in float32 is rough at 1e-7: a longer step and a lower order
         self.stencil = Stencil(4, 0.05) if predictor.meta["kind"] == "mlp" else Stencil(6, 0.01)
 
@@ -82,6 +84,7 @@ class FiniteElements:
         if robot.rows.n_c:
             raise InputError("a scene with contact points cannot be calibrated or designed yet", where=robot.name)
         self.rows, self.reach, self.length = robot.rows, robot.reach, robot.length
+        self.actuator_units = robot.actuator_units
         self._exact = np.array([one.exact for one in self.parameters], dtype=bool)
         self._reference = np.array([one.reference for one in self.parameters])
         self._built: dict[bytes, Any] = {}

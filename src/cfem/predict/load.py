@@ -22,7 +22,7 @@ KINDS = {
     "mlp": MlpPredictor,
     "serial": SerialPredictor,
 }
-FORMAT = 2
+FORMAT = 3
 Runtime = Literal["arrays", "onnx"]
 
 

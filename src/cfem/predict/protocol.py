@@ -17,6 +17,7 @@ class Predictor(ABC):
     meta:   model.json
     rows:   names and order e, a of the rows of W
     form:   what it is a function of: 'displacement', s = delta_a, or 'force', s = lambda_a
+    actuator_units: of each actuator's displacement and force: mm and N of a cable, mm^3 and MPa of a chamber
     parameters: the design and material parameters p that it takes as well; the scene's own values where none are given
     rest_e: (n_e,) mm rest positions of the effectors; reach: (n_a, 2) mm; length: mm, what '% of length' refers to
     domain: where it was trained"""
@@ -25,6 +26,8 @@ class Predictor(ABC):
         self.meta = meta
         self.rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
         self.form: Form = meta["form"]
+        ends = self.rows.n_e, self.rows.n - meta.get("n_c", 0)  # the pose of a held patch is driven by no actuator
+        self.actuator_units = tuple((one, other) for one, other in meta["row_units"][slice(*ends)])
         self.parameters = from_json(meta["parameters"])
         self.rest_e = np.asarray(meta["rest_e"], float)
         self.reach = np.asarray(meta["reach"], float)

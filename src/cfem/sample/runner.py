@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
 from cfem.condensed.pose import COORDINATES
+from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
 from cfem.core.files import plain, write_whole
 from cfem.core.progress import progress
@@ -139,14 +140,16 @@ def make_job(
         schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units),
         skeleton=folder,
         folder=folder,
-        contact=contact_plan(spec, facts.rows.n_a),
+        contact=contact_plan(spec, facts),
     )
 
 
-def contact_plan(spec: SampleSpec, n_a: int) -> ContactPlan | None:
+def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
     """What the spec's `contact` draws."""
     if spec.contact is None:
         return None
+    demand_units(spec, facts.row_units[facts.rows.a])
+    n_a = facts.rows.n_a
     turns = spec.contact.rotation is not None
     poses = [spec.contact.translation] + ([spec.contact.rotation] if turns else [])
     low, high = np.concatenate([np.tile([0.0, spec.contact.force], (n_a, 1)), *poses]).T.tolist()

@@ -5,8 +5,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
+from cfem.core.actuator_units import Effort
 from cfem.core.spec import Spec
-from cfem.core.units import AngleRanges, Force, Length, LengthRanges
+from cfem.core.units import AngleRanges, Length, LengthRanges
 
 
 class SplitSpec(Spec):
@@ -76,7 +77,7 @@ class ContactSpec(Spec):
     """Smallest and largest displacement of the patch along x, y and z."""
     rotation: AngleRanges | None = None
     """Smallest and largest rotation vector, x, y and z. Left out where the patch cannot turn."""
-    force: Force = Field(gt=0)
+    force: Effort = Field(gt=0)
     """Largest force of every actuator. The smallest is 0."""
     about_rest: list[Literal["x", "y", "z", "rx", "ry", "rz"]] = []
     """Axes whose range is about where the patch would rest if it were free there (to first order). For directions in

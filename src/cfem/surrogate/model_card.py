@@ -9,7 +9,7 @@ from cfem.predict.energy import Form
 from cfem.predict.load import FORMAT
 from cfem.surrogate.observations import inputs
 
-UNITS = {"delta_a": "mm", "lambda_a": "N", "delta_e": "mm", "W": "mm/N", "delta_free": "mm", "energy": "N mm"}
+QUANTITIES = ("delta_a", "lambda_a", "delta_e", "W", "delta_free", "energy")
 
 
 def model_card(kind: str, dataset: Any, form: Form = "displacement", **more: Any) -> dict[str, Any]:
@@ -25,7 +25,8 @@ def model_card(kind: str, dataset: Any, form: Form = "displacement", **more: Any
             "rows": {"effectors": dataset.rows.effectors, "actuators": dataset.rows.actuators},
             "n_c": dataset.n_c,
             "patch": meta.get("patch"),
-            "units": UNITS,
+            "units": {name: meta["units"][name] for name in QUANTITIES},
+            "row_units": meta["row_units"],
             "rest_e": meta["rest_e"],
             "reach": meta["reach"],
             "length": meta["length"],

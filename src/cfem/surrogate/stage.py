@@ -41,7 +41,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     parts = {name: getattr(spec.model, name, None) for name in PARTS}
     return Stage(
         name="train",
-        version=3,
+        version=4,
         spec=spec,
         inputs={"dataset": base / spec.dataset} | {name: base / part for name, part in parts.items() if part},
         out=out or base / spec.out,
