@@ -83,6 +83,14 @@ def test_poisson_from_the_model(folder, tmp_path):
     assert calibrate(folder, out=tmp_path / "out")["status"] == "up to date"
 
 
+def test_residuals_far_above_the_stated_noise_are_judged(folder, tmp_path):
+    few = ("figure=false", "starts=1", "profile=false")
+    fits = calibrate(folder, *few, "noise={effectors: 0.1 mm}", out=tmp_path / "fits")["results"]
+    assert "judgement" not in fits
+    (judged,) = calibrate(folder, *few, "noise={effectors: 1e-9 mm}", out=tmp_path / "poor")["results"]["judgement"]
+    assert "times the stated noise" in judged["what"]
+
+
 def test_the_modulus_needs_the_forces(folder, tmp_path):
     blind = calibrate(folder, "find=[nu, E]", "starts=3", "figure=false", out=tmp_path / "blind")["results"]
     assert blind["unseen"] == ["E"] and any("measure a force" in line for line in blind["headline"])

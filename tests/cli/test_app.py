@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.cli.schemas import schemas
+from cfem.core.judgement import poor
 from cfem.core.kinds import KINDS
 from cfem.core.yaml import read_yaml
 
@@ -73,6 +74,16 @@ def test_a_defect_of_ours_asks_to_be_reported(bar, monkeypatch):
     monkeypatch.setattr("cfem.robot.stage._work", lambda *_: 1 / 0)
     result = cfem("mesh", bar)
     assert result.exit_code == 1 and "please report" in result.stderr and "Traceback" not in result.stderr
+
+
+def test_a_poor_result_is_said_first_and_fails_when_strict(bar, monkeypatch):
+    monkeypatch.setattr("cfem.robot.stage._work", lambda *_: {"judgement": [poor("12 of 24 states failed")]})
+    done = cfem("mesh", bar)
+    assert done.exit_code == 0 and done.stdout.splitlines()[0] == "POOR: 12 of 24 states failed"
+    strict = cfem("mesh", bar, "--strict")
+    assert strict.exit_code == 4 and "up to date" in strict.stdout and "12 of 24" in strict.stderr
+    for words in (["inspect"], ["summary"]):
+        assert cfem(*words, bar.parent / "mesh").stdout.splitlines()[0] == "POOR: 12 of 24 states failed"
 
 
 def test_interruption_is_130(bar, monkeypatch):

@@ -1,6 +1,7 @@
 """`cfem optimize-design` from a spec to its artefact: bars of any length and height, learned and verified by FE."""
 
 import json
+from copy import deepcopy
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -8,6 +9,7 @@ import pytest
 
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
+from cfem.design.answer import contradictions
 from cfem.design.stage import run
 from cfem.robot.cad import File
 from cfem.robot.meshing import measure
@@ -105,6 +107,17 @@ def test_best_designs_keep_their_constraints_and_finite_elements_agree(folder, d
     # a thin bar takes the least force: the thinnest of all is within the constraints
     assert done["designs"]["effort"]["p"]["height"] == pytest.approx(9.0)
     assert done["slopes_checked"] < 1e-5 and done["grid"]["feasible"] < 30
+
+
+def test_a_design_that_finite_elements_contradict_is_said(done):
+    assert "judgement" not in done
+    designs = deepcopy(done["designs"])
+    fe = designs["effort"]["fe"]
+    fe["objectives"]["effort"] *= 3
+    fe["gap_share_of_spread"]["effort"] = 2.0
+    judged = contradictions(designs)
+    assert [one["what"].split(":")[0] for one in judged] == ["design effort"] and judged[0]["contradicted"]
+    assert "200 % of its spread" in judged[0]["what"]
 
 
 def test_front_tables_and_pictures(folder, done):

@@ -11,7 +11,7 @@ from surrogate.stored import store_dataset, train_folder
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
 from cfem.predict.load import load_model, read_arrays
-from cfem.surrogate.stage import run
+from cfem.surrogate.stage import judged, run
 
 SPEC = "dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 8}\nlearning_curve: [10, 20]\n"
 
@@ -38,6 +38,16 @@ def test_it_writes_a_model_that_knows_itself(spec):
     }
     assert results["positive_definite"]["share"] == 1.0 and results["positive_definite"]["queries"] == 100_000
     assert run(spec, [], None, Options())["status"] == "up to date"
+
+
+def test_a_poor_model_is_judged_in_words():
+    sound = {"errors": {"loss": 1e-6, "tip_mm": {"max": 0.01}}, "positive_definite": {"share": 1.0, "queries": 100}}
+    assert judged(sound) == []
+    poor = {"errors": {"loss": 4.64, "tip_mm": {"max": 0.28}}, "positive_definite": {"share": 0.49, "queries": 100}}
+    loss, definite = (one["what"] for one in judged(poor))
+    assert loss.startswith("loss 4.64e+00") and "0.28 mm" in loss and "51 % of 100 random states" in definite
+    nan = {"errors": {"loss": float("nan"), "tip_mm": {"max": 0.1}}, "positive_definite": sound["positive_definite"]}
+    assert len(judged(nan)) == 1
 
 
 def test_training_twice_gives_the_same_content(spec):
@@ -77,7 +87,7 @@ def test_an_unknown_key_names_the_near_one(spec):
 def test_spectral_training_imports_no_torch(spec):
     code = (
         "import sys; from pathlib import Path; from cfem.core.stage import Options; "
-        "from cfem.surrogate.stage import run; "
+        "from cfem.surrogate.stage import judged, run; "
         f"run(Path({str(spec)!r}), ['learning_curve=[]'], None, Options()); print('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

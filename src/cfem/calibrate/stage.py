@@ -12,6 +12,7 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import NOISE_RATIO, poor
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import scene_meaning
@@ -166,6 +167,11 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
             f"the residuals are {spread.scale:.2g} times the noise stated (chance {spread.chance:.0e}): "
             "the model or the noise is wrong; intervals widened by as much"
         )
+    judged = []
+    if spread is not None and not spread.scale <= NOISE_RATIO and spread.chance is not None:
+        judged.append(
+            poor(f"the residuals are {spread.scale:.2g} times the stated noise: the model does not fit the data")
+        )
     if spread is not None and spread.covariance is None:
         headline.append("as many parameters as measurements: no intervals without a stated noise")
     rms = {}
@@ -178,6 +184,7 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
         f"{_time(found.seconds)} of CPU time"
     )
     return {
+        "judgement": judged,
         "headline": headline,
         "estimates": estimates,
         "p": dict(zip(parameters, found.p, strict=True)),

@@ -1,8 +1,11 @@
 """`cfem`: one command a stage, each reading its YAML spec and making one artefact folder."""
 
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,41 +27,55 @@ Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY.SUB=VALUE",
 Out = Annotated[Path | None, typer.Option("--out", help="Artefact folder, in place of the spec's.")]
 Force = Annotated[bool, typer.Option("--force", help="Run even if up to date, and replace what is there.")]
 Check = Annotated[bool, typer.Option("--check", help="Run nothing; exit 5 if the output is stale.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit 4 where the result is poor: nobody should trust it.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Local processes; default: one a core.")]
 
 
-def _stage_command(package: str, summary: str, *names: str, hidden: tuple[str, ...] = ()) -> None:
-    """Registers `cfem NAME SPEC ...` for the stage of a package, under every name."""
-
-    def command(
-        spec: Spec,
-        set_: Set = None,
-        out: Out = None,
-        force: Force = False,
-        check: Check = False,
-        json: Json = False,
-        quiet: Quiet = False,
-    ) -> None:
-        run_command(lambda o: _stage(package)(spec, set_ or [], out, o), force, check, json, quiet)
-
-    for name in names:
-        app.command(name, help=summary, hidden=name in hidden)(command)
-
-
-def _stage(package: str):
-    return import_module(f"cfem.{package}.stage").run
-
-
-def simulate_sample(
-    spec: Spec,
+def _every_stage(
     set_: Set = None,
     out: Out = None,
     force: Force = False,
     check: Check = False,
+    strict: Strict = False,
     json: Json = False,
     quiet: Quiet = False,
+) -> None:
+    """The options of every stage."""
+
+
+def _stage(run: Callable[..., Any], summary: str, *names: str) -> None:
+    """Registers `run(spec, ..., set_=, out=, options=)` under every name, with the options of every stage beside its
+    own."""
+
+    def command(set_, out, force, check, strict, json, quiet, **own) -> None:
+        work = partial(run, **own, set_=set_ or [], out=out)
+        run_command(lambda options: work(options=options), force, check, json, quiet, strict)
+
+    given = ("set_", "out", "options")
+    own = [one for name, one in signature(run).parameters.items() if name not in given]
+    common = list(signature(_every_stage).parameters.values())
+    command.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in (*own, *common)])
+    command.__annotations__ = {one.name: one.annotation for one in (*own, *common)}
+    for name in names:
+        app.command(name, help=summary)(command)
+
+
+def _plain(package: str) -> Callable[..., Any]:
+    """The stage of a package that has no options of its own."""
+
+    def run(spec: Spec, set_, out, options):
+        return import_module(f"cfem.{package}.stage").run(spec, set_, out, options)
+
+    return run
+
+
+def _sample(
+    spec: Spec,
+    set_,
+    out,
+    options,
     workers: Workers = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers solve: tcp://host:8786.")
@@ -72,62 +89,38 @@ def simulate_sample(
     until_error: Annotated[
         str | None, typer.Option(metavar="LENGTH", help="Add states where the model errs, until it errs less.")
     ] = None,
-) -> None:
-    """Solve the planned equilibria: FE states with W and delta_free, to Parquet. Resumes what was interrupted."""
-    overrides = [*(set_ or []), *([f"until.error={until_error}"] if until_error else [])]
+):
+    overrides = [*set_, *([f"until.error={until_error}"] if until_error else [])]
 
     def fill(*arguments):
         return import_module("cfem.active.fill").fill(*arguments)
 
-    run_command(
-        lambda o: _stage("sample")(
-            spec,
-            overrides,
-            out,
-            o,
-            fill=fill,
-            workers=workers,
-            scheduler=scheduler,
-            timeout=timeout,
-            shard=shard,
-        ),
-        force,
-        check,
-        json,
-        quiet,
-    )
+    solve = import_module("cfem.sample.stage").run
+    how = {"workers": workers, "scheduler": scheduler, "timeout": timeout, "shard": shard}
+    return solve(spec, overrides, out, options, fill=fill, **how)
 
 
-_stage_command("robot", "Make the mesh of a scene, with named sets and quality figures.", "mesh")
-app.command("simulate-sample")(simulate_sample)
-app.command("sample", help="The same as simulate-sample.")(simulate_sample)
-
-
-@app.command()
-def merge(
+def _merge(
     spec: Annotated[Path, typer.Argument(help="The sampling spec that the parts were made from.")],
+    set_,
+    out,
+    options,
     parts: Annotated[list[Path] | None, typer.Argument(help="Folders of all parts; default: those beside OUT.")] = None,
-    set_: Set = None,
-    out: Out = None,
-    force: Force = False,
-    check: Check = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Join the parts of simulate-sample --shard to the dataset that one machine would have made."""
-
-    def work(options):
-        return import_module("cfem.sample.stage").merge(spec, set_ or [], out, options, parts or [])
-
-    run_command(work, force, check, json, quiet)
+):
+    return import_module("cfem.sample.stage").merge(spec, set_, out, options, parts or [])
 
 
-_stage_command("surrogate", "Fit a condensed model to a dataset; errors on its test set.", "train")
-_stage_command("export", "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
-_stage_command("control", "Follow trajectories by inverse control, in the FE plant.", "control")
-_stage_command("calibrate", "Find parameters of the robot from measurements, with intervals.", "calibrate")
-_stage_command("design", "Find the best designs: grid, gradients, trade-offs, checked by FE.", "optimize-design")
-_stage_command("report", "One self-contained HTML page: pictures, errors against run time, provenance.", "report")
+_stage(_plain("robot"), "Make the mesh of a scene, with named sets and quality figures.", "mesh")
+_SAMPLE = "Solve the planned equilibria: FE states with W and delta_free, to Parquet. Resumes what was interrupted."
+_stage(_sample, _SAMPLE, "simulate-sample")
+_stage(_sample, "The same as simulate-sample.", "sample")
+_stage(_merge, "Join the parts of simulate-sample --shard to the dataset that one machine would have made.", "merge")
+_stage(_plain("surrogate"), "Fit a condensed model to a dataset; errors on its test set.", "train")
+_stage(_plain("export"), "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
+_stage(_plain("control"), "Follow trajectories by inverse control, in the FE plant.", "control")
+_stage(_plain("calibrate"), "Find parameters of the robot from measurements, with intervals.", "calibrate")
+_stage(_plain("design"), "Find the best designs: grid, gradients, trade-offs, checked by FE.", "optimize-design")
+_stage(_plain("report"), "One self-contained HTML page: pictures, errors against run time, provenance.", "report")
 
 
 @app.command()

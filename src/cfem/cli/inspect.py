@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from cfem.core.judgement import sentences
 from cfem.core.stage import read_manifest
 
 
@@ -13,6 +14,7 @@ def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
     if as_json:
         return manifest
     lines = [
+        *sentences(manifest["results"]),
         f"{artefact}: made by cfem {manifest['stage']} {manifest['versions']['cfem']} in {manifest['seconds']:.1f} s",
         f"  content   {manifest['content']}",
         f"  made from {manifest['made_from']}",
@@ -51,7 +53,8 @@ def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
 def summarise(folders: Sequence[Path]) -> str:
     """Headlines, then seconds of every stage and their sum, then the report's page where there is one."""
     manifests = [read_manifest(folder) for folder in folders]
-    lines = [line for manifest in manifests for line in manifest["results"].get("headline", [])]
+    judged = dict.fromkeys(line for manifest in manifests for line in sentences(manifest["results"]))
+    lines = [*judged, *(line for manifest in manifests for line in manifest["results"].get("headline", []))]
     lines += [f"{m['stage']:<16} {m['seconds']:7.1f} s   {path}" for m, path in zip(manifests, folders, strict=True)]
     lines.append(f"{'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s")
     pages = [

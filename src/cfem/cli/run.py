@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from cfem.core.errors import CfemError
 from cfem.core.files import DISK
+from cfem.core.judgement import demand_trust, sentences
 from cfem.core.optional import explained
 from cfem.core.stage import Options
 
@@ -22,8 +23,10 @@ def run_command(
     check: bool = False,
     as_json: bool = False,
     quiet: bool = False,
+    strict: bool = False,
 ) -> None:
-    """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error."""
+    """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error; after
+    printing where the results are contradicted or, if `strict`, poor."""
     came: list[int] = []
     working = True
 
@@ -67,6 +70,10 @@ def run_command(
     else:
         with stdout_errors():
             print(_json(outcome) if as_json else _text(outcome), flush=True)
+        try:
+            demand_trust(outcome.get("results", {}) if isinstance(outcome, dict) else {}, strict)
+        except CfemError as error:
+            _fail(str(error), error.exit_code)
 
 
 @contextmanager
@@ -113,4 +120,5 @@ def _text(outcome: dict[str, Any] | str) -> str:
     from cfem.cli.inspect import figures
 
     took = "" if outcome["status"] == "up to date" else f" in {outcome['seconds']:.1f} s"
-    return "\n".join([f"{outcome['stage']}: {outcome['status']}{took}", *figures(outcome["results"])])
+    status = f"{outcome['stage']}: {outcome['status']}{took}"
+    return "\n".join([*sentences(outcome["results"]), status, *figures(outcome["results"])])

@@ -24,7 +24,7 @@ class InputError(CfemError):
 
 
 class NumericalError(CfemError):
-    """A computation failed; whatever converged is kept (exit 4)."""
+    """A computation failed, or its result should not be trusted; what there is is kept (exit 4)."""
 
     exit_code = 4
 
@@ -52,7 +52,7 @@ EXIT_CODES = {
     1: "a defect of ours",
     2: "usage or spec",
     3: "an input file is missing, corrupt or incompatible",
-    4: "numerical failure (what converged is kept)",
+    4: "numerical failure (what converged is kept), or a result that is contradicted or, with --strict, poor",
     5: "a gate is not met, or stale under --check",
     6: "the output exists from other inputs, or is locked",
     7: "disk full or not writable",

@@ -28,6 +28,7 @@ from cfem.core.files import (
     replace_folder,
     write_whole,
 )
+from cfem.core.judgement import with_inherited
 from cfem.core.manifest import MANIFEST, is_inside, read_manifest, write_manifest
 from cfem.core.place import demand_replaceable, destination, move_aside, set_aside
 from cfem.core.provenance import versions
@@ -157,7 +158,7 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
             write_whole(mark, made_from.encode())
     start = time.perf_counter()
     with confined(partial), stage.spec.locating():
-        results = dict(work(partial))
+        results = with_inherited(work(partial), stage.inputs)
     made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
     files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
     manifest = {

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.dataset.writer import write_table
 from cfem.design.front import Front
 from cfem.design.problem import Problem
@@ -72,6 +73,26 @@ def line(name: str, entry: dict[str, Any]) -> str:
             f"(off by {100 * worst:.2g} % of the spread, tip {entry['fe']['effector_distance']:.1e} mm)"
         )
     return line + ("; outside what the model was trained on" if entry["outside"] else "")
+
+
+def contradictions(designs: dict[str, Any]) -> list[dict[str, Any]]:
+    """Where finite elements find something else than the model, of what each design is best at."""
+    found = []
+    for name, entry in designs.items():
+        if "fe" not in entry:
+            continue
+        shown = [name] if name in entry["objectives"] else list(entry["objectives"])
+        for key in shown:
+            model, fe = entry["objectives"][key], entry["fe"]["objectives"][key]
+            apart = abs(model - fe) > DESIGN_GAP * max(abs(model), abs(fe))
+            if apart and entry["fe"]["gap_share_of_spread"][key] > DESIGN_GAP:
+                found.append(
+                    contradicted(
+                        f"design {name}: finite elements give {key} {fe:.4g}, the model {model:.4g}, "
+                        f"which is {100 * entry['fe']['gap_share_of_spread'][key]:.0f} % of its spread over all designs"
+                    )
+                )
+    return found
 
 
 def front_entry(front: Front) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec
@@ -59,24 +60,26 @@ def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
 
 
 def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) -> dict[str, Any]:
+    from cfem.design.answer import contradictions
     from cfem.design.formulation import problem_of, task_of
     from cfem.parametric.load import finite_elements, learned
 
     family = learned(paths["model"], paths.get("scene"))
     demand_units(spec, family.actuator_units)
     exact = finite_elements(paths["scene"], paths["mesh"], family.parameters) if spec.verify != "no" else None
-    results: dict[str, Any] = {"headline": []}
+    results: dict[str, Any] = {"judgement": [], "headline": []}
     asked = task_of(spec, family.rows) if spec.task else None
     if spec.objectives:
         problem, volume = problem_of(spec, family, paths.get("scene"), base)
         found = _search(spec, problem)
         checked = _verify(problem, exact, found.designs, found.front, spec)
         results |= _report(folder, problem, volume, found, checked, results["headline"])
+        results["judgement"] += contradictions(results["designs"])
         results |= _products(folder, spec, paths, problem, found.designs, results["headline"])
         if spec.figures:
             results["figures"] = _draw(folder, problem, found, checked)
     if spec.task:
-        results["task"] = _task(spec, asked, family, exact, results["headline"])
+        results["task"] = _task(spec, asked, family, exact, results)
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
 
@@ -193,7 +196,8 @@ def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpe
     return dict(zip([z.tobytes() for z in unique], (Checked(*row) for row in rows), strict=True))
 
 
-def _task(spec: DesignSpec, asked: Any, family: Any, exact: Any, headline: list[str]) -> dict[str, Any]:
+def _task(spec: DesignSpec, asked: Any, family: Any, exact: Any, said: dict[str, Any]) -> dict[str, Any]:
+    """Results; lines into said["headline"], and into said["judgement"] where finite elements contradict the model."""
     from cfem.design.formulation import free_parameters
     from cfem.design.task import serve
 
@@ -222,8 +226,12 @@ def _task(spec: DesignSpec, asked: Any, family: Any, exact: Any, headline: list[
         place = there.delta_e if asked.from_rest else there.x_e
         apart = np.linalg.norm((place - goals)[:, matter], axis=1)
         results["found"]["fe_distance"] = apart
-        line += f", by finite elements {float(np.sqrt((apart**2).mean())):.3g} mm"
-    headline.append(line)
+        exactly = float(np.sqrt((apart**2).mean()))
+        line += f", by finite elements {exactly:.3g} mm"
+        if exactly > rms[0] and exactly - rms[1] > DESIGN_GAP * rms[0]:
+            better = f"finite elements reach the goals to {exactly:.3g} mm, the model to {rms[1]:.3g} mm"
+            said["judgement"].append(contradicted(f"task: {better}; the reference design is no worse"))
+    said["headline"].append(line)
     return results
 
 

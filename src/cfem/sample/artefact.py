@@ -2,6 +2,7 @@
 
 import shutil
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.core.errors import InputError, NumericalError
+from cfem.core.judgement import FAILED_SHARE, poor
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, read_table
 from cfem.dataset.writer import content_hash, write_table
@@ -44,9 +46,20 @@ def results(tables: dict[str, pa.Table]) -> dict[str, Any]:
             raise NumericalError(f"no row of '{split}' converged: {table['reason'][0]}", where="simulate-sample")
     table = pa.concat_tables(tables.values())
     solved = table.filter(pc.equal(table["status"], CONVERGED))
+    failed = len(table) - len(solved)
     return {
+        "judgement": failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
         "rows": {split: len(table) for split, table in tables.items()},
-        "failed": len(table) - len(solved),
+        "failed": failed,
         **cost(table),
         "residual_max": pc.max(solved["residual"]).as_py(),
     }
+
+
+def failures(failed: pa.Table, rows: int) -> list[dict[str, Any]]:
+    """What is wrong with so many failed rows."""
+    if len(failed) <= FAILED_SHARE * rows:
+        return []
+    why, _ = Counter(failed["reason"].to_pylist()).most_common(1)[0]
+    share = f"{len(failed)} of {rows} states failed ({100 * len(failed) / rows:.0f} %, of which 5 % are usual at most)"
+    return [poor(f"{share}, mostly so: {why}. The reach may be larger than the robot's")]

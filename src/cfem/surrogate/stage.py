@@ -16,6 +16,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.optional import demand
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
@@ -79,6 +80,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     s, p = model_inputs(predictor, test)
     W, delta_free = predictor.evaluate(s, p)
     write_arrays(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
+    results["judgement"] = judged(results)
     results["headline"] = headline(results)
     shutil.rmtree(checkpoints, ignore_errors=True)
     return results
@@ -102,6 +104,18 @@ def headline(results: dict[str, Any]) -> list[str]:
             f"the loss of the others is {errors['loss_of_stable']:.2e}"
         )
     return lines
+
+
+def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
+    """Why the model should not be trusted, if so."""
+    errors, definite, found = results["errors"], results["positive_definite"], []
+    if not errors["loss"] <= LOSS:
+        tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
+        found.append(poor(f"loss {errors['loss']:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
+    if not definite["share"] >= 1 - INDEFINITE_SHARE:
+        share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
+        found.append(poor(f"W is not positive definite at {share}: control may find no command there"))
+    return found
 
 
 def train_and_judge(
