@@ -50,13 +50,17 @@ def cli_page() -> str:
     import typer
 
     from cfem.cli.app import app
+    from cfem.cli.help import GROUPS
     from cfem.core.errors import EXIT_CODES
 
     group = typer.main.get_command(app)
-    lines = ["# Command line", "", f"{group.help}", "", "Generated from the code.", "", "## Commands", ""]
-    lines += ["| command | what it does |", "|---|---|"]
-    shown = [command for command in group.commands.values() if not command.hidden]
-    lines += [f"| [`cfem {one.name}`](#cfem-{one.name}) | {_cell(one.help)} |" for one in shown]
+    lines = ["# Command line", "", f"{group.help}", "", "Generated from the code."]
+    shown = []
+    for title, names in GROUPS.items():
+        there = [group.commands[name] for name in names if name in group.commands]
+        lines += ["", f"## {title}", "", "| command | what it does |", "|---|---|"]
+        lines += [f"| [`cfem {one.name}`](#cfem-{one.name}) | {_cell(one.help)} |" for one in there]
+        shown += there
     lines += ["", "## Exit codes", "", "| code | meaning |", "|---|---|"]
     lines += [f"| {code} | {meaning} |" for code, meaning in EXIT_CODES.items()]
     for command in shown:

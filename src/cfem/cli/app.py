@@ -10,27 +10,27 @@ from typing import Annotated, Any
 import typer
 
 from cfem import __version__
+from cfem.cli.help import Commands
 from cfem.cli.run import run_command
-from cfem.core.errors import EXIT_CODES
 
 app = typer.Typer(
-    add_completion=False,
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Condensed finite-element models of soft robots: mesh, sample, train, export, control, calibrate, optimize.",
-    epilog="Exit codes: " + "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES.items()) + ".",
 )
 
 Spec = Annotated[Path, typer.Argument(help="The stage's YAML spec.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY.SUB=VALUE", help="Override a value of the spec.")]
-Out = Annotated[Path | None, typer.Option("--out", help="Artefact folder, in place of the spec's.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Output folder, in the place of the spec's.")]
 Force = Annotated[bool, typer.Option("--force", help="Run even if up to date, and replace what is there.")]
 Check = Annotated[bool, typer.Option("--check", help="Run nothing; exit 5 if the output is stale.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit 4 where the result is poor: nobody should trust it.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Local processes; default: one a core.")]
+Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Local processes. Default: one per core.")]
 
 
 def _every_stage(
@@ -45,9 +45,8 @@ def _every_stage(
     """The options of every stage."""
 
 
-def _stage(run: Callable[..., Any], summary: str, *names: str) -> None:
-    """Registers `run(spec, ..., set_=, out=, options=)` under every name, with the options of every stage beside its
-    own."""
+def _stage(run: Callable[..., Any], summary: str, name: str, hidden: bool = False) -> None:
+    """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own."""
 
     def command(set_, out, force, check, strict, json, quiet, **own) -> None:
         work = partial(run, **own, set_=set_ or [], out=out)
@@ -58,8 +57,7 @@ def _stage(run: Callable[..., Any], summary: str, *names: str) -> None:
     common = list(signature(_every_stage).parameters.values())
     command.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in (*own, *common)])
     command.__annotations__ = {one.name: one.annotation for one in (*own, *common)}
-    for name in names:
-        app.command(name, help=summary)(command)
+    app.command(name, help=summary, hidden=hidden)(command)
 
 
 def _plain(package: str) -> Callable[..., Any]:
@@ -78,16 +76,19 @@ def _sample(
     options,
     workers: Workers = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, whose workers solve: tcp://host:8786.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Let the workers of this Dask scheduler solve: tcp://host:8786."),
     ] = None,
     timeout: Annotated[
-        float, typer.Option(min=1, metavar="SECONDS", help="Replace the workers when none ends a shard for so long.")
+        float,
+        typer.Option(min=1, metavar="SECONDS", help="Replace the workers when none finishes a shard for so long."),
     ] = 3600,
     shard: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Solve the I-th of N parts alone; `cfem merge` joins them.")
+        str | None, typer.Option(metavar="I/N", help="Solve only the I-th of N parts; `cfem merge` joins them.")
     ] = None,
     until_error: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Add states where the model errs, until it errs less.")
+        str | None,
+        typer.Option(metavar="LENGTH", help="Add states where the model is worst, until its error is below LENGTH."),
     ] = None,
 ):
     overrides = [*set_, *([f"until.error={until_error}"] if until_error else [])]
@@ -101,53 +102,62 @@ def _sample(
 
 
 def _merge(
-    spec: Annotated[Path, typer.Argument(help="The sampling spec that the parts were made from.")],
+    spec: Annotated[Path, typer.Argument(help="The sample.yaml of the parts.")],
     set_,
     out,
     options,
-    parts: Annotated[list[Path] | None, typer.Argument(help="Folders of all parts; default: those beside OUT.")] = None,
+    parts: Annotated[
+        list[Path] | None, typer.Argument(help="Folders of all parts. Default: those beside the output folder.")
+    ] = None,
 ):
     return import_module("cfem.sample.stage").merge(spec, set_, out, options, parts or [])
 
 
-_stage(_plain("robot"), "Make the mesh of a scene, with named sets and quality figures.", "mesh")
-_SAMPLE = "Solve the planned equilibria: FE states with W and delta_free, to Parquet. Resumes what was interrupted."
-_stage(_sample, _SAMPLE, "simulate-sample")
-_stage(_sample, "The same as simulate-sample.", "sample")
-_stage(_merge, "Join the parts of simulate-sample --shard to the dataset that one machine would have made.", "merge")
-_stage(_plain("surrogate"), "Fit a condensed model to a dataset; errors on its test set.", "train")
-_stage(_plain("export"), "Write a model as plain arrays, ONNX and TorchScript, parity measured.", "export")
-_stage(_plain("control"), "Follow trajectories by inverse control, in the FE plant.", "control")
-_stage(_plain("calibrate"), "Find parameters of the robot from measurements, with intervals.", "calibrate")
-_stage(_plain("design"), "Find the best designs: grid, gradients, trade-offs, checked by FE.", "optimize-design")
-_stage(_plain("report"), "One self-contained HTML page: pictures, errors against run time, provenance.", "report")
+_stage(_plain("robot"), "Mesh a scene and check the quality of the mesh.", "mesh")
+_SAMPLE = "Solve many states of the robot by finite elements and store them. Resumes an interrupted run."
+_stage(_sample, _SAMPLE, "sample")
+_stage(_sample, _SAMPLE, "simulate-sample", hidden=True)
+_stage(_merge, "Join the parts that `sample --shard` solved into one dataset.", "merge")
+_stage(_plain("surrogate"), "Fit a small model to the samples, and measure its error on test states.", "train")
+_stage(
+    _plain("export"), "Write a model as arrays, ONNX, TorchScript or C, and compare each with the original.", "export"
+)
+_stage(_plain("control"), "Follow trajectories with a model; the finite-element robot is the judge.", "control")
+_stage(_plain("calibrate"), "Find parameters of a robot from measurements, with confidence intervals.", "calibrate")
+_stage(_plain("design"), "Find the best designs, and check them by finite elements.", "optimize-design")
+_stage(_plain("report"), "Make one HTML page of the results.", "report")
 
 
 @app.command()
 def init(
-    name: Annotated[str, typer.Argument(help="Of the new scene: small letters, digits and hyphens.")],
-    source: Annotated[Path, typer.Option("--from", help="Its shape: .step .stp, closed .stl, or .vtu .vtk .msh.")],
+    name: Annotated[str, typer.Argument(help="Name of the new robot: small letters, digits and hyphens.")],
+    source: Annotated[
+        Path, typer.Option("--from", help="File with its shape: .step .stp, closed .stl, or .vtu .vtk .msh.")
+    ],
     unit: Annotated[
-        str | None, typer.Option(help="Of the numbers in an .stl or mesh file: 'mm', 'm', '25.4 mm'.")
+        str | None, typer.Option(help="Unit of the numbers in an .stl or mesh file: 'mm', 'm', '25.4 mm'.")
     ] = None,
     cells: Annotated[str | None, typer.Option(help="About how many tetrahedra to make.")] = None,
     fixed: Annotated[
-        str | None, typer.Option(help="'z <= 5 mm', bottom, top, left, right, front, back, a set.")
+        str | None, typer.Option(help="What is held: 'z <= 5 mm', bottom, top, left, right, front, back, a set.")
     ] = None,
     young: Annotated[str | None, typer.Option(help="Young's modulus: '500 kPa'.")] = None,
     poisson: Annotated[str | None, typer.Option(help="Poisson's ratio, at most 0.4999.")] = None,
     cable: Annotated[
-        list[str] | None, typer.Option(help="'NAME: pull point; point; ...', points 'x, y, z' in mm. Repeatable.")
+        list[str] | None,
+        typer.Option(help="A cable: 'NAME: pull point; point; ...', each point 'x, y, z' in mm. Repeatable."),
     ] = None,
-    cables: Annotated[str | None, typer.Option(help="How many to place along the body, at equal angles.")] = None,
+    cables: Annotated[
+        str | None, typer.Option(help="How many cables to place along the body, at equal angles.")
+    ] = None,
     reach: Annotated[str | None, typer.Option(help="Largest shortening of each cable: '10 mm'.")] = None,
     effector: Annotated[str | None, typer.Option(help="The watched point: 'x, y, z' in mm.")] = None,
-    folder: Annotated[Path, typer.Option(help="Where scenes are.")] = Path("pipelines"),
+    folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
     force: Annotated[bool, typer.Option("--force", help="Replace the files of a scene that is there.")] = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """A new scene from a STEP, STL or mesh file; what no option says is asked, or guessed where nobody can be asked."""
+    """Make the specs of a new robot from a STEP, STL or mesh file. Asks for what no option says."""
 
     def work(options):
         from cfem.cli.init import init_scene
@@ -173,11 +183,11 @@ def inspect(
 @app.command()
 def verify(
     folders: Annotated[
-        list[Path] | None, typer.Argument(help="Artefacts, or folders of them; default: data, models.")
+        list[Path] | None, typer.Argument(help="Artefacts, or folders of them. Default: data and models.")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Check every byte of artefacts against their manifests; exit 3 if anything is damaged, missing or foreign."""
+    """Check every file of artefacts against its checksum. Exit 3 if one is damaged, missing or foreign."""
     from cfem.cli.verify import demand_whole, verify_folders
 
     found = []
@@ -188,14 +198,16 @@ def verify(
 
 @app.command()
 def stability(
-    scene: Annotated[Path | None, typer.Argument(help="A scene whose mesh is made: its cases run too.")] = None,
-    only: Annotated[str | None, typer.Option("--only", metavar="PATTERN", help="Cases by name: 'cables/*'.")] = None,
-    list_: Annotated[bool, typer.Option("--list", help="Print the names of the cases, and run none.")] = False,
-    heavy: Annotated[bool, typer.Option("--heavy", help="With the body of 1e5 tetrahedra.")] = False,
+    scene: Annotated[Path | None, typer.Argument(help="A scene with a mesh, to try as well.")] = None,
+    only: Annotated[
+        str | None, typer.Option("--only", metavar="PATTERN", help="Only the cases with such a name: 'cables/*'.")
+    ] = None,
+    list_: Annotated[bool, typer.Option("--list", help="Print the names of the cases and run none.")] = False,
+    heavy: Annotated[bool, typer.Option("--heavy", help="Include the body of 1e5 tetrahedra.")] = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Try stiff and extreme cases; exit 4 if any ends neither converged nor with its cause named."""
+    """Solve stiff and extreme cases. Exit 4 if one neither converges nor names the cause."""
     from cfem.stability import command, suite, table
 
     results = []
@@ -215,10 +227,10 @@ def stability(
 
 @app.command()
 def schema(
-    out: Annotated[Path, typer.Option("--out", help="Folder for one <stage>.json each.")] = Path("schemas"),
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("schemas"),
     check: Annotated[bool, typer.Option("--check", help="Exit 5 if the files differ from the specs.")] = False,
 ) -> None:
-    """Write the JSON Schemas (draft-07) of all specs, for editors."""
+    """Write the JSON Schemas of all specs, for editors."""
     from cfem.cli.schemas import write_schemas
 
     run_command(lambda _: write_schemas(out, check))
@@ -228,7 +240,7 @@ def schema(
 def summary(
     folders: Annotated[list[Path], typer.Argument(help="Artefact folders, in the order to be listed.")],
 ) -> None:
-    """One line an artefact: its stage, seconds and main figures."""
+    """Print main results and run time of artefacts."""
     from cfem.cli.inspect import summarise
 
     run_command(lambda _: summarise(folders))
