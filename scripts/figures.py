@@ -153,6 +153,21 @@ def timed(command: list[str]) -> float:
     return time.perf_counter() - begin
 
 
+def readme_table(f: dict) -> str:
+    """The five figures that a newcomer asks for."""
+    loop, process, curve = f["closed_curve"], f["process"], f["learning_curve"]
+    paper = f["mlp"]
+    rows = [
+        ("closed curve in the FE robot: largest tracking error", f"{loop['spectral']['max']:.0e} mm"),
+        ("the same with the paper's network", f"{loop['mlp']['max']:.2g} mm"),
+        ("samples for the paper's loss of 3.8e-6", f"30 (loss {curve['30']:.0e}); the paper used 6500"),
+        ("training time; the paper's network", f"{f['spectral']['seconds']:.1g} s; {paper['seconds'] / 60:.1f} min"),
+        ("control step (model and QP), one core, median", f"{process['median_us']:.0f} µs"),
+        ("memory of the controller's process, without PyTorch", f"{process['peak_rss_mib']:.0f} MiB"),
+    ]
+    return markdown(("figure", "measured"), rows)
+
+
 def finger_table(f: dict) -> str:
     """Markdown: what, target, measured, command."""
     v, curve, spectral, mlp = f["verification"], f["learning_curve"], f["spectral"], f["mlp"]
@@ -170,19 +185,19 @@ def finger_table(f: dict) -> str:
             "`cfem sample sample-large.yaml`",
         ),
         (
-            "factorisations a sample: this mesh / linear tetrahedra",
+            "factorisations per sample: this mesh / linear tetrahedra",
             "2.5",
             f"{f['samples']['factorizations_per_sample']:.2f} / {f['tet4']['factorizations_per_sample']:.2f}",
             "`cfem inspect data/soft-finger/samples-large`",
         ),
         (
-            f"samples a second, one core, {f['tet4_cells']} tet4",
+            f"samples per second, one core, {f['tet4_cells']} linear tetrahedra",
             "30",
             f"{f['tet4']['samples_per_second_per_core']:.0f}",
             "`cfem sample ../soft-finger-tet4/sample.yaml`",
         ),
         (
-            "energy model, the paper's loss from 30 / 50 / 100 / 200 samples",
+            "energy model: the paper's loss from 30 / 50 / 100 / 200 samples",
             "3.8e-6 / - / - / 1e-9",
             " / ".join(f"{curve[n]:.1e}" for n in ("30", "50", "100", "200")),
             "`cfem train train-large.yaml`",
@@ -200,14 +215,14 @@ def finger_table(f: dict) -> str:
             "`cfem train train-mlp.yaml`",
         ),
         (
-            "closed curve in the FE plant, energy model: distance to the goals, mean / max",
+            "closed curve in the FE plant, energy model: tracking error, mean / max",
             "0.02 / 0.1 mm",
             f"{loop['spectral']['mean']:.1e} / {loop['spectral']['max']:.1e} mm",
             "`cfem control control-large.yaml`",
         ),
         ("the same with the paper's network", "", f"{loop['mlp']['mean']:.2g} / {loop['mlp']['max']:.2g} mm", "same"),
         (
-            f"the paper's quarter circle, {f['reachable'][0]} of {f['reachable'][1]} goals in reach: from FE control",
+            f"the paper's quarter circle, {f['reachable'][0]} of {f['reachable'][1]} goals reachable: distance to FE-based control",
             "0.02 / 0.1 mm",
             f"{arc['spectral']['mean']:.1e} / {arc['spectral']['max']:.1e} mm",
             "same",
@@ -268,14 +283,14 @@ def contact_table(f: dict) -> str:
         losses = " / ".join(f"{point['loss']:.1e}" for point in one["curve"])
         samples = " / ".join(str(point["samples"]) for point in one["curve"])
         rows.append((f"{scene}: loss from {samples} samples", target, losses))
-        rows.append((f"{scene}: tip, force at most", "", f"{last['tip_mm']:.1e} mm, {last['force_N']:.1e} N"))
+        rows.append((f"{scene}: largest error of tip, force", "", f"{last['tip_mm']:.1e} mm, {last['force_N']:.1e} N"))
         rows.append((f"{scene}: W definite at 1e5 random states", "100 %", f"{100 * one['definite']:.3f} %"))
         for name, controllers in one["trajectories"].items():
             learned, fe = controllers["spectral"], controllers.get("fe-based")
             near = learned["distance_to_reachable_goals"]
             rows.append(
                 (
-                    f"{name}, {learned['reachable']} of {learned['goals']} goals in reach, FE plant: mean / max",
+                    f"{name}, {learned['reachable']} of {learned['goals']} goals reached, FE plant: tracking error, mean / max",
                     {"finger-button": "0.01 mm", "soft-gripper": "0.02 mm"}.get(scene, ""),
                     f"{near['mean']:.1e} / {near['max']:.1e} mm" if near else "",
                 )
@@ -301,7 +316,7 @@ def contact_table(f: dict) -> str:
     rows.append(("cube only touched, friction 0.8: FE plant", "converges, or says why", carried))
     rows.append(("cube only touched: contact points at the goals", "", points))
     rows.append(("cube only touched: law and balance, residual", "1e-8", f"{touch['law_residual']:.1e}"))
-    rows.append(("cube only touched: goals missed by plans that know glue only", "", spread(touch["distance"])))
+    rows.append(("cube only touched: tracking error of plans that assume glue", "", spread(touch["distance"])))
     rows.append(
         ("cube only touched: a learned inverse step, median", "1 ms", f"{touch['step_us']['median'] / 1e3:.2g} ms")
     )
@@ -331,7 +346,7 @@ def mechanics_table(f: dict) -> str:
     cost, linear, quadratic = cost_of_linear(study["meshes"])
     rows = [
         (
-            "error of W, of the tip, of cable forces, default mesh, nu " + " / ".join(f"{nu:g}" for nu in default),
+            "default mesh, error of W; of the tip; of cable forces, at nu = " + " / ".join(f"{nu:g}" for nu in default),
             "1 %",
             "; ".join(
                 " / ".join(f"{100 * row[key]:.2f}" for row in default.values()) + " %" for key in ("W", "tip", "force")
@@ -339,45 +354,45 @@ def mechanics_table(f: dict) -> str:
             "`make discretisation`",
         ),
         (
-            "the best mesh of linear tetrahedra against tet10p0's coarsest: CPU time of a sample; error of W (nu 0.47)",
+            "best mesh of linear tetrahedra against the coarsest of tet10p0: CPU time per sample; error of W (nu 0.47)",
             "10 times at one error",
             f"{cost:.1f} times; {100 * linear:.0f} % against {100 * quadratic:.1f} %",
             "same",
         ),
         (
-            f"samples a second, one core, tour of 1000, tet4 {' / '.join(map(str, sizes))}: rslab",
+            f"samples per second, one core, 1000 samples, tet4 {' / '.join(map(str, sizes))}: rslab",
             "50 / 10 / 4",
             " / ".join(f"{tours[n, 'rslab']['samples_per_second']:.3g}" for n in sizes),
             "`benchmarks/tour.py`",
         ),
         (
-            "the same with PARDISO (`pip install cfem[fast]`), tour of 300",
+            "the same with PARDISO (`pip install cfem[fast]`), 300 samples",
             "100 / 20 / 7",
             " / ".join(f"{tours[n, 'pardiso']['samples_per_second']:.3g}" for n in sizes),
             "same",
         ),
         (
-            "factorisations a sample there; default mesh, tour of 100; at nu 0.499, tour of 300",
+            "factorisations per sample: those meshes; default mesh, 100 samples; nu = 0.499, 300 samples",
             "1.1; 3; 1.1",
             " / ".join(f"{tours[n, 'rslab']['factorizations_per_sample']:.2f}" for n in sizes)
             + f"; {own[0]['factorizations_per_sample']:.2f}; {own[1]['factorizations_per_sample']:.2f}",
             "same",
         ),
         (
-            "time of a sample over that of its numeric factorisations: those meshes; default mesh",
+            "time per sample divided by the time of its numeric factorisations: those meshes; default mesh",
             "2.5 from 8895 on",
             " / ".join(f"{tours[n, 'rslab']['time_over_bound']:.2g}" for n in sizes)
             + f"; {own[0]['time_over_bound']:.2g}",
             "same",
         ),
         (
-            f"a body of {large['cells']} tet4: samples a second, memory",
+            f"a body of {large['cells']} tet4: samples per second, memory",
             "it samples",
             f"{large['samples_per_second']:.2g}, {large['memory_mib'] / 1024:.1f} GiB",
             "same",
         ),
         (
-            f"stability suite, {suite['cases']} cases: as they should be",
+            f"stability suite, {suite['cases']} cases: correct",
             "100 %",
             f"{suite['right']} ({suite['seconds']:.0f} s)",
             "`cfem stability`",
@@ -428,7 +443,7 @@ def convergence_table(f: dict) -> str:
         )
         for row in (*found["neo_hookean"], *found["other_laws"])
     ]
-    return markdown(("element", "law", "nu", "held", "cells an edge", "orders in L2", "orders in H1"), rows)
+    return markdown(("element", "law", "nu", "held", "cells per edge", "orders in L2", "orders in H1"), rows)
 
 
 def meshes_table(f: dict) -> str:
@@ -465,6 +480,7 @@ def markdown(head: tuple, rows: list[tuple]) -> str:
 
 
 TABLES = {
+    "readme": lambda f: readme_table(f["finger"]),
     "finger": lambda f: finger_table(f["finger"]),
     "surrogates": surrogates_table,
     "contact": contact_table,
@@ -474,7 +490,7 @@ TABLES = {
     "convergence": convergence_table,
     "meshes": meshes_table,
 }
-FILES = ("README.md", "docs/mechanics.md", "docs/surrogates.md", "docs/contact.md")
+FILES = ("README.md", "docs/figures.md", "docs/mechanics.md", "docs/surrogates.md", "docs/contact.md")
 
 
 def with_tables(text: str, figures: dict) -> str:

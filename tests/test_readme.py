@@ -1,4 +1,4 @@
-"""The README says what was measured, and names what exists."""
+"""The README and the pages state what was measured, and name what exists."""
 
 import importlib.util
 import json
@@ -35,10 +35,14 @@ def test_every_file_and_target_that_it_names_exists():
         assert name in known, name
 
 
-def test_its_example_robot_is_a_valid_scene(tmp_path):
+def test_the_example_robots_are_valid_scenes(tmp_path):
     from cfem.core.spec import load_spec
     from cfem.robot.spec import SceneSpec
 
+    whole, more = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
     path = tmp_path / "scene.yaml"
-    path.write_text(README.split("```yaml\n")[1].split("```")[0])
+    path.write_text(whole)
     assert load_spec(path, SceneSpec).name == "my-robot"
+    path.write_text(whole.split("actuators:")[0] + more + "effectors:" + whole.split("effectors:")[1])
+    scene = load_spec(path, SceneSpec)
+    assert len(scene.materials) == len(scene.rigid) == 1 and scene.actuators[0].name == "chamber"
