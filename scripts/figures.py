@@ -222,7 +222,8 @@ def finger_table(f: dict) -> str:
         ),
         ("the same with the paper's network", "", f"{loop['mlp']['mean']:.2g} / {loop['mlp']['max']:.2g} mm", "same"),
         (
-            f"the paper's quarter circle, {f['reachable'][0]} of {f['reachable'][1]} goals reachable: distance to FE-based control",
+            f"the paper's quarter circle, {f['reachable'][0]} of {f['reachable'][1]} goals reachable: "
+            "distance to FE-based control",
             "0.02 / 0.1 mm",
             f"{arc['spectral']['mean']:.1e} / {arc['spectral']['max']:.1e} mm",
             "same",
@@ -290,7 +291,8 @@ def contact_table(f: dict) -> str:
             near = learned["distance_to_reachable_goals"]
             rows.append(
                 (
-                    f"{name}, {learned['reachable']} of {learned['goals']} goals reached, FE plant: tracking error, mean / max",
+                    f"{name}, {learned['reachable']} of {learned['goals']} goals reached, FE plant: "
+                    "tracking error, mean / max",
                     {"finger-button": "0.01 mm", "soft-gripper": "0.02 mm"}.get(scene, ""),
                     f"{near['mean']:.1e} / {near['max']:.1e} mm" if near else "",
                 )
