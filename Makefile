@@ -2,7 +2,7 @@
 SHELL := /bin/sh
 CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
-SCENES := $(filter-out surrogates soft-gripper stiff-flop stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
+SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test smoke test-slow bench wheel docs lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
@@ -56,56 +56,23 @@ coverage: .venv/dev
 schemas: .venv/all
 	$(CFEM) schema
 
+# What is stale of a robot's stages, in order; `cfem run` says why.
 $(SCENES): .venv/all
-	$(CFEM) mesh pipelines/$@/scene.yaml
-	$(CFEM) simulate-sample pipelines/$@/sample.yaml
-	$(CFEM) train pipelines/$@/train.yaml
-	$(CFEM) export pipelines/$@/export.yaml
-	$(CFEM) control pipelines/$@/control.yaml
-	$(CFEM) report pipelines/$@/report.yaml
+	$(CFEM) run pipelines/$@
 
 # Three of the fingers that press the button, on that finger's mesh.
 soft-gripper: .venv/all
-	$(CFEM) mesh pipelines/finger-button/scene.yaml
-	$(CFEM) simulate-sample pipelines/$@/sample.yaml
-	$(CFEM) train pipelines/$@/train.yaml
-	$(CFEM) export pipelines/$@/export.yaml
-	$(CFEM) control pipelines/$@/control.yaml
-	$(CFEM) control pipelines/$@/control-friction.yaml
-	$(CFEM) report pipelines/$@/report.yaml
-
-# A model of one module, two of which in a row are compared with a model of the whole.
-stiff-flop: .venv/all
-	for scene in $@-module $@; do \
-	  $(CFEM) mesh pipelines/$$scene/scene.yaml && \
-	  $(CFEM) simulate-sample pipelines/$$scene/sample.yaml && \
-	  $(CFEM) train pipelines/$$scene/train.yaml || exit; \
-	done
-	$(CFEM) train pipelines/$@/train-serial.yaml
-	for model in export export-serial; do $(CFEM) export pipelines/$@/$$model.yaml || exit; done
-	$(CFEM) control pipelines/$@/control.yaml
-	$(CFEM) report pipelines/$@/report.yaml
+	$(CFEM) run pipelines/$@ pipelines/$@/control-friction.yaml
 
 # One finger of many materials and shapes: models of all, controlled, calibrated and designed by them.
 parametric-finger: .venv/all
-	$(CFEM) mesh pipelines/$@/scene.yaml
-	for kind in mechanical geometric; do \
-	  for stage in simulate-sample train export control; do \
-	    $(CFEM) $$stage pipelines/$@/$${stage#simulate-}-$$kind.yaml || exit; \
-	  done; \
-	done
-	$(CFEM) simulate-sample pipelines/$@/sample-truth.yaml
-	for spec in calibrate calibrate-modulus; do $(CFEM) calibrate pipelines/$@/$$spec.yaml || exit; done
-	for spec in design design-one-point design-task; do $(CFEM) optimize-design pipelines/$@/$$spec.yaml || exit; done
+	$(CFEM) run pipelines/$@ $(foreach spec,control-mechanical control-geometric calibrate-modulus design-one-point \
+	  design-task,pipelines/$@/$(spec).yaml)
 
 # The paper's pair of networks G and F, compared with the finger's models; ten minutes on one core.
 parametric-finger-paper: parametric-finger
-	for kind in mechanical geometric; do \
-	  $(CFEM) simulate-sample pipelines/$</sample-$$kind-rest.yaml && \
-	  $(CFEM) train pipelines/$</train-$$kind-g.yaml && \
-	  $(CFEM) train pipelines/$</train-$$kind-f.yaml && \
-	  $(PYTHON) benchmarks/designs.py $$kind --losses || exit; \
-	done
+	$(CFEM) run pipelines/$</train-mechanical-f.yaml pipelines/$</train-geometric-f.yaml
+	for kind in mechanical geometric; do $(PYTHON) benchmarks/designs.py $$kind --losses || exit; done
 
 # The paper's experiments on the trunk (docs/stiff-flop-experiments.md), after `make stiff-flop`; ten minutes.
 EXPERIMENT := pipelines/stiff-flop-experiments
@@ -116,15 +83,9 @@ BY_FE := {open: {mode: open, model: fe-based}, \
   paper: {mode: closed, model: fe-based, gains: {proportional: 0.01, integral: 0.002}}, \
   tuned: {mode: closed, model: fe-based, gains: {phase_margin: 60 deg}}}
 stiff-flop-experiments: .venv/all
-	$(CFEM) mesh pipelines/stiff-flop-bbrfem/scene.yaml
-	$(CFEM) simulate-sample pipelines/stiff-flop-bbrfem/sample.yaml
-	$(CFEM) train pipelines/stiff-flop-bbrfem/train.yaml
-	$(CFEM) export $(EXPERIMENT)/export-bbrfem.yaml
 	$(CFEM) mesh pipelines/stiff-flop/scene.yaml --set 'mesh.size=1.375 mm' --out data/$@/mesh-fine
 	$(CFEM) mesh pipelines/stiff-flop-bbrfem/scene.yaml --set 'mesh.size=3.4375 mm' --out data/$@/mesh-bbrfem-fine
-	for spec in circle circle-bbrfem points points-bbrfem disturbance; do \
-	  $(CFEM) control $(EXPERIMENT)/control-$$spec.yaml || exit; \
-	done
+	$(CFEM) run $(EXPERIMENT)/control-*.yaml
 	$(CFEM) control $(EXPERIMENT)/control-circle.yaml --out data/$@/circle-published --set 'search=$(PUBLISHED)'
 	$(CFEM) control $(EXPERIMENT)/control-points.yaml --out data/$@/points-softer --set 'loop.real=$(SOFTER)'
 	$(CFEM) control $(EXPERIMENT)/control-points.yaml --out data/$@/points-finer --set 'loop.real=$(FINER)' \
@@ -140,26 +101,16 @@ stiff-flop-experiments: .venv/all
 
 # The comparison with the paper's network (about 15 minutes), and all that the README's table states.
 soft-finger-paper: .venv/all
-	$(CFEM) mesh pipelines/soft-finger/scene.yaml
-	$(CFEM) simulate-sample pipelines/soft-finger/sample-large.yaml
-	for model in large mlp; do \
-	  $(CFEM) train pipelines/soft-finger/train-$$model.yaml && \
-	  $(CFEM) export pipelines/soft-finger/export-$$model.yaml || exit; \
-	done
-	$(CFEM) control pipelines/soft-finger/control-large.yaml
-	$(CFEM) report pipelines/soft-finger/report-large.yaml
+	$(CFEM) run pipelines/soft-finger/report-large.yaml
 
 # The finger's controller in C, compiled and tested here; docs/embedded.md has the rest.
 embedded: .venv/all
-	$(CFEM) mesh pipelines/soft-finger/scene.yaml
-	$(CFEM) simulate-sample pipelines/soft-finger/sample-large.yaml
-	$(CFEM) train pipelines/soft-finger/train-large.yaml
-	$(CFEM) export pipelines/soft-finger/export-c.yaml
+	$(CFEM) run pipelines/soft-finger/export-c.yaml
 	$(MAKE) -C models/soft-finger/embedded/c test measure size
 
 # The trunk's, of both models.
 embedded-stiff-flop: stiff-flop
-	for spec in export-c export-c-serial; do $(CFEM) export pipelines/$</$$spec.yaml || exit; done
+	$(CFEM) run pipelines/$</export-c.yaml pipelines/$</export-c-serial.yaml
 	for model in spectral serial; do $(MAKE) -C models/$</$$model-embedded/c test measure size || exit; done
 
 figures: soft-finger-paper

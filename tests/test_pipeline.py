@@ -1,6 +1,7 @@
-"""The smallest robot through every command, as `make bar` does it."""
+"""The smallest robot through every stage by `cfem run`, as `make bar` does it."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.stage import read_manifest
 
 ROOT = Path(__file__).parents[1]
 STAGES = {
@@ -35,10 +37,20 @@ def cfem(folder, stage, *words):
 
 @pytest.fixture(scope="module")
 def outcomes(bar):
-    done = {stage: cfem(bar, stage) for stage in STAGES}
-    for stage, outcome in done.items():
-        assert outcome.exit_code == 0, (stage, outcome.stderr)
-    return {stage: json.loads(outcome.stdout) for stage, outcome in done.items()}
+    """The manifest of every stage."""
+    first = CliRunner().invoke(app, ["run", str(bar), "--json"])
+    assert first.exit_code == 0, first.stderr
+    stages = json.loads(first.stdout)["stages"]
+    assert [(one["stage"], one["status"], one["why"]) for one in stages] == [
+        (stage, "done", ["not made yet"]) for stage in STAGES
+    ]
+    return {one["stage"]: read_manifest(Path(one["out"])) for one in stages}
+
+
+def run(bar, *words):
+    """Exit code, what was printed, what was said."""
+    done = CliRunner().invoke(app, ["run", str(bar), *words])
+    return done.exit_code, done.stdout, done.stderr
 
 
 def test_the_bar_is_tracked_by_its_learned_model(outcomes):
@@ -78,6 +90,56 @@ def test_nothing_is_run_again(bar, outcomes):
         again = cfem(bar, stage)
         assert again.exit_code == 0 and json.loads(again.stdout)["status"] == "up to date", stage
         assert cfem(bar, stage, "--check").exit_code == 0
+
+
+def test_a_second_run_does_nothing_and_ends_with_the_figures(bar, outcomes):
+    code, printed, said = run(bar)
+    assert code == 0 and said.count("up to date") == len(STAGES) and "nothing to run" in printed
+    assert "goals in reach" in printed and printed.count("report.html") == 1
+    assert run(bar, "--check")[0] == 0
+
+
+def test_comments_and_spelling_make_nothing_stale(bar, outcomes):
+    texts = {path: path.read_text() for path in bar.glob("*.yaml")}
+    try:
+        for path, text in texts.items():
+            path.write_text("# mine\n" + text.replace("10 mm", "1 cm").replace("out: ../../", "out: ../bar/../../"))
+        assert run(bar, "--check")[0] == 0
+    finally:
+        for path, text in texts.items():
+            path.write_text(text)
+
+
+def test_what_changed_is_said_and_what_follows_is_run_again(bar, outcomes):
+    control = bar / "control.yaml"
+    text = control.read_text()
+    control.write_text(text.replace("goals: 6", "goals: 5"))
+    try:
+        code, _, said = run(bar, "--check")
+        assert code == 5 and "2 of 6 stages are stale" in said
+        assert "control.yaml  stale: trajectories.swing.goals: 6 -> 5\n" in said
+        assert re.search(r"report.yaml  waits for \S*control.yaml\n", said)
+        assert said.count("up to date") == 4
+        code, printed, said = run(bar, "--until", "control")
+        assert code == 0 and "1 of 5 stages run" in printed and "report" not in said
+        assert "report.yaml  stale: its control has changed\n" in run(bar, "--check")[2]
+    finally:
+        control.write_text(text)
+    assert run(bar)[0] == 0
+
+
+def test_samples_of_another_robot_are_kept_unless_forced(bar, outcomes):
+    scene = bar / "scene.yaml"
+    text = scene.read_text()
+    scene.write_text(text.replace("width: 10 mm", "width: 11 mm"))
+    try:
+        code, _, said = run(bar, "--until", "simulate-sample")
+        assert code == 6 and "scene.yaml  stale: geometry.width: 10 mm -> 11 mm\n" in said
+        assert "sample.yaml  stale: its mesh has changed; scene.geometry.width: 10 mm -> 11 mm\n" in said
+        assert "holds results from other inputs" in said
+    finally:
+        scene.write_text(text)
+    assert run(bar, "--only", "mesh")[0] == 0 and run(bar, "--check")[0] == 0
 
 
 def test_a_change_upstream_makes_all_below_stale(bar, outcomes):

@@ -59,7 +59,7 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     text = (own / "scene.yaml").read_text()
     assert text.count("guessed: ") == 7
     assert "fixed:    # guessed: the face at one end of the longest axis (thicker)" in text
-    assert "make own" in done.stdout and "guessed" not in done.stdout
+    assert f"then cfem run {own}" in done.stdout and "guessed" not in done.stdout
 
 
 def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):

@@ -12,6 +12,7 @@ import typer
 from cfem import __version__
 from cfem.cli.help import Commands
 from cfem.cli.run import run_command
+from cfem.core.errors import SpecError
 
 app = typer.Typer(
     cls=Commands,
@@ -128,12 +129,37 @@ _stage(_plain("design"), "Find the best designs, and check them by finite elemen
 _stage(_plain("report"), "Make one HTML page of the results.", "report")
 
 
+@app.command("run")
+def run_pipeline(
+    places: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders of specs, or single specs.")],
+    until: Annotated[str | None, typer.Option("--until", metavar="STAGE", help="The last stage to run.")] = None,
+    only: Annotated[str | None, typer.Option("--only", metavar="STAGE", help="The one stage to run.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="SPEC.KEY=VALUE", help="Override, as in train.samples=20.")
+    ] = None,
+    force: Force = False,
+    check: Check = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run all stages of a folder that are stale, in order, and what they need; say why each is stale."""
+
+    def work(options):
+        from cfem.pipeline.run import as_text, run
+
+        outcome = run(places, set_ or [], options, until, only)
+        return outcome if json else as_text(outcome)
+
+    run_command(work, force, check, json, quiet)
+
+
 @app.command()
 def init(
     name: Annotated[str, typer.Argument(help="Name of the new robot: small letters, digits and hyphens.")],
     source: Annotated[
-        Path, typer.Option("--from", help="File with its shape: .step .stp, closed .stl, or .vtu .vtk .msh.")
-    ],
+        Path | None, typer.Option("--from", help="File with its shape: .step .stp, closed .stl, or .vtu .vtk .msh.")
+    ] = None,
+    robot: Annotated[str | None, typer.Option(help="Copy a robot that comes with cfem, instead of --from.")] = None,
     unit: Annotated[
         str | None, typer.Option(help="Unit of the numbers in an .stl or mesh file: 'mm', 'm', '25.4 mm'.")
     ] = None,
@@ -157,13 +183,19 @@ def init(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make the specs of a new robot from a STEP, STL or mesh file. Asks for what no option says."""
+    """Make the specs of a new robot from a STEP, STL or mesh file, or copy those of a robot that comes with cfem. Asks
+    for what no option says."""
 
     def work(options):
-        from cfem.cli.init import init_scene
+        from cfem.cli.init import init_robot, init_scene
 
         given = {"unit": unit, "cells": cells, "fixed": fixed, "young": young, "poisson": poisson}
         given |= {"cables": cables, "reach": reach, "effector": effector}
+        if (source is None) == (robot is None):
+            raise SpecError("give --from FILE or --robot NAME, one of the two", where="init")
+        if robot is not None:
+            stated = [flag for flag, said in (given | {"cable": cable}).items() if said]
+            return init_robot(name, robot, folder, stated, options.force, json)
         return init_scene(name, source, folder, given, cable or [], options.force, quiet, json)
 
     run_command(work, force=force, as_json=json, quiet=quiet)

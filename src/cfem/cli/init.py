@@ -5,17 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cfem.cli.schemas import write_schemas
 from cfem.core.errors import SpecError
 from cfem.init.question import Answer, Ask, Question, answer
-
-_STAGES = {
-    "mesh": "scene",
-    "simulate-sample": "sample",
-    "train": "train",
-    "export": "export",
-    "control": "control",
-    "report": "report",
-}
 
 
 def init_scene(
@@ -35,6 +27,20 @@ def init_scene(
         raise SpecError("--cable and --cables exclude each other", do="state each cable, or how many to place")
     stated = [flag for flag, said in given.items() if said is not None]
     made = create(name, source, folder, cables, _asking(given, quiet), stated, force)
+    write_schemas(folder.parent / "schemas", check=False)
+    return made if as_json else _text(made, f"look at {made['folder']}/scene.yaml, then ")
+
+
+def init_robot(
+    name: str, robot: str, folder: Path, stated: Sequence[str], force: bool, as_json: bool
+) -> dict[str, Any] | str:
+    """Of the robots that come with cfem; stated: options that go with a shape only."""
+    from cfem.pipeline.robots import copy_robot
+
+    if stated:
+        raise SpecError(f"--{stated[0]} goes with --from", where="--robot", do="edit the scene that is written")
+    made = copy_robot(robot, name, folder, force)
+    write_schemas(folder.parent / "schemas", check=False)
     return made if as_json else _text(made)
 
 
@@ -70,12 +76,6 @@ def _from_terminal(question: Question) -> Answer:
             print(f"  {error}", file=sys.stderr)
 
 
-def _text(made: dict[str, Any]) -> str:
-    folder = made["folder"]
-    return "\n".join(
-        [
-            f"made {folder}: {' '.join(made['files'])}",
-            f"next: look at {folder}/scene.yaml, then `make {Path(folder).name}`, or one by one",
-            *(f"  cfem {command} {folder}/{spec}.yaml" for command, spec in _STAGES.items()),
-        ]
-    )
+def _text(made: dict[str, Any], first: str = "") -> str:
+    files = " ".join(file.removeprefix(f"{made['folder']}/") for file in made["files"])
+    return f"made {made['folder']}: {files}\nnext: {first}cfem run {made['folder']}"

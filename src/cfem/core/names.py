@@ -5,6 +5,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, WithJsonSchema
 
+from cfem.core.errors import SpecError
+
 NAME = r"^[A-Za-z0-9_.-]{1,100}$"
 
 
@@ -15,3 +17,9 @@ def _plain(text: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_plain), WithJsonSchema({"type": "string", "pattern": NAME})]
+
+
+def demand_scene_name(name: str) -> None:
+    """SpecError unless it can be the name of a scene and of its folder."""
+    if not re.fullmatch(r"[a-z0-9][a-z0-9-]*", name):
+        raise SpecError("expected small letters, digits and hyphens", where=f"name '{name}'", do="such as my-robot")

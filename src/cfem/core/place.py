@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError, OutputError
-from cfem.core.files import disk_errors
+from cfem.core.files import disk_errors, write_whole
 from cfem.core.manifest import MANIFEST, read_manifest
 
 
@@ -25,10 +25,11 @@ def destination(out: Path) -> Path:
 def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, force: bool) -> None:
     """Raises OutputError where what stands at `out` is not a result of the same stage, or is precious, from other
     inputs and not `force`; InputError where its manifest is damaged and not `force`."""
+    where = os.path.normpath(out)
     if not out.is_dir() or not any(out.iterdir()):
         return
     if _is_foreign(out):
-        raise OutputError("exists and was not made by cfem", where=str(out), do="choose another --out")
+        raise OutputError("exists and was not made by cfem", where=where, do="choose another --out")
     try:
         old = read_manifest(out)
     except InputError:
@@ -37,10 +38,10 @@ def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, fo
         return
     if old.get("stage") != stage:
         what = f"holds results of cfem {old.get('stage')}, which cfem {stage} does not replace"
-        raise OutputError(what, where=str(out), do="choose another --out")
+        raise OutputError(what, where=where, do="choose another --out")
     if old.get("precious", precious) and old.get("made_from") != made_from and not force:
         what = "holds results from other inputs that cost too much to lose"
-        raise OutputError(what, where=str(out), do="choose another --out, or --force, which moves them aside")
+        raise OutputError(what, where=where, do="choose another --out, or --force, which moves them aside")
 
 
 def set_aside(out: Path, precious: bool) -> Path | None:
@@ -65,6 +66,14 @@ def move_aside(folder: Path, name: Path) -> None:
         os.replace(folder, _told(folder, name, "it was made from other inputs, and cost much"))
 
 
+def write_beside(path: Path, data: bytes) -> None:
+    """Writes a file that a person may have changed: one with other content that is there is moved aside."""
+    if path.exists() and path.read_bytes() != data:
+        with disk_errors(path):
+            os.replace(path, _told(path, path, "it would be overwritten"))
+    write_whole(path, data)
+
+
 def foreign_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
     """Names of what lies in an artefact folder and is not in its manifest, in order."""
     there = {
@@ -78,7 +87,8 @@ def _told(folder: Path, name: Path, why: str) -> Path:
     n = 1
     while os.path.lexists(aside := name.with_name(f"{name.name}.old-{n}")):
         n += 1
-    print(f"cfem: what was in {folder} is now in {aside}: {why}", file=sys.stderr)
+    shown = [os.path.normpath(path) for path in (folder, aside)]
+    print(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why}", file=sys.stderr)
     return aside
 
 

@@ -128,7 +128,7 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
     if is_current(stage, made_from) and not (options.force and not options.check):
         return {**read_manifest(stage.out), "status": "up to date"}
     if options.check:
-        raise GateError(f"{stage.name}: stale", where=str(stage.out), do=f"run cfem {stage.name}")
+        raise GateError(f"{stage.name}: stale", where=os.path.normpath(stage.out), do=f"run cfem {stage.name}")
     stage = replace(stage, out=destination(stage.out))
     with locked(stage.out):
         recover_folder(stage.out)

@@ -1,6 +1,5 @@
 """A new scene: questions in their order, guesses from the shape, six files and a copy of the shape."""
 
-import re
 import shutil
 import tempfile
 from collections.abc import Collection, Sequence
@@ -10,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import OutputError, SpecError
-from cfem.core.files import disk_errors, write_whole
+from cfem.core.files import disk_errors
+from cfem.core.names import demand_scene_name
+from cfem.core.place import write_beside
 from cfem.core.spec import load_spec
 from cfem.init.cables import CableLine, attachment_radius, guess_reach, place_cables, read_cable, sections_along
 from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
@@ -39,8 +40,7 @@ def create(
 
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
-    if not re.fullmatch(r"[a-z0-9][a-z0-9-]*", name):
-        raise SpecError("expected small letters, digits and hyphens", where=f"name '{name}'", do="such as my-robot")
+    demand_scene_name(name)
     source = read_source(path)
     _demand_use(source, stated)
     target = folder / name
@@ -54,7 +54,7 @@ def create(
         if not _same(path, target / copy):
             shutil.copyfile(path, target / copy)
     for file, text in made.items():
-        write_whole(target / file, text.encode())
+        write_beside(target / file, text.encode())
     return {
         "folder": str(target),
         "files": [copy, *made],

@@ -1,0 +1,1 @@
+"""All stages of a robot, in order: what needs what, what is stale and why."""

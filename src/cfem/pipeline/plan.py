@@ -1,0 +1,110 @@
+"""Which commands make a robot's results, in order: every spec comes after those that make what it reads."""
+
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cfem.core.chain import describe
+from cfem.core.errors import InputError, SpecError
+from cfem.core.kinds import KINDS
+from cfem.core.stage import Stage
+
+_OUT = re.compile(r"""^out:[ \t]*(?:"([^"\n]+)"|'([^'\n]+)'|([^#\n]+?))[ \t]*(?:\#.*)?$""", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command. kind: of its spec; needs: the specs of the steps whose results it reads."""
+
+    kind: str
+    spec: Path
+    stage: Stage
+    needs: tuple[Path, ...]
+
+    @property
+    def command(self) -> str:
+        return KINDS[self.kind][2]
+
+
+def kind_of(spec: Path) -> str | None:
+    """By the file's name: train.yaml and train-large.yaml are of kind train."""
+    kind = spec.stem.split("-")[0]
+    return kind if spec.suffix == ".yaml" and kind in KINDS else None
+
+
+def kind_named(word: str) -> str:
+    """Of a kind or of its command: 'sample', 'simulate-sample'. SpecError where it is neither."""
+    commands = {command: kind for kind, (_, _, command) in KINDS.items()}
+    if word not in KINDS and word not in commands:
+        raise SpecError(f"'{word}' is no stage", do=f"use one of {', '.join(commands)}")
+    return commands.get(word, word)
+
+
+def own_specs(folder: Path) -> list[Path]:
+    """The specs of a folder that have no suffix, in the order of the pipeline: train.yaml, not train-large.yaml.
+    InputError where there is none."""
+    if not folder.is_dir():
+        raise InputError("no such folder", where=str(folder), do="name a folder of specs, or a spec")
+    found = [folder / f"{kind}.yaml" for kind in KINDS if (folder / f"{kind}.yaml").is_file()]
+    if not found:
+        raise InputError(f"holds none of {', '.join(f'{kind}.yaml' for kind in KINDS)}", where=str(folder))
+    return found
+
+
+def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow: bool = True) -> list[Step]:
+    """The steps of these specs and, where `follow`, of all specs that make what they read; each once, in order.
+    overrides: by spec. InputError where an input is missing that no spec makes."""
+    steps: dict[Path, Step] = {}
+    outs: dict[Path, dict[str, Path]] = {}
+
+    def visit(spec: Path, above: tuple[Path, ...]) -> None:
+        real = spec.resolve()
+        if real in above:
+            raise SpecError("needs its own result", where=str(spec), do="look at its inputs and at `out`")
+        if real in steps:
+            return
+        kind = kind_of(spec)
+        if kind is None:
+            what = f"its name begins with none of {', '.join(KINDS)}"
+            raise SpecError(what, where=str(spec), do="rename it, or give it to its own command")
+        stage = describe(kind, spec, tuple(overrides.get(spec, ())))
+        needs = tuple(_makers(stage, spec, outs)) if follow else ()
+        for other in needs:
+            visit(other, (*above, real))
+        steps[real] = Step(kind, spec, stage, needs)
+
+    for goal in goals:
+        visit(goal, ())
+    return list(steps.values())
+
+
+def _makers(stage: Stage, spec: Path, outs: dict[Path, dict[str, Path]]) -> Iterator[Path]:
+    """The specs that make the inputs: those of the same folder first, then of the folders beside it."""
+    for path in stage.inputs.values():
+        found = (_outs(folder, outs).get(os.path.realpath(path)) for folder in (spec.parent, *_beside(spec.parent)))
+        maker = next(filter(None, found), None)
+        if maker is not None:
+            yield maker
+        elif not path.exists():
+            what = f"{spec} needs it, and no spec there or in the folders beside it makes it"
+            raise InputError(what, where=os.path.normpath(path), do="make it, or look at the path")
+
+
+def _beside(folder: Path) -> list[Path]:
+    above = Path(os.path.relpath(os.path.dirname(os.path.abspath(folder))))
+    return sorted(one for one in above.iterdir() if one.is_dir() and not one.name.startswith("."))
+
+
+def _outs(folder: Path, known: dict[Path, dict[str, Path]]) -> dict[str, Path]:
+    """Where the specs of a folder put their results: real path -> spec. Of two with the same `out`, the one without a
+    suffix."""
+    if folder not in known:
+        found = known[folder] = {}
+        for spec in sorted(folder.glob("*.yaml"), key=lambda path: ("-" in path.stem, path.name)):
+            if kind_of(spec) and spec.is_file():
+                line = _OUT.search(spec.read_text(encoding="utf-8", errors="replace"))
+                text = next(filter(None, line.groups()), None) if line else None
+                found.setdefault(os.path.realpath(folder / text), spec) if text else None
+    return known[folder]

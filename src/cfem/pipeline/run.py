@@ -1,0 +1,123 @@
+"""`cfem run`: what is stale of a robot's results, and why; each stage that is stale, run in order."""
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cfem.core.chain import NOT_MADE, stage_module, stale
+from cfem.core.errors import GateError, SpecError
+from cfem.core.kinds import KINDS
+from cfem.core.stage import Options, read_manifest
+from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
+
+WAITS = "waits for"
+FIGURES = ("control", "calibrate", "design")  # kinds whose headlines are what all the others are for
+
+
+def run(
+    places: Sequence[Path],
+    overrides: Sequence[str],
+    options: Options,
+    until: str | None = None,
+    only: str | None = None,
+) -> dict[str, Any]:
+    """places: folders, of which the specs without a suffix are run, and specs. What they read is made first, wherever a
+    spec beside them makes it. overrides: 'train.samples=20', by the spec's name. `force` runs nothing that is up to
+    date: it lets samples and hardware's runs of other inputs be moved aside.
+
+    Returns stages (stage, spec, out, status, why, seconds), headline, page of the report, seconds. Raises GateError
+    under `check` where a stage is stale."""
+    steps = _steps(places, overrides, until, only)
+    begin, width = time.perf_counter(), max(len(step.command) for step in steps)
+    done: list[dict[str, Any]] = []
+    for step in steps:
+        before = {one["spec"] for one in done if one["status"] == "stale"}
+        why = _why(step, before)
+        status = "up to date" if not why else "stale" if options.check else "running"
+        if not options.quiet:
+            print(_line(step, width, why), file=sys.stderr, flush=True)
+        manifest = _run(step, options) if status == "running" else {}
+        entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
+        done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
+    left = sum(one["status"] == "stale" for one in done)
+    if left:
+        what = f"{left} of {len(done)} stages are stale"
+        raise GateError(what, do=f"cfem run {' '.join(map(str, places))}")
+    return {"stages": done, **_figures(steps), "seconds": time.perf_counter() - begin}
+
+
+def _steps(places: Sequence[Path], overrides: Sequence[str], until: str | None, only: str | None) -> list[Step]:
+    goals = [spec for place in places for spec in (own_specs(place) if place.is_dir() else [place])]
+    kinds = list(KINDS)
+    if until is not None:
+        last = kinds.index(kind_named(until))
+        goals = [goal for goal in goals if kind_of(goal) is None or kinds.index(kind_of(goal)) <= last]
+    if only is not None:
+        goals = [goal for goal in goals if kind_of(goal) == kind_named(only)]
+    if not goals:
+        raise SpecError(
+            "no spec is left to run", where="--only" if only else "--until", do="name a stage that is there"
+        )
+    return plan(goals, _by_spec(goals, overrides), follow=only is None)
+
+
+def _by_spec(goals: Sequence[Path], overrides: Sequence[str]) -> dict[Path, list[str]]:
+    """'train.samples=20' as 'samples=20' of train.yaml."""
+    found: dict[Path, list[str]] = {}
+    for text in overrides:
+        name, _, rest = text.partition(".")
+        mine = [goal for goal in goals if goal.stem == name]
+        if not mine or not rest:
+            names = ", ".join(dict.fromkeys(goal.stem for goal in goals))
+            raise SpecError(f"'{text}' names none of the specs {names}", where="--set", do="use SPEC.key=value")
+        if kind_of(mine[0]) == "scene":
+            what = f"'{text}' would change the mesh alone: every stage reads the scene again"
+            raise SpecError(what, where="--set", do=f"edit {mine[0]}")
+        for goal in mine:
+            found.setdefault(goal, []).append(rest)
+    return found
+
+
+def _why(step: Step, stale_specs: set[str]) -> list[str]:
+    """Why the step is to be run; nothing where it is not."""
+    above = [str(spec) for spec in step.needs if str(spec) in stale_specs]
+    if above:
+        return [f"{WAITS} {', '.join(above)}"]
+    return stale(step.stage)
+
+
+def _line(step: Step, width: int, why: Sequence[str]) -> str:
+    compared = why and why[0] != NOT_MADE and not why[0].startswith(WAITS)
+    said = f"stale: {'; '.join(why)}" if compared else why[0] if why else "up to date"
+    return f"{step.command:<{width}}  {step.spec}  {said}"
+
+
+def _run(step: Step, options: Options) -> Mapping[str, Any]:
+    more = {}
+    if step.kind == "sample":
+        from cfem.active.fill import fill
+
+        more["fill"] = fill
+    return stage_module(step.kind).run(step.spec, step.stage.overrides, None, options, **more)
+
+
+def _figures(steps: Sequence[Step]) -> dict[str, Any]:
+    """headline: of control, calibration and design, or of the last stage that has one; page: of the report."""
+    results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
+    told = [(step.kind in FIGURES, one["headline"]) for step, one in results if one.get("headline")]
+    lines = [line for wanted, headline in told if wanted for line in headline] or (told[-1][1] if told else [])
+    pages = [str((step.stage.out / one["page"]).resolve()) for step, one in results if "page" in one]
+    return {"headline": lines, "pages": pages}
+
+
+def as_text(outcome: Mapping[str, Any]) -> str:
+    """The few numbers that matter, the page, and what it took."""
+    ran = sum(one["status"] == "done" for one in outcome["stages"])
+    last = (
+        f"{ran} of {len(outcome['stages'])} stages run in {outcome['seconds']:.1f} s"
+        if ran
+        else "nothing to run: all stages are up to date"
+    )
+    return "\n".join([*outcome["headline"], *(f"report: {page}" for page in outcome["pages"]), last])
