@@ -142,7 +142,7 @@ def run_pipeline(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run all stages of a folder that are stale, in order, and what they need; say why each is stale."""
+    """Run the stages of a folder that are stale, in order, and what they need; say why each is stale."""
 
     def work(options):
         from cfem.pipeline.run import as_text, run
