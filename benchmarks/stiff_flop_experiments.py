@@ -52,14 +52,14 @@ def disturbance(folder: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    print("| run | controller | off on the circle, mean / max mm | on the way there, max mm |", end="")
-    print(" CPU a tick, median / mean ms | goals reached to 0.5 mm in 80 s |\n|---|---|---|---|---|---|")
+    print("| run | controller | error on the circle, mean / max mm | on the approach, max mm |", end="")
+    print(" CPU per tick, median / mean ms | goals reached to 0.5 mm in 80 s |\n|---|---|---|---|---|---|")
     for name in ("circle", "circle-published", "circle-bbrfem"):
         circle(folder, name)
-    print("\n| run | point | controller | to 0.5 mm for good | off at the end, mm |\n|---|---|---|---|---|")
+    print("\n| run | point | controller | settled within 0.5 mm after | error at the end, mm |\n|---|---|---|---|---|")
     for name in ("points", "points-softer", "points-finer", "points-bbrfem", "points-5hz"):
         points(folder, name)
-    print("\n| controller | off before, mm | farthest after | back within 0.5 mm after | off at the end, mm |")
+    print("\n| controller | error before, mm | largest after | back within 0.5 mm after | error at the end, mm |")
     print("|---|---|---|---|---|")
     disturbance(folder)
 
