@@ -74,6 +74,18 @@ def test_a_dataset_serves_as_measurements(tmp_path):
         ("m.csv", "left.displacement [mm],tip.x [mm]\n1,2\n", "row 1 has no 'right.displacement'"),
         ("m.csv", "left.displacement [mm],right.displacement [mm]\n", "no measurements"),
         ("m.csv", "left.displacement [mm],right.displacement [mm]\n1,one\n", "row 1: 'right.displacement'"),
+        ("m.csv", "left.displacement [mm],right.displacement [mm],tip.x [deg]\n1,2,3\n", "'tip.x': .*unit of length"),
+        ("m.csv", "left.displacement [mm],right.displacement [mm^3]\n1,2\n", "'right.displacement': .*unit of length"),
+        (
+            "m.csv",
+            "left.displacement [mm],right.displacement [mm],left.force [kPa]\n1,2,3\n",
+            "'left.force': .*not a unit of force",
+        ),
+        (
+            "m.csv",
+            "left.displacement [mm],right.displacement [mm],left.displacement [mm]\n1,2,3\n",
+            "column 'left.displacement' is there twice",
+        ),
         ("m.csv", "", "no table"),
         ("m.yaml", "left.displacement: 1 mm\n", "a list of states"),
         ("m.yaml", "- {left.displacement: 1, right.displacement: 2 mm}\n", "state 1: 'left.displacement': .*its unit"),
@@ -91,3 +103,19 @@ def test_bad_tables_say_where(tmp_path, name, text, message):
 def test_a_missing_table(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_measurements(tmp_path / "none.csv", ROWS, "displacement")
+
+
+def test_a_table_of_a_spreadsheet_begins_with_a_mark(tmp_path):
+    (tmp_path / "m.csv").write_bytes(b"\xef\xbb\xbf" + CSV.encode())
+    assert read_measurements(tmp_path / "m.csv", ROWS, "displacement").u[0] == pytest.approx([1, 2])
+
+
+def test_columns_of_chambers_and_rotations_have_their_own_units(tmp_path):
+    rows, units = Rows(("tip.x", "tip.rx"), ("air",)), [("mm^3", "MPa")]
+    text = "air.displacement [ml],air.force [kPa],tip.x [mm],tip.rx [deg]\n1,20,3,180\n"
+    found = read_measurements(write(tmp_path, "m.csv", text), rows, "displacement", actuator_units=units)
+    assert found.u == pytest.approx(np.array([[1000.0]])) and found.dual == pytest.approx(np.array([[0.02]]))
+    assert found.x_e == pytest.approx(np.array([[3.0, np.pi]]))
+    for wrong in (text.replace("[ml]", "[mm]"), text.replace("[kPa]", "[N]"), text.replace("[deg]", "[mm]")):
+        with pytest.raises(InputError, match="is not a unit of"):
+            read_measurements(write(tmp_path, "m.csv", wrong), rows, "displacement", actuator_units=units)

@@ -2,11 +2,12 @@
 
 A table has a row a state and columns named after the rows of W: `cable.displacement`, `cable.force` of an actuator,
 `tip.x` the position of an effector, `tip.x.displacement` from where it rests. In .csv and .parquet the unit stands
-behind the name, `tip.x [mm]`; in .yaml every number has its own. An empty cell was not measured."""
+behind the name, `tip.x [mm]`; in .yaml every number has its own. It must be a unit of what the column holds: a length
+for `tip.x`, a volume for the displacement of a chamber. An empty cell was not measured."""
 
 import csv
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -14,12 +15,13 @@ from typing import Any, Literal
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.core.actuator_units import CABLE
 from cfem.core.errors import InputError
 from cfem.core.stage import artefact_file
 from cfem.core.units import parse_quantity
 
-# Units that a displacement or a position, and a force, may have: of cables and points, chambers, rotations.
-_UNITS = {"displacement": ("mm", "mm^3", "rad"), "force": ("N", "MPa")}
+# The system unit of each column.
+Units = Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -51,14 +53,21 @@ class Measurements:
 
 
 def read_measurements(
-    path: Path, rows: Rows, kind: str, split: str = "train", chosen: Sequence[int] | None = None
+    path: Path,
+    rows: Rows,
+    kind: str,
+    split: str = "train",
+    chosen: Sequence[int] | None = None,
+    actuator_units: Sequence[tuple[str, str]] | None = None,
 ) -> Measurements:
-    """InputError naming the file, the row and the column of what cannot be read."""
+    """actuator_units: of each actuator's displacement and force, mm and N unless given. InputError naming the file, the
+    row and the column of what cannot be read."""
     if path.is_dir():
         path = artefact_file(path, f"{split}.parquet")
         found, numbers = _of_dataset(path, rows, kind)
     else:
-        found = _of_table(_READERS[_suffix(path)](path), rows, kind, path)
+        units = _units(rows, actuator_units or [CABLE] * rows.n_a)
+        found = _of_table(_READERS[_suffix(path)](path, units), rows, kind, path)
         numbers = list(range(len(found)))
     if chosen is not None:
         missing = [one for one in chosen if one not in numbers]
@@ -70,6 +79,16 @@ def read_measurements(
         index = [numbers.index(one) for one in chosen]
         found = Measurements(kind, *(getattr(found, name)[index] for name in ("u", "x_e", "delta_e", "dual")))
     return found
+
+
+def _units(rows: Rows, actuator_units: Sequence[tuple[str, str]]) -> Units:
+    """Every column that a table may have."""
+    units = {}
+    for name, (length, _) in zip(rows.effectors, rows.effector_units, strict=True):
+        units |= {name: length, f"{name}.displacement": length}
+    for name, (displacement, force) in zip(rows.actuators, actuator_units, strict=True):
+        units |= {f"{name}.displacement": displacement, f"{name}.force": force}
+    return units
 
 
 def _suffix(path: Path) -> str:
@@ -102,10 +121,6 @@ def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path)
         "delta_e": [f"{name}.displacement" for name in rows.effectors],
         "dual": [f"{name}.{other}" for name in rows.actuators],
     }
-    known = [name for group in names.values() for name in group]
-    for name in columns:
-        if name not in known:
-            raise InputError(f"column '{name}': expected one of {', '.join(known)}", where=str(path))
     for name in names["u"]:
         missing = np.flatnonzero(np.isnan(columns.get(name, np.full(count, np.nan))))
         if len(missing):
@@ -116,7 +131,7 @@ def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path)
     return Measurements(kind, **groups)
 
 
-def _read_yaml(path: Path) -> dict[str, np.ndarray]:
+def _read_yaml(path: Path, units: Units) -> dict[str, np.ndarray]:
     from ruamel.yaml import YAML, YAMLError
 
     try:
@@ -126,25 +141,28 @@ def _read_yaml(path: Path) -> dict[str, np.ndarray]:
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
         raise InputError("expected a list of states, such as `- {cable.displacement: 5 mm, ...}`", where=str(path))
     names = list(dict.fromkeys(name for record in records for name in record))
+    _demand_known(names, units, path)
     return {
-        name: np.array([_number(record.get(name), name, f"{path}: state {i + 1}") for i, record in enumerate(records)])
+        name: np.array(
+            [_number(record.get(name), name, units, f"{path}: state {i + 1}") for i, record in enumerate(records)]
+        )
         for name in names
     }
 
 
-def _read_csv(path: Path) -> dict[str, np.ndarray]:
+def _read_csv(path: Path, units: Units) -> dict[str, np.ndarray]:
     try:
-        with open(path, newline="", encoding="utf-8") as file:
+        with open(path, newline="", encoding="utf-8-sig") as file:  # spreadsheets write a mark first
             header, *records = [record for record in csv.reader(file, skipinitialspace=True) if record]
     except (ValueError, UnicodeDecodeError, csv.Error):
         raise InputError("is no table of comma-separated values", where=str(path)) from None
     wrong = next((i for i, record in enumerate(records) if len(record) != len(header)), None)
     if wrong is not None:
         raise InputError(f"row {wrong + 1}: {len(records[wrong])} cells, the header has {len(header)}", where=str(path))
-    return _with_units(path, header, zip(*records, strict=True) if records else [[]] * len(header))
+    return _with_units(path, units, header, zip(*records, strict=True) if records else [[]] * len(header))
 
 
-def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+def _read_parquet(path: Path, units: Units) -> dict[str, np.ndarray]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -152,36 +170,44 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"is damaged: {str(error).splitlines()[0]}", where=str(path)) from None
-    return _with_units(path, table.column_names, [table[name].to_pylist() for name in table.column_names])
+    return _with_units(path, units, table.column_names, [table[name].to_pylist() for name in table.column_names])
 
 
-def _with_units(path: Path, header: Sequence[str], columns: Iterable[Sequence[Any]]) -> dict[str, np.ndarray]:
+def _demand_known(names: Iterable[str], units: Units, path: Path) -> None:
+    strange = next((name for name in names if name not in units), None)
+    if strange is not None:
+        raise InputError(f"column '{strange}': expected one of {', '.join(units)}", where=str(path))
+
+
+def _with_units(
+    path: Path, units: Units, header: Sequence[str], columns: Iterable[Sequence[Any]]
+) -> dict[str, np.ndarray]:
     """Header cells are 'name [unit]'."""
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for title, cells in zip(header, columns, strict=True):
-        match = re.fullmatch(r"\s*(\S+)\s*\[(.+)\]\s*", title)
+        match = re.fullmatch(r"\s*(\S+)\s*\[([^\[\]]+)\]\s*", title)
         if not match:
             raise InputError(f"column '{title}': expected a name and its unit, 'tip.x [mm]'", where=str(path))
         name, unit = match.groups()
+        _demand_known([name], units, path)
+        if name in found:
+            raise InputError(f"column '{name}' is there twice", where=str(path), do="keep one of them")
         empty = [cell is None or cell == "" or cell != cell for cell in cells]
         texts = [None if hole else f"{cell} {unit}" for cell, hole in zip(cells, empty, strict=True)]
         found[name] = np.array(
-            [_number(text, name, f"{path}: row {i + 1}") for i, text in enumerate(texts)], dtype=float
+            [_number(text, name, units, f"{path}: row {i + 1}") for i, text in enumerate(texts)], dtype=float
         )
     return found
 
 
-def _number(text: Any, name: str, where: str) -> float:
+def _number(text: Any, name: str, units: Units, where: str) -> float:
     """nan for None."""
     if text is None:
         return np.nan
-    complaint = ""
-    for unit in _UNITS["force" if name.endswith(".force") else "displacement"]:
-        try:
-            return parse_quantity(text, unit)
-        except ValueError as error:
-            complaint = complaint or str(error)
-    raise InputError(f"'{name}': {complaint}", where=where)
+    try:
+        return parse_quantity(text, units[name])
+    except ValueError as error:
+        raise InputError(f"'{name}': {error}", where=where) from None
 
 
 _READERS = {".yaml": _read_yaml, ".yml": _read_yaml, ".csv": _read_csv, ".parquet": _read_parquet}

@@ -62,7 +62,9 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
     family = family_of(spec, paths)
     demand_units(spec, family.actuator_units)
     parameters = family.parameters
-    measured = read_measurements(paths["measurements"], family.rows, spec.driven, spec.split, spec.rows).of(spec.use)
+    measured = read_measurements(
+        paths["measurements"], family.rows, spec.driven, spec.split, spec.rows, family.actuator_units
+    ).of(spec.use)
     names = [one.name for one in parameters]
     wanted = spec.find if spec.find is not None else [name for name in names if name not in spec.fixed]
     demand_known(parameters, wanted, "find")

@@ -16,6 +16,12 @@ class Rows:
         return self.effectors + self.actuators + self.contacts
 
     @property
+    def effector_units(self) -> tuple[tuple[str, str], ...]:
+        """Of each effector row's displacement and of the force that works on it; rows end in x, y, z, rx, ry or rz."""
+        turns = [name.rpartition(".")[2].startswith("r") for name in self.effectors]
+        return tuple(("rad", "N mm") if turn else ("mm", "N") for turn in turns)
+
+    @property
     def n_e(self) -> int:
         return len(self.effectors)
 

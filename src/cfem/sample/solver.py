@@ -139,8 +139,5 @@ class _FiniteElementSolver:
 def row_units(robot: Any, turns: bool | None = None) -> tuple[tuple[str, str], ...]:
     """Units of the displacement and of the multiplier of each row; turns: whether the patch of the contact points can
     turn, None where nothing holds them, and they are no rows."""
-    effectors = [
-        ("rad", "N mm") if name.split(".")[-1].startswith("r") else ("mm", "N") for name in robot.rows.effectors
-    ]
     pose = [] if turns is None else [("mm", "N")] * 3 + [("rad", "N mm")] * (3 * turns)
-    return (*effectors, *robot.actuator_units, *pose)
+    return (*robot.rows.effector_units, *robot.actuator_units, *pose)
