@@ -40,9 +40,9 @@ def pages() -> dict[str, str]:
     from cfem.core.kinds import KINDS, model_of
     from cfem.core.spec import json_schema
 
-    return {"reference/cli.md": cli_page()} | {
-        f"reference/{name}.md": spec_page(name, json_schema(model_of(name))) for name in KINDS
-    }
+    made = {f"reference/{name}.md": spec_page(name, json_schema(model_of(name))) for name in KINDS}
+    made |= {f"notebooks/{path.stem}.md": notebook_page(path) for path in Path("docs/notebooks").glob("*.ipynb")}
+    return {"reference/cli.md": cli_page()} | made
 
 
 def cli_page() -> str:
@@ -87,6 +87,20 @@ def spec_page(name: str, schema: dict[str, Any]) -> str:
     for part, definition in sorted(schema.get("definitions", {}).items()):
         lines += ["", f"## {part}", "", definition.get("description", ""), "", *_table(definition)]
     return "\n".join(lines) + "\n"
+
+
+def notebook_page(path: Path) -> str:
+    """A notebook with what it printed when scripts/notebooks.py ran it."""
+    lines = []
+    for cell in json.loads(path.read_text())["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            lines += [text, ""]
+            continue
+        lines += ["```python", text.removesuffix(";"), "```", ""]
+        printed = "".join("".join(one.get("text", "")) for one in cell["outputs"] if one.get("name") == "stdout")
+        lines += ["```text", printed.rstrip(), "```", ""] if printed else []
+    return "\n".join([*lines, f"[Download this notebook]({path.name})", ""])
 
 
 def _table(schema: dict[str, Any]) -> Iterator[str]:
