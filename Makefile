@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test smoke test-slow bench wheel docs lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
+.PHONY: demo test smoke test-slow bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
 
 demo: .venv/all
 	@$(MAKE) --no-print-directory soft-finger
@@ -32,6 +32,10 @@ wheel: .venv/dev
 # The documentation site, build/site/index.html; any warning is an error.
 docs: .venv/dev
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet
+
+# The notebooks print what the site shows; scripts/notebooks.py stores what they print.
+notebooks: .venv/dev
+	$(PYTHON) -m pytest -m slow tests/test_notebooks.py
 
 lint: .venv/dev
 	.venv/bin/ruff check src tests benchmarks scripts
