@@ -43,3 +43,13 @@ def trained(kind: str, form: str = "displacement", losses: tuple[float, ...] = (
         "headline": [],
         **facts,
     }
+
+
+class Text:
+    """A part of a page that is what it says."""
+
+    def __init__(self, html: str):
+        self._html = html
+
+    def html(self) -> str:
+        return self._html

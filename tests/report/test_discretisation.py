@@ -64,8 +64,8 @@ def test_tolerance_bounds_the_error(results):
 def test_the_page_shows_the_front(results):
     folder, _ = results
     page = (folder / "report.html").read_text()
-    assert "on the front" in page and page.count("<img") == 2
-    assert (folder / "discretisation.png").stat().st_size > 10_000
+    assert "on the front" in page and "<td>reference</td>" in page and "<td>0</td>" not in page
+    assert (folder / "discretisation-1.svg").stat().st_size > 5_000
 
 
 def test_the_order_of_convergence_is_a_slope():

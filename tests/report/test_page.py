@@ -1,7 +1,10 @@
+import re
 from html.parser import HTMLParser
 
-from cfem.report.page import Picture, Section, Table, page
-from cfem.report.tables import number, tracking_table
+from report.synthetic import Text
+
+from cfem.report.page import Card, Number, Section, Summary, page
+from cfem.report.tables import Table, milliseconds, number, spread, tabulate
 
 
 class Balanced(HTMLParser):
@@ -13,51 +16,72 @@ class Balanced(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.seen.append((tag, dict(attrs)))
-        if tag not in ("meta", "img"):
+        if tag not in ("meta", "img", "input"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
 
-def make():
-    picture = Picture(b"\x89PNG", 'A "tip" <moves> & bends')
+def make(robot=None, concerns=()):
     table = Table(("model", "loss"), [("a<b", "1")])
-    return page("robot <1>", "lead", [Section("S", "text", (picture, table, (picture, picture)))])
+    sections = [Section("Tracking <1>", 'a "tip" & more', (table,)), Section("More", "", (table,))]
+    summary = Summary("All is reached.", concerns, (Number("3 <mm>", "error", "largest 4 mm"),))
+    return page("robot ${<1>", summary, robot, Card(Text("<i>body</i>"), {"size": "1 < 2 mm"}), sections)
 
 
-def test_the_page_is_well_formed_and_stands_alone():
+def test_the_page_is_well_formed_and_loads_nothing():
     parser = Balanced()
     parser.feed(make())
     assert parser.open == []
-    tags = [tag for tag, _ in parser.seen]
-    assert tags.count("img") == 3
-    assert "script" not in tags and "link" not in tags
-    assert all(
-        attrs["src"].startswith("data:image/png;base64,") and attrs["alt"] for tag, attrs in parser.seen if tag == "img"
-    )
+    attributes = [attrs for _, attrs in parser.seen]
+    assert not any({"src", "action"} & set(attrs) for attrs in attributes)
+    assert all(attrs["href"].startswith("#") for attrs in attributes if "href" in attrs)
+    assert any("default-src 'none'" in attrs.get("content", "") for attrs in attributes)
 
 
 def test_what_users_wrote_is_escaped():
     html = make()
-    assert "robot &lt;1&gt;" in html and "a&lt;b" in html and "<moves>" not in html
+    for text in ("robot ${&lt;1&gt;", "a&lt;b", "3 &lt;mm&gt;", "1 &lt; 2 mm", "Tracking &lt;1&gt;"):
+        assert text in html, text
+
+
+def test_the_contents_lead_to_every_section():
+    html = make()
+    assert re.findall(r'<li><a href="#([\w-]+)"', html) == re.findall(r'<details id="([\w-]+)"', html) != []
+
+
+def test_sections_are_folded_below_a_robot_and_the_first_one_is_open_without():
+    assert '<details id="tracking-1" open>' in make() and " open>" not in make(Text("robot"))
+
+
+def test_a_poor_result_is_said_first():
+    html = make(concerns=("3 goals are missed.",))
+    assert html.index("Poor result: 3 goals are missed.") < html.index("All is reached.")
+    assert "Poor" not in make()
 
 
 def test_numbers_read_well():
-    assert [number(v) for v in (None, 0, 1.23456, 150.04, 4567.8, 2.5e-7, 3e8)] == [
-        "–", "0", "1.23", "150", "4568", "2.50·10⁻⁷", "3.00·10⁸",
+    assert [number(v) for v in (None, float("nan"), 0, 1.23456, 150.04, 4567.8, 2.5e-7, 3e8)] == [
+        "–", "–", "0", "1.23", "150", "4568", "2.50·10⁻⁷", "3.00·10⁸",
     ]  # fmt: skip
+    assert number(114.2, 2) == "114" and number(99.4, 2) == "99"
 
 
-def test_a_controller_without_reachable_goals_has_a_dash():
-    result = {
-        "reachable": 0,
-        "goals": 3,
-        "distance_to_reachable_goals": None,
-        "distance_to_fe_based": {"mean": 0.01, "max": 0.02},
-        "iterations_mean": 2.5,
-        "step_us": {"median": 100.0, "p99": 200.0},
-        "kkt_max": 1e-12,
-    }
-    (row,) = tracking_table({"arc": {"spectral": result}}).rows
-    assert row[2:5] == ("0 of 3", "–", "0.01 / 0.02")
+def test_microseconds_are_told_in_milliseconds():
+    assert milliseconds({"median": 1234.0, "p99": 56_000.0}) == "1.23 / 56"
+
+
+def test_spreads_with_and_without_numbers():
+    assert spread({"mean": 0.5, "max": 2.0}) == "0.5 / 2"
+    assert spread({"median": None, "max": None}, "median", "max") == spread(None) == "–"
+    assert spread({"median": 3, "max": None}, "median", "max") == "3 / –"
+
+
+def test_a_column_without_any_text_is_left_out():
+    columns = {"name": lambda row: row[0], "empty": lambda row: "–", "size": lambda row: row[1]}
+    assert tabulate([("a", "1"), ("b", "–")], columns) == Table(("name", "size"), [("a", "1"), ("b", "–")])
+
+
+def test_tables_scroll_in_a_box_of_their_own():
+    assert Table(("a",), [("1",)]).html().startswith('<div class="scroll"')

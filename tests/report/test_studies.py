@@ -3,8 +3,14 @@ from report.synthetic import point, trained
 
 from cfem.core.errors import InputError
 from cfem.report.spec import Published
-from cfem.report.studies import mesh_row, sampling_rows
-from cfem.report.tables import sampling_table, sizes_table
+from cfem.report.studies import (
+    mesh_row,
+    sampling_rows,
+    sampling_section,
+    sampling_table,
+    sizes_section,
+    sizes_table,
+)
 
 
 def controller(step_us: float, mean: float | None) -> dict:
@@ -43,3 +49,19 @@ def test_a_study_without_fe_based_control_says_so():
     alone = {"trajectories": {"near": {"s": controller(100, 0.2)}}}
     with pytest.raises(InputError, match="fe_based"):
         mesh_row("coarse", MESH, trained("spectral"), alone, None)
+
+
+def test_studies_are_drawn():
+    rows = [
+        {"method": method, "model": "spectral", "kind": "spectral", **point(samples, 1e-3)}
+        for method in ("grid", "scrambled-halton")
+        for samples in (36, 100)
+    ]
+    assert "spectral, grid" in sampling_section(rows).parts[0].legend
+    known = Published(source="a paper", samples=6500, loss=4e-6)
+    sizes = [
+        mesh_row("m", {"cells": cells, "nodes": 500}, trained("spectral"), CONTROL, published)
+        for cells, published in ((1600, None), (9000, known))
+    ]
+    picture, table = sizes_section(sizes).parts
+    assert "a paper, 6500 samples" in picture.legend and len(table.rows) == 5

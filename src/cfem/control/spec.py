@@ -165,8 +165,8 @@ class ControlSpec(Spec):
     """A goal counts as reached where the search ends nearer than this."""
     fewer_iterations: list[PositiveInt] = Field(default=[])
     """Also follow with the first model and these numbers of inverse steps per goal, to see what fewer steps cost."""
-    pictures: PositiveInt = 5
-    """Deformed shapes kept of each trajectory."""
+    pictures: PositiveInt = 60
+    """Largest number of deformed shapes kept of each trajectory."""
     object: ObjectSpec | None = None
     """What the scene's contact points hold. Its centre then follows the goals."""
     robots: list[RobotSpec] = Field(default=[RobotSpec(name="robot")], min_length=1)

@@ -81,15 +81,17 @@ def _work(
         pilot = _limits(spec, robot), _weights(spec, robot), _settings(spec)
         return run_controllers(folder, spec, base, robot, predictors, goals, pilot, options)
 
-    records, states, results = [], {"X": robot.X, "facets": robot.facets}, {}
+    surface, places = np.unique(robot.facets, return_inverse=True)
+    facets = places.reshape(robot.facets.shape)
+    records, states, results = [], {"X": robot.X[surface], "facets": facets}, {}
     with progress("control", sum(map(len, goals.values())), quiet=options.quiet) as advance:
         for name, points in goals.items():
-            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, advance)
+            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, advance)
             records += rows
             states |= pictures
             results[name] = _summary(rows, robot.length)
     if spec.object:
-        states["object_points"] = np.array(robot.object_points)
+        states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, robot)
     cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
@@ -156,9 +158,9 @@ def _demand_same_rows(robot, predictors, models) -> None:
 
 
 def _follow(
-    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, advance
+    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, surface, advance
 ) -> tuple[list, dict]:
-    """Records of one trajectory, and the deformed nodes of a few of its goals."""
+    """Records of one trajectory, and the deformed nodes of the surface at its goals."""
     from cfem.control.experiment import Controller, Tracker, follow
     from cfem.control.inverse import ridge_of
     from cfem.control.summary import FE_BASED, record
@@ -180,7 +182,7 @@ def _follow(
 
     def after(index: int) -> None:
         if fem and index in chosen:
-            shapes[index] = plant.x.copy()
+            shapes[index] = plant.x[surface].astype(np.float32)
         advance(1)
 
     preload = spec.search.preload

@@ -1,4 +1,4 @@
-"""What the discretisation costs and what it errs: the same robot on several meshes, judged by a finer one."""
+"""The error and the cost of the discretisation: the same robot on several meshes, against a finer one."""
 
 import time
 from collections.abc import Sequence
@@ -78,17 +78,21 @@ def orders(rows: Sequence[dict]) -> list[dict]:
 def headline(meshes: Sequence[dict]) -> list[str]:
     """One sentence a mesh that is not the reference."""
     return [
-        f"discretisation, {label(mesh)}, nu {mesh['poisson']:g}: W off by {100 * mesh['W']:.2g} %, the tip by "
-        f"{100 * mesh['tip']:.2g} % ({mesh['tip_mm']:.2g} mm), {1e3 * mesh['sample_seconds']:.3g} ms a sample"
+        f"discretisation, {label(mesh)}, Poisson's ratio {mesh['poisson']:g}: error of W {100 * mesh['W']:.2g} %, of "
+        f"the tip {100 * mesh['tip']:.2g} % ({mesh['tip_mm']:.2g} mm); {1e3 * mesh['sample_seconds']:.3g} ms per sample"
         for mesh in meshes
         if not mesh["reference"]
     ]
 
 
+def kind(row: dict) -> str:
+    """Of a mesh, whatever its number of cells."""
+    return f"{row['element']}, {'graded' if row['graded'] else 'even'}"
+
+
 def label(row: dict) -> str:
     """Of a mesh, for a reader."""
-    kind = f"{row['cells']} cells, {'graded' if row['graded'] else 'even'}"
-    return f"{row['element']}, {kind}" + ("" if row["radius"] is None else f", radius {row['radius']:g} mm")
+    return f"{kind(row)}, {row['cells']} cells" + ("" if row["radius"] is None else f", radius {row['radius']:g} mm")
 
 
 def _row(case: MeshCase, nu: float, solved: Solved, reference: Solved) -> dict:

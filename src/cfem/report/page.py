@@ -1,86 +1,100 @@
-"""The page: one HTML file with everything inside, no scripts, for screens large and small and for paper."""
+"""The page: one HTML file with everything inside, for screens large and small and for paper."""
 
-import base64
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
+from importlib.resources import files
+from typing import Any, Protocol
 
-STYLE = """
-:root { color-scheme: light dark; --ink: #22303c; --soft: #5c6b7a; --line: #d8dee4; --card: #fff; --ground:
-#f5f7f9; } @media (prefers-color-scheme: dark) {
-  :root { --ink: #e4e9ee; --soft: #9fb0c0; --line: #34414d; --card: #1b242c; --ground: #12181e; }
-}
-* { box-sizing: border-box; }
-body { margin: 0; background: var(--ground); color: var(--ink);
-  font: 16px/1.55 system-ui, "Segoe UI", "Liberation Sans", sans-serif; }
-main { max-width: 62rem; margin: 0 auto; padding: 2rem 1rem 4rem; }
-h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; }
-h2 { font-size: 1.2rem; margin: 2.6rem 0 .6rem; }
-p { max-width: 46rem; margin: .5rem 0 .9rem; }
-.lead, figcaption { color: var(--soft); }
-figure { margin: 1rem 0; }
-figure img { display: block; width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
-border-radius: 8px; } .pair { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(19rem,
-1fr)); } figcaption { font-size: .88rem; margin-top: .4rem; }
-.scroll { overflow-x: auto; margin: 1rem 0; }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; font-size: .84rem;
-background: var(--card); } th, td { padding: .42rem .7rem; border-bottom: 1px solid var(--line); text-align:
-right; white-space: nowrap; } th:first-child, td:first-child { text-align: left; }
-thead th { white-space: normal; vertical-align: bottom; border-bottom: 2px solid var(--line); font-weight: 600;
-} code { font-size: .86em; overflow-wrap: anywhere; }
-@media print { body { background: #fff; color: #000; } figure, table { break-inside: avoid; } main { padding:
-0; max-width: none; } }"""
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
 
-@dataclass(frozen=True)
-class Picture:
-    """png: bytes; caption says what to see, and serves those who cannot see it."""
+class Part(Protocol):
+    """A chart, a table, a robot."""
 
-    png: bytes
-    caption: str
-
-
-@dataclass(frozen=True)
-class Table:
-    """head and rows of text cells, the first column left-aligned."""
-
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
+    def html(self) -> str: ...
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, a sentence or two, and what it shows."""
+    """A heading, a sentence or two, and what it shows; facts: for results.json."""
 
     title: str
     text: str
-    parts: tuple[Picture | Table | tuple[Picture, ...], ...]
+    parts: tuple[Part, ...]
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+
+    def html(self, unfolded: bool) -> str:
+        parts = "\n".join(part.html() for part in self.parts)
+        text = f"<p>{escape(self.text)}</p>" if self.text else ""
+        title = escape(self.title)
+        return (
+            f'<details id="{self.key}"{" open" if unfolded else ""}><summary><h2>{title}</h2></summary>'
+            f"{text}\n{parts}</details>"
+        )
 
 
-def page(title: str, lead: str, sections: list[Section]) -> str:
-    """The whole file."""
-    body = "\n".join(_section(section) for section in sections)
+@dataclass(frozen=True)
+class Card:
+    """A picture beside what it shows in words."""
+
+    picture: Part
+    facts: Mapping[str, str]
+
+    def html(self) -> str:
+        facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(said)}</dd>" for name, said in self.facts.items())
+        return f'<section class="card"><h2>The robot</h2>{self.picture.html()}<dl>{facts}</dl></section>'
+
+
+@dataclass(frozen=True)
+class Number:
+    """One of the numbers that matter, with its unit; what it is; what to hold beside it."""
+
+    value: str
+    name: str
+    note: str = ""
+
+    def html(self) -> str:
+        note = f"<small>{escape(self.note)}</small>" if self.note else ""
+        return f"<li><strong>{escape(self.value)}</strong><span>{escape(self.name)}</span>{note}</li>"
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The first screen: one sentence on the outcome, what is poor about it (worst first), and the numbers."""
+
+    sentence: str
+    concerns: tuple[str, ...] = ()
+    numbers: tuple[Number, ...] = ()
+
+    @property
+    def lines(self) -> list[str]:
+        """In the order in which they are read."""
+        return [f"Poor result: {concern}" for concern in self.concerns] + [self.sentence]
+
+    def html(self, robot: Part | None) -> str:
+        lines = [f'<p class="{"poor" if line != self.sentence else "lead"}">{escape(line)}</p>' for line in self.lines]
+        numbers = "".join(number.html() for number in self.numbers)
+        picture = robot.html() if robot else ""
+        shown = f'<div class="first">{picture}<ul class="numbers">{numbers}</ul></div>' if picture or numbers else ""
+        return "".join(lines) + shown
+
+
+def page(title: str, summary: Summary, robot: Part | None, card: Card | None, sections: Sequence[Section]) -> str:
+    """The whole file. robot: its animation. Without it, the first section is unfolded."""
+    style, script = ((files("cfem.report") / name).read_text() for name in ("page.css", "viewer.js"))
+    links = "".join(f'<li><a href="#{section.key}">{escape(section.title)}</a></li>' for section in sections)
+    body = "\n".join(section.html(robot is None and place == 0) for place, section in enumerate(sections))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n"
-        f'<body><main><h1>{escape(title)}</h1><p class="lead">{escape(lead)}</p>\n{body}\n</main></body></html>\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        f"<title>{escape(title)}</title><style>{style}</style></head>\n"
+        f"<body><main><h1>{escape(title)}</h1>\n{summary.html(robot)}\n{card.html() if card else ''}\n"
+        f'<nav aria-label="contents"><ul>{links}</ul></nav>\n{body}\n</main><script>{script}</script></body></html>\n'
     )
-
-
-def _section(section: Section) -> str:
-    parts = "\n".join(_part(part) for part in section.parts)
-    text = f"<p>{escape(section.text)}</p>" if section.text else ""
-    return f"<section><h2>{escape(section.title)}</h2>{text}\n{parts}</section>"
-
-
-def _part(part: Picture | Table | tuple[Picture, ...]) -> str:
-    if isinstance(part, tuple):
-        return '<div class="pair">' + "".join(_part(one) for one in part) + "</div>"
-    if isinstance(part, Picture):
-        data = base64.b64encode(part.png).decode()
-        caption = escape(part.caption)
-        image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
-        return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
-    head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in part.head)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in part.rows)
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'

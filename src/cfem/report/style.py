@@ -1,7 +1,6 @@
-"""One look for all figures, and the way from a matplotlib figure to bytes."""
+"""One look for all figures: colours, lines, ticks, and the way of a PNG from a matplotlib figure to bytes."""
 
 import io
-from collections.abc import Sequence
 
 import matplotlib
 
@@ -11,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-INK, FAINT = "#22303c", "#9aa5b1"
-GOAL, FE = "#9aa5b1", "#e07a2f"
+INK, FAINT, GRID, GROUND = "#22303c", "#9aa5b1", "#e6eaee", "#ffffff"
+GOAL, FE = FAINT, "#e07a2f"
 LEARNED = ("#1769aa", "#2a9d63", "#8e4ec6", "#c2334d")
 
 plt.rcParams.update(
@@ -20,6 +19,7 @@ plt.rcParams.update(
         "font.family": "sans-serif",
         "font.sans-serif": ["Liberation Sans", "DejaVu Sans"],
         "font.size": 10,
+        "text.parse_math": False,  # names of files and actuators may hold a $
         "axes.spines.top": False,
         "axes.spines.right": False,
         "axes.edgecolor": FAINT,
@@ -28,7 +28,9 @@ plt.rcParams.update(
         "axes.titleweight": "bold",
         "axes.titlelocation": "left",
         "axes.grid": True,
-        "grid.color": "#e6eaee",
+        "axes.axisbelow": True,
+        "axes.prop_cycle": plt.cycler(color=[*LEARNED, FE, "#3a7d8c", "#a67c00", "#6b7280"]),
+        "grid.color": GRID,
         "grid.linewidth": 0.7,
         "text.color": INK,
         "xtick.color": INK,
@@ -37,15 +39,9 @@ plt.rcParams.update(
         "legend.fontsize": 9,
         "figure.facecolor": "white",
         "figure.constrained_layout.use": True,
-        "svg.hashsalt": "cfem",
+        "svg.fonttype": "none",
     }
 )
-
-
-def panels(columns: int, width: float = 9.0, height: float = 3.4) -> tuple[Figure, list]:
-    """A row of axes."""
-    figure, axes = plt.subplots(1, columns, figsize=(width, height), squeeze=False)
-    return figure, list(axes[0])
 
 
 def grid(count: int, columns: int = 3, width: float = 10.5, height: float = 3.1, **shared: bool) -> tuple[Figure, list]:
@@ -61,10 +57,12 @@ def grid(count: int, columns: int = 3, width: float = 10.5, height: float = 3.1,
     return figure, list(axes.flat[:count])
 
 
-def png(figure: Figure, dpi: int = 160) -> bytes:
-    """The same figure, the same bytes: no date inside."""
+def png(figure: Figure, dpi: int = 160, **look) -> bytes:
+    """The same figure gives the same bytes: no date inside."""
+    for axis in figure.axes:
+        plain_powers(axis)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None}, **look)
     plt.close(figure)
     return buffer.getvalue()
 
@@ -75,22 +73,39 @@ def outside_legend(axis, columns: int = 4) -> None:
     axis.legend(ncols=columns, handlelength=1.4, columnspacing=1.1, **place)
 
 
-def log_ticks(axis) -> None:
-    """Numbers such as 20, 50, 100 along a logarithmic x axis that is short, few powers of ten along a long one."""
-    from matplotlib.ticker import LogFormatterMathtext, LogLocator, MaxNLocator, NullFormatter
+def plain_powers(axis) -> None:
+    """Ticks of logarithmic axes: numbers such as 20, 50, 100 along a short axis, powers of ten along a long one; plain
+    text, as matplotlib's mathematical text is off."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-    low, high = axis.get_view_interval()
-    decades = np.log10(max(high, 1e-300) / max(low, 1e-300))
-    if decades < 1:
-        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    else:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.2 else (1.0,), numticks=8))
-    plain = decades < 2.2 or (decades < 4 and low >= 1e-3)
-    axis.set_major_formatter("{x:g}" if plain else LogFormatterMathtext())
-    axis.set_minor_formatter(NullFormatter())
+    for line in (axis.xaxis, axis.yaxis):
+        if line.get_scale() != "log":
+            continue
+        low, high = line.get_view_interval()
+        decades = np.log10(max(high, 1e-300) / max(low, 1e-300))
+        if isinstance(line.get_major_locator(), LogLocator):
+            if decades < 1:
+                line.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+            else:
+                line.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 1.6 else (1.0,), numticks=7))
+        plain = decades < 5 and low >= 1e-3 and high < 1e5
+        line.set_major_formatter(FuncFormatter(lambda value, _, plain=plain: tick(value, plain)))
+        line.set_minor_formatter(NullFormatter())
 
 
-def ticks_at(axis, values: Sequence[float]) -> None:
+def tick(value: float, plain: bool | None = None) -> str:
+    """0.05, or 10⁻⁵; plain: the former, where it is not left to the value."""
+    plain = value >= 1e-3 if plain is None else plain
+    return f"{value:g}" if plain or value <= 0 else power_of_ten(value, 2).replace(".0·", "·").removeprefix("1·")
+
+
+def power_of_ten(value: float, digits: int) -> str:
+    """2.50·10⁻⁷"""
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+
+
+def ticks_at(axis, values) -> None:
     """Ticks along a logarithmic x axis at these values alone."""
     axis.set_xticks(values, [f"{value:g}" for value in values])
     axis.set_xticks([], minor=True)

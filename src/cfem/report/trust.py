@@ -1,15 +1,20 @@
-"""What trained models say of themselves, and whether their warning of being outside their domain can be trusted."""
+"""Whether a model's warning that a state is outside its domain can be trusted: true error against stated distance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.reader import Dataset
+from cfem.predict.domain import FAR
 from cfem.predict.protocol import Predictor
+from cfem.report.chart import Chart, chart, panel
+from cfem.report.style import FAINT, LEARNED
+from cfem.report.tables import Table, number, spread, tabulate
+
+FLOOR = 1e-12  # mm: smaller is nothing
 
 
 @dataclass(frozen=True)
@@ -22,14 +27,6 @@ class Trust:
     distance: np.ndarray
     inside: np.ndarray
     beyond: np.ndarray
-
-
-def trained(results: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Results of a train folder; InputError where it is of another stage or of a version that measured less."""
-    complete = all("seconds_sampling" in point for point in results.get("learning_curve", [{}]))
-    if not complete or "share" not in results.get("positive_definite", {}):
-        raise InputError("holds no model that this version trained", where=str(folder), do="run cfem train on it")
-    return dict(results)
 
 
 def trust(predictor: Predictor, states: Dataset, beyond: Dataset | None = None) -> Trust:
@@ -86,8 +83,54 @@ def _spread(values: np.ndarray) -> dict[str, float] | None:
 
 
 def _rank_correlation(one: np.ndarray, other: np.ndarray) -> float | None:
-    from scipy.stats import spearmanr
-
+    """Spearman's: the correlation of the ranks, equal values sharing theirs. (scipy.stats takes a second to import.)"""
     if len(one) < 3 or np.ptp(one) == 0 or np.ptp(other) == 0:
         return None
-    return float(spearmanr(one, other).statistic)
+    ranks = []
+    for values in (one, other):
+        _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+        ranks.append((np.cumsum(count) - (count - 1) / 2)[place])
+    return float(np.corrcoef(ranks)[0, 1])
+
+
+def trust_table(found: Mapping[str, Mapping[str, Any]]) -> Table:
+    """One row a model, of `trust_summary`."""
+    return tabulate(
+        found.items(),
+        {
+            "model": lambda row: row[0],
+            "test states flagged": lambda row: f"{row[1]['flagged']} of {row[1]['states']}",
+            "states out of reach flagged": lambda row: (
+                f"{row[1]['beyond_flagged']} of {row[1]['beyond']}" if row[1]["beyond"] else "–"
+            ),
+            "tip error where not flagged, median / max (mm)": lambda row: spread(
+                row[1]["unflagged_mm"], "median", "max"
+            ),
+            "tip error where flagged, median / max (mm)": lambda row: spread(row[1]["flagged_mm"], "median", "max"),
+            "rank correlation of error and distance": lambda row: number(row[1]["rank_correlation"], 2),
+        },
+    )
+
+
+def trust_chart(found: Mapping[str, Trust], prefix: str = "") -> Chart:
+    """A panel a model: tip error of states that FE solved, against the distance that the model states."""
+    axes = []
+    for name, one in found.items():
+        axis = panel(f"{name}: true tip error (mm)", "stated distance from the training states", log="xy")
+        for inside in (True, False):
+            for beyond in (False, True):
+                mine = (one.inside == inside) & (one.beyond == beyond) & np.isfinite(one.error)
+                said = f"{'state out of reach' if beyond else 'test state'}, {'not flagged' if inside else 'flagged'}"
+                look = {"marker": "^" if beyond else "o", "mfc": "none" if beyond else None, "label": said}
+                colour = LEARNED[0] if inside else LEARNED[3]
+                if mine.any():
+                    distance, error = np.maximum(one.distance[mine], 1e-2), np.maximum(one.error[mine], FLOOR)
+                    axis.plot(distance, error, lw=0, ms=4, alpha=0.7, color=colour, **look)
+        axis.axvline(FAR, color=FAINT, lw=1.2, ls="--")
+        axes.append(axis)
+    text = (
+        "States that FE solved: the true error of a model against the distance from its training states that it "
+        "states. The model flags states right of the dashed line, and those outside the box of its training states. "
+        "The flag is useful where red lies above blue."
+    )
+    return chart(f"{prefix}trust", text, axes)

@@ -1,0 +1,118 @@
+"""What a page holds, from the artefacts that its spec names."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cfem.core.errors import InputError
+from cfem.core.provenance import versions
+from cfem.core.stage import artefact_file
+from cfem.dataset.reader import read_dataset
+from cfem.predict.load import load_model
+from cfem.report.loops import loop_section
+from cfem.report.models import models_section, trained
+from cfem.report.page import Card, Section, Summary
+from cfem.report.robot import animation, card
+from cfem.report.samples import read_splits, samples_section, units_of
+from cfem.report.spec import ReportSpec
+from cfem.report.studies import mesh_row, sampling_rows, sampling_section, sizes_section
+from cfem.report.summary import loops_summary, tracking_summary
+from cfem.report.tables import Table, number, tabulate
+from cfem.report.tracking import read_tracking, tracking_section
+from cfem.report.trust import Trust, trust
+from cfem.report.viewer import Viewer
+from cfem.robot.mesh_file import read_mesh
+from cfem.robot.spec import SceneSpec
+from cfem.robot.stage import MESH
+
+Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
+
+
+def learned(
+    spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests
+) -> tuple[Summary | None, Viewer | None, Card | None, list[Section]]:
+    """Tracking, models and samples of the page's scene, where it has one and is about them."""
+    if scene is None or not spec.control:
+        return None, None, None, []
+    (samples, sampled), (control, controlled) = manifests["samples"], manifests["control"]
+    if "trajectories" not in controlled["results"]:
+        raise InputError("is a run over time", where=str(control), do="name it under `loops`, by a name of its own")
+    splits = read_splits(samples, sampled)
+    data = next(iter(splits.values()))
+    units, tracking = units_of(data), read_tracking(control, controlled)
+    models = {name: manifests[f"model {name}"] for name in spec.models}
+    results, trusts = _results(models), _trusts(models, samples, None)
+    forces = {units[name][1] for name in data.rows.actuators}
+    force = forces.pop() if len(forces) == 1 else "N, MPa"
+    mesh = read_mesh(artefact_file(manifests["mesh"][0], MESH))
+    sections = [
+        tracking_section(tracking, units),
+        models_section("The learned model", results, trusts, spec.published, force=force),
+        samples_section(splits, sampled["results"]),
+    ]
+    summary = tracking_summary(tracking, results, sampled["results"], None)
+    return summary, animation(control, tracking, scene), card(scene, mesh, data), sections
+
+
+def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
+    """Models of several robots, methods of sampling, and meshes."""
+    found = []
+    for scene, one in spec.surrogates.items():
+        models = {name: manifests[f"{scene}: model {name}"] for name in one.models}
+        samples, beyond = (manifests.get(f"{scene}: {name}", (None,))[0] for name in ("samples", "beyond"))
+        trusts, results = _trusts(models, samples, beyond), _results(models)
+        section = models_section(f"Models of {scene}", results, trusts, one.published, one.default, f"{scene}-")
+        found.append(Section(section.title, section.text, section.parts, {scene: section.facts}))
+    if spec.sampling:
+        rows = []
+        for method, models in spec.sampling.items():
+            for name, paths in models.items():
+                folders = {i: manifests[f"{method}: {name}, {i + 1}"] for i in range(len(paths))}
+                rows += sampling_rows(method, name, _results(folders).values())
+        found.append(sampling_section(rows))
+    if spec.meshes:
+        rows = []
+        for name, one in spec.meshes.items():
+            mesh, control = (manifests[f"mesh {name}: {part}"][1]["results"] for part in ("mesh", "control"))
+            model = _results({name: manifests[f"mesh {name}: model"]})[name]
+            rows.append(mesh_row(name, mesh, model, control, one.published))
+        found.append(sizes_section(rows))
+    return found
+
+
+def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[Section], Summary | None]:
+    """One section a run over time, and all of them in a sentence."""
+    sections = [loop_section(name, *manifests[f"loop {name}"]) for name in spec.loops]
+    loops = {name: manifests[f"loop {name}"][1]["results"]["loop"] for name in spec.loops}
+    return sections, loops_summary(loops) if loops else None
+
+
+def provenance(spec: ReportSpec, manifests: Manifests) -> Section:
+    """What made every artefact, and with which packages."""
+    made_with = manifests["control"][1]["versions"] if spec.control else versions()
+    artefacts = tabulate(
+        manifests.items(),
+        {
+            "artefact": lambda row: row[0],
+            "command": lambda row: f"cfem {row[1][1]['stage']}",
+            "content (SHA-256)": lambda row: row[1][1]["content"][:16],
+            "made from": lambda row: row[1][1]["made_from"][:16],
+            "time (s)": lambda row: number(row[1][1]["seconds"]),
+        },
+    )
+    packages = Table(("package", "version"), list(made_with.items()), words=True)
+    text = "Every artefact has a manifest with these hashes. A stage whose inputs have not changed does not run again."
+    return Section("Where this comes from", text, ((artefacts,) if manifests else ()) + (packages,))
+
+
+def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
+    """Results of `cfem train` by the keys of `models`."""
+    return {name: trained(manifest["results"], path) for name, (path, manifest) in models.items()}
+
+
+def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dict[str, Trust]:
+    """What the flags of each model are worth, by FE states of these datasets."""
+    if samples is None:
+        return {}
+    states, outside = (path and read_dataset(artefact_file(path, "test.parquet")) for path in (samples, beyond))
+    return {name: trust(load_model(path), states, outside) for name, (path, _) in models.items()}

@@ -1,0 +1,133 @@
+"""The robot of a page: its animation along the goals, and a card that says what it is."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.stage import artefact_file
+from cfem.dataset.reader import Dataset
+from cfem.mechanics.mesh import Mesh
+from cfem.report.page import Card
+from cfem.report.tables import number
+from cfem.report.tracking import Tracking, places
+from cfem.report.viewer import BODY, HELD, OBJECT, Line, Take, Viewer, carried_along, flat_triangles
+from cfem.robot.build import cable_points
+from cfem.robot.constraints import Cable
+from cfem.robot.spec import SceneSpec
+
+ELEMENTS = {
+    "tet4": "linear tetrahedra",
+    "tet10": "quadratic tetrahedra",
+    "tet10p0": "quadratic tetrahedra with one pressure per cell",
+    "hex8": "hexahedra",
+    "hex8-full": "hexahedra between rigid sections",
+    "hex8-reduced": "hexahedra between rigid sections, reduced integration",
+    "beam": "geometrically exact rod",
+}
+LINES = ("--c3", "--c1", "--c2", "--fe", "--c5", "--c6")
+
+
+def animation(folder: Path, found: Tracking, scene: SceneSpec) -> Viewer | None:
+    """The robot along every trajectory of an artefact of `cfem control`; None without shapes, as without FE."""
+    with np.load(artefact_file(folder, "states.npz"), allow_pickle=False) as file:
+        states = dict(file)
+    X, objects = states["X"], int(states.get("object_points", 0))
+    triangles = flat_triangles(states["facets"])
+    kinds = np.where((triangles >= len(X) - objects).all(axis=1), OBJECT, BODY)
+    # Cables are those of one robot where the scene has it.
+    cables = [] if objects or found.spec.get("design") else _cables(scene)
+    takes = []
+    for name in found.summaries:
+        if f"{name}/x" not in states:
+            continue
+        x, index = states[f"{name}/x"], states[f"{name}/index"]
+        rows = found.of(name, found.learned(name))
+        at = (places(found) or [0])[0]
+        goals, reached = (rows[key][:, at : at + 3] for key in ("goal", "x_e"))
+        lines = tuple(
+            Line(label, LINES[place % len(LINES)], _moved(points, held, X, x))
+            for place, (label, points, held) in enumerate(cables)
+        )
+        takes.append(Take(name, x, index.tolist(), goals, reached, rows["error"], lines))
+    caption = (
+        "The finite-element robot at its goals (circles); red: where its end went. Shapes between goals are "
+        "interpolated. Drag to turn."
+    )
+    best = sorted(takes, key=lambda take: -found.summaries[take.name][found.learned(take.name)]["reachable"])
+    return Viewer("tracked", caption, triangles, kinds, tuple(best)) if takes else None
+
+
+def _cables(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
+    """Name, points, and how many of the first of these stay where they are."""
+    found = []
+    for item in scene.actuators:
+        if isinstance(item, Cable):
+            held = [] if item.pull_point is None else [item.pull_point]
+            found.append((item.name, np.array([*held, *cable_points(scene, item)], dtype=float), len(held)))
+    return found
+
+
+def _moved(points: np.ndarray, held: int, X: np.ndarray, x: np.ndarray) -> np.ndarray:
+    moved = carried_along(points, X, x)
+    moved[:, :held] = points[:held]
+    return moved
+
+
+def card(scene: SceneSpec, mesh: Mesh, data: Dataset) -> Card:
+    """data: states of it, for the places of its effectors."""
+    fixed = np.zeros(len(mesh.X), dtype=bool)
+    fixed[mesh.node_sets.get("fixed", [])] = True
+    triangles = flat_triangles(mesh.facets)
+    held = fixed[triangles].all(axis=1)
+    cables = _cables(scene)
+    lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points, _) in enumerate(cables))
+    rest = np.asarray(data.meta["rest_e"], dtype=float)
+    watched = [rest[i : i + 3] for i, name in enumerate(data.rows.effectors) if name.endswith(".x")]
+    marks = [(point, "--hot") for point in watched] + [(np.asarray(one.point), "--c0") for one in scene.contacts]
+    take = Take("rest", mesh.X[None], lines=lines, marks=tuple(marks))
+    drawn = ["dark: held faces"] + (["coloured lines: cables"] if lines else []) + ["red dots: watched points"]
+    drawn += ["blue dots: contact points"] if scene.contacts else []
+    caption = f"The robot at rest; {', '.join(drawn)}. Drag to turn."
+    viewer = Viewer("robot", caption, triangles, np.where(held, HELD, BODY), (take,), pale=True)
+    return Card(viewer, facts(scene, mesh, int(fixed.sum())))
+
+
+def facts(scene: SceneSpec, mesh: Mesh, held: int) -> dict[str, str]:
+    """What it is, in words, by what is told."""
+    size = np.ptp(mesh.X, axis=0)
+    found = {
+        "size": f"{' × '.join(number(one) for one in size)} mm; volume {number(float(mesh.volumes.sum()) / 1000)} cm³",
+        "material": _material(scene.material),
+    }
+    if scene.materials:
+        found["other materials"] = "; ".join(_material(item.material) for item in scene.materials)
+    found["held"] = f"{held} of {len(mesh.X)} nodes"
+    found["actuators"] = _actuators(scene)
+    found["watched"] = ", ".join(item.name for item in scene.effectors)
+    if scene.contacts:
+        found["contact points"] = ", ".join(item.name for item in scene.contacts)
+    if scene.gravity:
+        found["gravity"] = f"{number(float(np.linalg.norm(scene.gravity.acceleration)) / 1000)} m/s²"
+    if scene.loads:
+        found["loads"] = "; ".join(f"{number(float(np.linalg.norm(load.force)))} N" for load in scene.loads)
+    element = scene.mesh.element
+    found["mesh"] = f"{len(mesh.X)} nodes, {len(mesh.cells)} cells: {ELEMENTS[element]} ({element})"
+    return found
+
+
+def _material(material: Any) -> str:
+    young = f"{number(material.young)} MPa" if material.young >= 1 else f"{number(1000 * material.young)} kPa"
+    return f"{material.law}, Young's modulus {young}, Poisson's ratio {material.poisson:g}"
+
+
+def _actuators(scene: SceneSpec) -> str:
+    """Those of the same limits together."""
+    alike: dict[str, list[str]] = {}
+    for item in scene.actuators:
+        unit, pressure = "mm" if isinstance(item, Cable) else "mm³", getattr(item, "pressure", None)
+        text = f"{item.kind}, {' to '.join(number(value) for value in item.reach)} {unit}"
+        if pressure is not None:
+            text += f", {' to '.join(number(1000 * value) for value in pressure)} kPa"
+        alike.setdefault(text, []).append(item.name)
+    return "; ".join(f"{', '.join(names)}: {text}" for text, names in alike.items())
