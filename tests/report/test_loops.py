@@ -46,6 +46,6 @@ def test_a_run_is_summed_up_by_its_best_controller():
 def test_several_runs_name_those_where_goals_are_missed():
     found = loops_summary({"good": {"curve": {"tuned": result()}}, "bad": {"curve": {"open": result(3)}}})
     assert (
-        found.lines[0] == ("Poor result: in bad no controller reaches all goals; the best, open, reaches 3 of 4.")
+        found.concerns[0] == ("in bad no controller reaches all goals; the best, open, reaches 3 of 4")
         and found.numbers == ()
     )

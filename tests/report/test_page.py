@@ -57,8 +57,8 @@ def test_sections_are_folded_below_a_robot_and_the_first_one_is_open_without():
 
 def test_a_poor_result_is_said_first():
     html = make(concerns=("3 goals are missed.",))
-    assert html.index("Poor result: 3 goals are missed.") < html.index("All is reached.")
-    assert "Poor" not in make()
+    assert html.index("3 goals are missed.") < html.index("All is reached.")
+    assert 'class="poor"' not in make()
 
 
 def test_numbers_read_well():

@@ -72,13 +72,9 @@ class Summary:
     concerns: tuple[str, ...] = ()
     numbers: tuple[Number, ...] = ()
 
-    @property
-    def lines(self) -> list[str]:
-        """In the order in which they are read."""
-        return [f"Poor result: {concern}" for concern in self.concerns] + [self.sentence]
-
     def html(self, robot: Part | None) -> str:
-        lines = [f'<p class="{"poor" if line != self.sentence else "lead"}">{escape(line)}</p>' for line in self.lines]
+        lines = [f'<p class="poor">{escape(concern)}</p>' for concern in self.concerns]
+        lines.append(f'<p class="lead">{escape(self.sentence)}</p>')
         numbers = "".join(number.html() for number in self.numbers)
         picture = robot.html() if robot else ""
         shown = f'<div class="first">{picture}<ul class="numbers">{numbers}</ul></div>' if picture or numbers else ""

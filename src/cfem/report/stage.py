@@ -1,10 +1,12 @@
 """`cfem report`: reads artefacts, writes report.html, its pictures as files, and results.json."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import poor, sentences, with_inherited
 from cfem.core.optional import demand
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, read_manifest, run_stage
@@ -93,7 +95,9 @@ def _work(
         advance(1)
         title = scene.name if scene else "Control over time" if over else "Learned condensed models"
         summary = summary or over or Summary(_about(spec))
-        write_whole(folder / "report.html", page(title, summary, robot, card, sections).encode())
+        judged = {"judgement": [poor(concern) for concern in summary.concerns]}
+        first = replace(summary, concerns=tuple(sentences(with_inherited(judged, inputs))))
+        write_whole(folder / "report.html", page(title, first, robot, card, sections).encode())
         parts = [part for section in sections for part in section.parts] + [one for one in (robot,) if one]
         files = {name: data for part in parts for name, data in getattr(part, "files", dict)().items()}
         for name, data in files.items():
@@ -102,7 +106,8 @@ def _work(
     facts = {key: value for section in sections for key, value in section.facts.items()}
     write_json(folder / "results.json", {**facts, "discretisation": meshes})
     return {
-        "headline": [*summary.lines, *headline(meshes.get("meshes", []))],
+        **judged,
+        "headline": [summary.sentence, *headline(meshes.get("meshes", []))],
         "page": "report.html",
         "pictures": sorted(files),
         "discretisation": meshes,

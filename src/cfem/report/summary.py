@@ -1,6 +1,7 @@
 """What a page says first: whether the result is good, and the three numbers that matter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,48 +11,60 @@ from cfem.report.page import Number, Summary
 from cfem.report.tables import number
 from cfem.report.tracking import Tracking
 
-LOSS, FAILED = 1e-2, 0.05  # above these a model and a dataset are poor
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one controller on all trajectories, by goal: error (m,) mm, NaN where the robot failed; reachable (m,) as
+    FE-based control found it where it ran; inside (m,) whether the plan stayed within what the model was trained on;
+    step_us (m,)."""
+
+    who: str
+    error: np.ndarray
+    reachable: np.ndarray
+    inside: np.ndarray
+    step_us: np.ndarray
+
+    @classmethod
+    def of(cls, found: Tracking) -> "Outcome":
+        """Of the first learned controller."""
+        parts = [(name, found.learned(name)) for name in found.summaries]
+        rows = [found.of(name, who) for name, who in parts]
+        judged = [found.of(name, FE_BASED if FE_BASED in found.summaries[name] else who) for name, who in parts]
+        own = [np.concatenate([one[key] for one in rows]) for key in ("error", "inside", "step_us")]
+        return cls(parts[0][1], own[0], np.concatenate([one["reachable"] for one in judged]), *own[1:])
 
 
-def tracking_summary(
-    found: Tracking, models: Mapping[str, Mapping[str, Any]], sampled: Mapping[str, Any], discretisation: float | None
-) -> Summary:
-    """Of the first learned controller, on all trajectories. models: results of `cfem train` by name; sampled: of `cfem
-    simulate-sample`; discretisation: mm, distance of the tip of this mesh from that of a finer one, None where it was
-    not measured."""
-    parts = [(name, found.learned(name)) for name in found.summaries]
-    who = parts[0][1]
-    goals = sum(found.summaries[name][one]["goals"] for name, one in parts)
-    rows = [found.of(name, one) for name, one in parts]
-    judged = [found.of(name, FE_BASED if FE_BASED in found.summaries[name] else one) for name, one in parts]
-    reachable = np.concatenate([one["reachable"] for one in judged])
-    error = np.concatenate([one["error"] for one in rows])
-    reached, limit = int((error[reachable] <= found.spec["reached"]).sum()), found.spec["reached"]
-    able, away = int(reachable.sum()), goals - int(reachable.sum())
-    concerns = []
-    if reached < able:
-        concerns.append(f"{who} misses {able - reached} of the {able} goals in reach by more than {number(limit)} mm.")
-    if not able:
-        concerns.append(f"none of the {goals} goals is in reach of the robot.")
-    outside = sum(int((~one["inside"][can["reachable"]]).sum()) for one, can in zip(rows, judged, strict=True))
-    if outside and found.plant != "fem":  # where FE judges, the tracking error says what that is worth
-        concerns.append(f"plans for {outside} goals in reach lie outside the states that {who} was trained on.")
-    if discretisation is not None and discretisation > limit:
-        concerns.append(
-            f"the discretisation error, {number(discretisation, 2)} mm, exceeds the {number(limit)} mm within which a "
-            "goal counts as reached: refine the mesh."
-        )
-    concerns += _upstream(models, sampled)
-    known = error[reachable & np.isfinite(error)]
+def tracking_summary(found: Tracking, discretisation: float | None) -> Summary:
+    """discretisation: mm, distance of the tip of this mesh from that of a finer one, None where it was not measured."""
+    one, limit = Outcome.of(found), found.spec["reached"]
+    able, reached = int(one.reachable.sum()), int((one.error[one.reachable] <= limit).sum())
+    away = len(one.error) - able
     plant = "finite-element robot" if found.plant == "fem" else "model"
-    sentence = f"The {plant} reaches {reached} of {able} goals in reach with the learned model {who}."
+    sentence = f"The {plant} reaches {reached} of {able} goals in reach with the learned model {one.who}."
     if away:
         sentence += f" {away} goal{'s lie' if away > 1 else ' lies'} out of its reach; it ends at the nearest point."
     numbers = [Number(f"{reached} of {able}", "goals reached", f"within {number(limit)} mm" + _away(away))]
+    known = one.error[one.reachable & np.isfinite(one.error)]
     if len(known):
         numbers.append(Number(f"{number(known.mean(), 2)} mm", "mean tracking error", _beside(known, discretisation)))
-    numbers.append(_time(found, rows))
-    return Summary(sentence, tuple(concerns), tuple(numbers))
+    numbers.append(_time(found, one.step_us))
+    return Summary(sentence, tuple(_concerns(one, found, reached, discretisation)), tuple(numbers))
+
+
+def _concerns(one: Outcome, found: Tracking, reached: int, discretisation: float | None) -> Iterator[str]:
+    able, limit = int(one.reachable.sum()), found.spec["reached"]
+    if reached < able:
+        yield f"{one.who} misses {able - reached} of the {able} goals in reach by more than {number(limit)} mm"
+    if not able:
+        yield f"none of the {len(one.error)} goals is in reach of the robot"
+    outside = int((one.reachable & ~one.inside).sum())
+    if outside and found.plant != "fem":  # where FE judges, the tracking error says what that is worth
+        yield f"plans for {outside} goals in reach lie outside the states that {one.who} was trained on"
+    if discretisation is not None and discretisation > limit:
+        yield (
+            f"the discretisation error, {number(discretisation, 2)} mm, exceeds the {number(limit)} mm within which a "
+            "goal counts as reached: refine the mesh"
+        )
 
 
 def _away(away: int) -> str:
@@ -65,9 +78,9 @@ def _beside(error: np.ndarray, discretisation: float | None) -> str:
     return text + f"Discretisation error of the tip: {number(discretisation, 2)} mm."
 
 
-def _time(found: Tracking, rows: Sequence[Mapping[str, np.ndarray]]) -> Number:
+def _time(found: Tracking, step_us: np.ndarray) -> Number:
     """Per control step, beside an FE solve."""
-    step = float(np.median(np.concatenate([one["step_us"] for one in rows]))) / 1000
+    step = float(np.median(step_us)) / 1000
     note = ""
     if found.fe_seconds:
         solve = 1000 * found.fe_seconds
@@ -76,26 +89,13 @@ def _time(found: Tracking, rows: Sequence[Mapping[str, np.ndarray]]) -> Number:
     return Number(f"{number(step)} ms", "per control step (median)", note)
 
 
-def _upstream(models: Mapping[str, Mapping[str, Any]], sampled: Mapping[str, Any]) -> list[str]:
-    """What is poor about the models and about their samples."""
-    found = [
-        f"the loss of model {name} is {number(one['errors']['loss'], 2)}, above {LOSS:g}: train on more samples."
-        for name, one in models.items()
-        if not one["errors"]["loss"] <= LOSS
-    ]
-    failed, rows = sampled.get("failed", 0), sum(sampled.get("rows", {}).values())
-    if failed > FAILED * (failed + rows):
-        found.append(f"{failed} of {failed + rows} sampled states did not converge.")
-    return found
-
-
 def loops_summary(loops: Mapping[str, Mapping[str, Mapping[str, dict]]]) -> Summary:
     """loops: results of `cfem control` over time, by their names: goals of the best controller of each run."""
     runs = [(name, one) for name, trajectories in loops.items() for one in trajectories.values()]
     best = [(name, *max(one.items(), key=lambda item: _share(item[1]))) for name, one in runs]
     poor = [one for one in best if _share(one[2]) < 1]
     concerns = [
-        f"in {name} no controller reaches all goals; the best, {who}, reaches {_goals(one)}." for name, who, one in poor
+        f"in {name} no controller reaches all goals; the best, {who}, reaches {_goals(one)}" for name, who, one in poor
     ]
     if len(best) > 1:
         sentence = f"In {len(best) - len(poor)} of {len(best)} runs over time a controller reaches every goal."
