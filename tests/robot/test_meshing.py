@@ -1,5 +1,6 @@
 """A user's own geometry: STL-bounded volumes, mesh files, STEP; and what goes wrong with them."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,48 @@ def test_a_users_tetrahedra_keep_their_sets_and_are_turned_upright(tmp_path):
     ours, volume = meshing.make_mesh(scene(tmp_path, geometry="{kind: mesh-file, path: own.vtu}"), tmp_path)
     assert volume is None and (ours.volumes > 0).all()
     np.testing.assert_array_equal(ours.node_sets["held"], np.flatnonzero(mesh.X[:, 0] < 1e-9))
+
+
+SIZES = {
+    "of 8 m": ("{size: 8 m}", "mesh.size: cells of 8000 mm are larger than the body, 30 x 10 x 10 mm"),
+    "of a hundredth": ("{size: 0.01 mm, element: tet4}", "fill a body of 30 x 10 x 10 mm with about 2.5e"),
+    "of hexahedra": ("{size: 0.01 mm, element: hex8}", "with about 3.0e+09 of them"),
+    "beyond a lower limit": ("{size: 5 mm, max_cells: 100}", "or allow more than mesh.max_cells: 100"),
+    "of a box": (
+        "{size: 5 mm, refine: [{corners: {mm: [[0, -9, -9], [10, 9, 9]]}, size: 0.02 mm}]}",
+        "with about 1.1e+09 of them",
+    ),
+}
+
+
+@pytest.mark.parametrize("mesh, part", SIZES.values(), ids=SIZES.keys())
+def test_a_size_that_makes_too_many_cells_is_refused_before_meshing(tmp_path, mesh, part):
+    own = scene(tmp_path, mesh=mesh)
+    with pytest.raises(SpecError, match=re.escape(part)), own.locating():
+        meshing.make_mesh(own, tmp_path)
+
+
+def test_a_surface_in_metres_with_a_size_in_millimetres_is_refused(tmp_path):
+    box_stl(tmp_path / "box.stl")  # 3 x 1 x 1
+    for unit, part in (
+        ("1 m", "about 2.0e+08 of them"),
+        ("1 mm", "cells of 5 mm are larger than the body, 3 x 1 x 1 mm"),
+    ):
+        own = scene(tmp_path, geometry=f"{{kind: mesh-file, path: box.stl, unit: {unit}}}")
+        with pytest.raises(SpecError, match=re.escape(part)):
+            meshing.make_mesh(own, tmp_path)
+
+
+def test_two_bodies_in_one_file_are_told_of_assemblies(tmp_path):
+    code = (
+        "import gmsh, sys; gmsh.initialize(interruptible=False); gmsh.option.setNumber('General.Terminal', 0);"
+        "occ = gmsh.model.occ; occ.addBox(0, 0, 0, 30, 10, 10); occ.addBox(50, 0, 0, 30, 10, 10);"
+        "occ.synchronize(); gmsh.write(sys.argv[1]); gmsh.finalize()"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "two.step")], check=True, capture_output=True)
+    own = scene(tmp_path, geometry="{kind: step, path: two.step}")
+    with pytest.raises(InputError, match=r"two\.step: the geometry is 2 separate bodies, not one .*kind: assembly"):
+        meshing.make_mesh(own, tmp_path)
 
 
 def test_missing_libraries_become_one_sentence_with_the_packages(tmp_path, monkeypatch):

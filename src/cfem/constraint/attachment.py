@@ -46,7 +46,7 @@ def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.nd
     if not np.isfinite(point).all():
         raise SpecError(f"{name} at {show(point)} mm: coordinates must be finite numbers")
     cell, coordinates = locate(mesh, point[None, :], cells=cells)
-    if _gap(mesh, cell, coordinates, point[None, :])[0] > max(0.5 * radius, 1e-3 * mesh.size):
+    if _gap(mesh, cell, coordinates, point[None, :])[0] > tolerance_outside(mesh, radius):
         raise SpecError(
             f"{name} at {show(point)} mm lies outside the body",
             do="move it onto the body, or mesh more finely where the surface is curved",
@@ -81,6 +81,17 @@ def locate(
     order = np.lexsort((-depth, gap, which))  # of a point's cells that with the least gap, then the deepest
     best = order[np.unique(which[order], return_index=True)[1]]
     return np.where(depth[best] >= -within, cell[best], -1), coordinates[best]
+
+
+def distance_outside(mesh: Mesh, points: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
+    """(k,) mm from each point (k, 3) to the body, 0 inside; a little more than the least distance outside."""
+    cell, coordinates = locate(mesh, points, cells=cells)
+    return _gap(mesh, cell, coordinates, points)
+
+
+def tolerance_outside(mesh: Mesh, radius: float) -> float:
+    """mm that a point of such a radius may lie outside, as on the curved side of a coarse mesh."""
+    return max(0.5 * radius, 1e-3 * mesh.size)
 
 
 def show(point: np.ndarray) -> str:

@@ -28,6 +28,10 @@ class Spec(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
     _origin: Origin | None = PrivateAttr(default=None)
 
+    def place(self, *key: str | int) -> str:
+        """'file:line: key.sub', or the key where no file is known."""
+        return self._origin.place(key) if self._origin else ".".join(map(str, key))
+
     @contextmanager
     def locating(self, *key: str | int) -> Iterator[None]:
         """A SpecError that is raised within says file and line, those of `key` where it has no `where` of its own. Its
@@ -38,8 +42,7 @@ class Spec(BaseModel):
             path = self._path(error.where, key)
             if path is None:
                 raise
-            where = self._origin.place(path) if self._origin else ".".join(map(str, path))
-            raise SpecError(error.what, where=where or None, do=error.do) from None
+            raise SpecError(error.what, where=self.place(*path) or None, do=error.do) from None
 
     def _path(self, where: str | None, key: tuple) -> tuple | None:
         """The key path in this spec that is meant; None where `where` is something else: a file, an option."""
@@ -84,11 +87,12 @@ S = TypeVar("S", bound=Spec)
 
 
 def meaning(spec: Any, without: Iterable[str] = ()) -> Any:
-    """A spec as plain data, without the fields named and without values that are their defaults: an optional field that
-    a later version adds leaves the meaning of what is written today alone."""
+    """A spec as plain data, without the fields named, without those that only allow something (`exclude`), and without
+    values that are their defaults: an optional field that a later version adds leaves the meaning of what is written
+    today alone."""
     if isinstance(spec, Spec):
         fields = type(spec).model_fields.items()
-        mine = {name: getattr(spec, name) for name, field in fields if name not in without}
+        mine = {name: getattr(spec, name) for name, field in fields if name not in without and not field.exclude}
         optional = {name: field.get_default(call_default_factory=True) for name, field in fields if name in mine}
         return {
             name: meaning(value)

@@ -45,6 +45,8 @@ class Cable(Spec):
     """Whether the cable can only pull and not push."""
     body: str | None = None
     """Part, or named group of cells, that all points belong to."""
+    through_air: bool = Field(default=False, exclude=True)
+    """Whether the cable may leave the body between its points. It changes nothing else."""
 
     @model_validator(mode="after")
     def _ordered(self):

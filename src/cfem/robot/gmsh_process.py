@@ -6,7 +6,9 @@ It ends when its stdin does: then nobody waits for the answer any more. A job is
 rows of a tetrahedron's x, y, z and sizes at its corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4)
 and the CAD volume mm^3; where 'size' is null, nothing is meshed, and the answer is the body's volume mm^3 and the area
 mm^2 of its surface. One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded;
-11: the geometry cannot be built or meshed, cause on stderr; 12: stdin ended."""
+11: the geometry cannot be built or meshed, cause on stderr; 12: stdin ended; 13: the geometry is not one body. A mesh
+of more than 'max_cells' cells is not made, nor one whose 'size' is more than the body's: the answer is then about how
+many cells there would be and the body's extent (3,) mm."""
 
 import json
 import math
@@ -105,12 +107,16 @@ def is_surface(solid: dict) -> bool:
     return solid["kind"] == "File" and solid["path"].lower().endswith(".stl")
 
 
+class Separate(ValueError):
+    """Not one body."""
+
+
 def one_body(gmsh, solid: dict) -> tuple[int, int]:
     """The OpenCASCADE entity (3, tag) of a tree of solids."""
     bodies = build(gmsh.model.occ, solid)
     gmsh.model.occ.synchronize()
     if len(bodies) != 1:
-        raise ValueError(f"the geometry is {len(bodies)} separate bodies, not one")
+        raise Separate(f"the geometry is {len(bodies)} separate bodies, not one")
     return bodies[0]
 
 
@@ -140,16 +146,21 @@ def write(gmsh, solid: dict, files: list[str], deviation: float) -> dict[str, np
 
 
 def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
-    """X (n, 3), cells (m, 4), CAD volume."""
+    """X (n, 3), cells (m, 4), CAD volume; or what speaks against meshing."""
     solid = job["solid"]
     if is_surface(solid):
-        volume = enclosed_volume(surface(gmsh, solid["path"], solid["unit"]))
-        fill(gmsh)
+        corners = surface(gmsh, solid["path"], solid["unit"])
+        volume, low, high = enclosed_volume(corners), corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     else:
         body = one_body(gmsh, solid)
-        volume = gmsh.model.occ.getMass(*body)
-        if job["regions"]:
-            split(gmsh.model.occ, body, job["regions"])
+        volume, (low, high) = gmsh.model.occ.getMass(*body), np.reshape(gmsh.model.getBoundingBox(*body), (2, 3))
+    about = cells_wanted(volume, low, high, job)
+    if not about <= job["max_cells"] or job["size"] > 1.01 * (high - low).max():
+        return {"about": np.array(about), "extent": high - low}
+    if is_surface(solid):
+        fill(gmsh)
+    elif job["regions"]:
+        split(gmsh.model.occ, body, job["regions"])
     _sizes(gmsh, job)
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")
@@ -161,6 +172,16 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     order = np.argsort(tags)
     X = coordinates.reshape(-1, 3)[order][np.searchsorted(tags[order], used)]
     return {"X": X, "cells": cells.reshape(-1, 4), "volume": np.array(volume)}
+
+
+def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) -> float:
+    """About how many cells of these sizes fill a body between two corners: regular tetrahedra of edge h hold
+    h^3 / 8.485 each. A box of finer cells counts as if the body filled it."""
+    about = volume / job["size"] ** 3
+    for part in job["refine"]:
+        sides = np.minimum(high, part["high"]) - np.maximum(low, part["low"])
+        about += min(volume, np.maximum(sides, 0).prod()) / part["size"] ** 3
+    return 8.485 * about
 
 
 def _sizes(gmsh, job: dict) -> None:
@@ -209,6 +230,9 @@ def main() -> int:
             answer = write(gmsh, job["solid"], job["write"], job["deviation"])
         else:
             answer = measure(gmsh, job["solid"]) if job["size"] is None else mesh(gmsh, job)
+    except Separate as error:
+        print(error, file=sys.stderr)
+        return 13
     except Exception as error:  # gmsh raises bare Exception
         print(error, file=sys.stderr)
         return 11

@@ -55,10 +55,10 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         if isinstance(item.region, selection.Box)
     ]
     if isinstance(scene.geometry, StiffFlop):
+        length = _length(scene.geometry)
+        demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, *[2 * scene.geometry.radius] * 2]))
         mesh = slice_mesh(scene.geometry, scene.mesh.element, scene.mesh.size)
-        return mesh, None if scene.mesh.element == "beam" else _length(scene.geometry) * section_shape(
-            scene.geometry
-        ).area
+        return mesh, None if scene.mesh.element == "beam" else length * section_shape(scene.geometry).area
     if isinstance(scene.geometry, Assembly):
         made = {part.name: _part(part, scene.mesh, regions, folder, grading) for part in scene.geometry.parts}
         mesh = join({name: mesh for name, (mesh, _) in made.items()})
@@ -160,6 +160,8 @@ def _hexahedra(
         )
     if meshing.refine:
         raise SpecError(f"{where}: refine is for tetrahedra, not for hex8", do="leave it out and make size smaller")
+    extent = np.array([geometry.length, geometry.width, geometry.height])
+    demand_cells(meshing, float(np.ceil(extent / meshing.size).prod()), extent)
     X, cells = hexahedra.block(solid, meshing.size, [region for region in regions if isinstance(region, Box)])
     return X, cells, geometry.length * geometry.width * geometry.height
 
@@ -208,9 +210,24 @@ def run_gmsh(
         "refine": refine,
         "regions": [as_data(region) for region in regions],
         "grading": None if grading is None else _corner_sizes(grading),
+        "max_cells": meshing.max_cells,
     }
     answer = _gmsh(job, solid)
+    if "about" in answer:
+        demand_cells(meshing, float(answer["about"]), answer["extent"])
     return answer["X"], answer["cells"], float(answer["volume"])
+
+
+def demand_cells(meshing: Meshing, about: float, extent: np.ndarray) -> None:
+    """SpecError where the cells would be too many, or larger than the body, extent (3,) mm."""
+    body = " x ".join(f"{side:.3g}" for side in extent)
+    if meshing.size > 1.01 * extent.max():
+        what = f"cells of {meshing.size:g} mm are larger than the body, {body} mm"
+        raise SpecError(what, where="mesh.size", do="check its unit, and that of the geometry")
+    if not about <= meshing.max_cells:
+        what = f"cells of {meshing.size:g} mm fill a body of {body} mm with about {about:.1e} of them"
+        do = f"check the units, make size larger, or allow more than mesh.max_cells: {meshing.max_cells}"
+        raise SpecError(what, where="mesh.size", do=do)
 
 
 def measure(solid: Solid) -> tuple[float, float]:
@@ -243,6 +260,9 @@ def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
         cause = said.strip().splitlines()[-1] if said.strip() else f"exit {code}"
         if code == 10:
             raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
+        if code == 13:
+            do = "give one body, or make each a file of its own and a part of a geometry of `kind: assembly`"
+            raise InputError(cause, where=solid.path if isinstance(solid, File) else "geometry", do=do)
         if code != 0:
             where = solid.path if isinstance(solid, File) else "geometry"
             kind = InputError if isinstance(solid, File) else NumericalError

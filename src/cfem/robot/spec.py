@@ -21,6 +21,8 @@ class Meshing(Spec):
     """Largest size of a cell."""
     cells: int | None = Field(default=None, ge=100)
     """About how many tetrahedra to make. They are graded: finest where W needs it."""
+    max_cells: int = Field(default=300_000, ge=1, exclude=True)
+    """Number of cells above which the mesh is refused before it is made. It changes nothing else."""
     refine: list[Refinement] = []
     """Boxes of finer tetrahedra."""
     mirror: Literal["x", "y", "z"] | None = None

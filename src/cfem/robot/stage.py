@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError
+from cfem.core.judgement import poor
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.geometry import Assembly, Geometry, MeshFile, StepFile
@@ -23,6 +24,7 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     scene = load_spec(spec_path, SceneSpec, overrides)
     folder = spec_path.parent
+    _demand_files(scene, folder)
     return Stage(
         name="mesh",
         version=1,
@@ -44,10 +46,24 @@ def files(geometry: Geometry) -> dict[str, Path]:
     return {name: one.path for name, one in own.items() if isinstance(one, MeshFile | StepFile)}
 
 
+def _demand_files(scene: SceneSpec, folder: Path) -> None:
+    if isinstance(scene.geometry, Assembly):
+        keys = [("geometry", "parts", index, "geometry", "path") for index in range(len(scene.geometry.parts))]
+        geometries = [part.geometry for part in scene.geometry.parts]
+    else:
+        keys, geometries = [("geometry", "path")], [scene.geometry]
+    for key, one in zip(keys, geometries, strict=True):
+        if isinstance(one, MeshFile | StepFile) and not (folder / one.path).is_file():
+            what = f"no such file: {folder / one.path}"
+            raise InputError(what, where=scene.place(*key), do="paths are relative to the scene's folder")
+
+
 def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
     from cfem.robot.grading import scene_mesh
     from cfem.robot.mesh_file import write_mesh
+    from cfem.robot.passage import demand_inside
+    from cfem.robot.plausible import doubts
     from cfem.robot.quality import quality
 
     mesh, volume = scene_mesh(scene, folder)
@@ -55,5 +71,6 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     if figures.inverted:
         raise InputError(f"{figures.inverted} cells are inverted", where=scene.name, do="mesh it anew")
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
+    demand_inside(scene, mesh)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
-    return figures.as_dict()
+    return {"judgement": [poor(each) for each in doubts(scene, robot)], **figures.as_dict()}
