@@ -41,7 +41,9 @@ __all__ = [*_HOME, "__version__"]
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'cfem' has no attribute '{name}'")
-    globals()[name] = getattr(import_module(_HOME[name]), name)
+    from cfem.core.optional import says_what_is_missing
+
+    globals()[name] = getattr(says_what_is_missing(import_module)(_HOME[name]), name)
     return globals()[name]
 
 

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.blocked import python_without
 
 import cfem
 
@@ -15,6 +16,7 @@ FUNCTIONS = {
     "run_stage",
 }
 ERRORS = {"CfemError", "SpecError", "InputError", "NumericalError", "GateError", "OutputError", "DiskError"}
+BAR = Path(__file__).parents[2] / "pipelines" / "bar" / "scene.yaml"
 NAMES = {*FUNCTIONS, *ERRORS, "FemPlant", "ModelPlant", "__version__"}
 
 
@@ -58,3 +60,10 @@ def test_import_loads_nothing_heavy():
 def test_asking_a_model_loads_neither_torch_nor_gmsh_nor_finite_elements():
     loaded = loaded_by("import cfem; cfem.load_model, cfem.find_actuation, cfem.make_controller")
     assert not loaded & {"torch", "gmsh", "cfem.mechanics.solid"}
+
+
+@pytest.mark.parametrize("use", ["cfem.FemPlant", f"cfem.load_robot({str(BAR)!r})"])
+def test_a_missing_package_is_a_sentence_that_says_how_to_install_it(use, tmp_path):
+    code = f"import cfem\ntry:\n    {use}\nexcept cfem.CfemError as error:\n    print(error)"
+    said = python_without({"numba"}, code, tmp_path)
+    assert "needs numba, which is not installed (pip install 'cfem[fe]')" in said.stdout, said.stderr

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from cfem.api.vectors import PathLike
 from cfem.core.errors import SpecError
+from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
     from cfem.dataset.reader import Dataset
@@ -24,6 +25,7 @@ STAGES = {
 }
 
 
+@says_what_is_missing
 def run_stage(
     stage: Literal["mesh", "sample", "train", "export", "control", "calibrate", "optimize-design", "report"],
     spec: PathLike,
@@ -68,6 +70,7 @@ def run_stage(
     return run(Path(spec), overrides, None if out is None else Path(out), options, **more)
 
 
+@says_what_is_missing
 def read_dataset(path: PathLike, split: Literal["train", "test"] = "train") -> "Dataset":
     """The converged states of a dataset.
 
@@ -93,6 +96,7 @@ def read_dataset(path: PathLike, split: Literal["train", "test"] = "train") -> "
     return read_file(artefact_file(path, f"{split}.parquet") if path.is_dir() else path)
 
 
+@says_what_is_missing
 def load_model(folder: PathLike, runtime: Literal["arrays", "onnx"] = "arrays") -> "Predictor":
     """A learned model of the condensed robot.
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.api.vectors import vector
+from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
     from cfem.condensed import Condensed
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from cfem.predict.protocol import Predictor
 
 
+@says_what_is_missing
 def inverse_step(
     model: "Predictor | Robot",
     state: "Condensed",
@@ -65,6 +67,7 @@ def inverse_step(
     return solve_step(state, aim, limits)
 
 
+@says_what_is_missing
 def find_actuation(
     model: "Predictor",
     goal: ArrayLike,
@@ -112,6 +115,7 @@ def find_actuation(
     return reach(model, aim, _limits(model, unilateral, largest_force), Iterate.at(first), Settings(iterations))
 
 
+@says_what_is_missing
 def make_controller(
     model: "Predictor",
     *,

@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike
 
 from cfem.api.vectors import PathLike, vector
 from cfem.core.errors import NumericalError, SpecError
+from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
     from cfem.equilibrium.robot import Robot
     from cfem.equilibrium.solution import Equilibrium
 
 
+@says_what_is_missing
 def load_robot(scene: PathLike, mesh: PathLike | None = None, *, overrides: Sequence[str] = ()) -> "Robot":
     """The finite-element robot of a scene.
 
@@ -48,6 +50,7 @@ def load_robot(scene: PathLike, mesh: PathLike | None = None, *, overrides: Sequ
     return build_robot(spec, made)
 
 
+@says_what_is_missing
 def solve(
     robot: "Robot",
     *,

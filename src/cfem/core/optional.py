@@ -2,10 +2,14 @@
 
 import platform
 import sys
+from collections.abc import Callable
+from functools import wraps
 from importlib.util import find_spec
+from typing import ParamSpec, TypeVar
 
 from cfem.core.errors import SpecError
 
+P, R = ParamSpec("P"), TypeVar("R")
 # import name -> extra of pyproject.toml
 EXTRAS = {
     "llvmlite": "fe",
@@ -59,3 +63,16 @@ def remedy(name: str) -> str:
     if name == "gmsh" and sys.platform == "linux" and platform.machine() not in ("x86_64", "AMD64"):
         return f"PyPI has no gmsh for {platform.machine()}: make the mesh on another machine and copy its folder here"
     return f"pip install 'cfem[{EXTRAS[name]}]'"
+
+
+def says_what_is_missing(function: Callable[P, R]) -> Callable[P, R]:
+    """MissingPackageError in the place of ModuleNotFoundError."""
+
+    @wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except ModuleNotFoundError as error:
+            raise explained(error) or error from None
+
+    return called

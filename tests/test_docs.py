@@ -1,0 +1,29 @@
+"""The site's hand-written pages agree with the code."""
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def texts(node):
+    if isinstance(node, ast.JoinedStr):
+        yield "".join(part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+
+
+def test_every_message_that_troubleshooting_explains_is_one_of_the_code():
+    trees = [ast.parse(path.read_text()) for path in (ROOT / "src").rglob("*.py")]
+    said = "\n".join(text for tree in trees for node in ast.walk(tree) for text in texts(node))
+    explained = re.findall(r"^### `(.+)`$", (ROOT / "docs" / "troubleshooting.md").read_text(), re.MULTILINE)
+    assert len(explained) > 20
+    for message in explained:
+        for part in re.split(r"[…:']+", message):
+            assert part.strip() in said, message
+
+
+def test_every_page_is_in_the_navigation():
+    named = set(re.findall(r"([\w/-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
+    assert {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")} <= named
