@@ -107,8 +107,12 @@ def test_the_looser_tolerance_is_explained_only_where_fe_based_control_is_worse(
     assert looser(tracking(controllers=("spectral",))) == ""
 
 
-def first(found=None, discretisation=None):
-    return tracking_summary(found or tracking(), discretisation)
+def first(found=None, **more):
+    return tracking_summary(found or tracking(**more))
+
+
+MESH = {"tip_mm": 0.03, "tip_percent": 0.025, "force_percent": 2.0, "reach_percent": 1.5, "states": 3}
+MESH |= {"cells": 1000, "finer_cells": 2500}
 
 
 def test_the_first_screen_has_three_numbers_with_their_units():
@@ -116,13 +120,16 @@ def test_the_first_screen_has_three_numbers_with_their_units():
     assert found.concerns == () and "reaches 4 of 4 goals" in found.sentence
     assert [one.value for one in found.numbers] == ["4 of 4", "0.025 mm", "0.2 ms"]
     assert "60 ms: 300 times longer" in found.numbers[2].note
-    assert "was not measured" in found.numbers[1].note
+    assert "was not estimated" in found.numbers[1].note
 
 
 def test_the_discretisation_error_stands_beside_the_tracking_error():
-    assert "Discretisation error of the tip: 0.05 mm" in first(discretisation=0.05).numbers[1].note
-    assert first(discretisation=0.05).concerns == ()
-    assert first(discretisation=0.35).concerns[0].startswith("the discretisation error, 0.35 mm")
+    found = first(discretisation=MESH)
+    assert "Discretisation error of the tip: 0.03 mm" in found.numbers[1].note and "uncertain" not in found.sentence
+    assert "leaves 0.3 mm uncertain at the tip" in first(discretisation={**MESH, "tip_mm": 0.3}).sentence
+    assert "not estimated: too many cells" in first(discretisation={"left_out": "too many cells"}).numbers[1].note
+    table = tracking_section(tracking(discretisation=MESH), UNITS).parts[1]
+    assert table.rows == [("1000 cells against 2500", "3", "0.03", "0.025", "2", "1.5")]
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def learned(
         models_section("The learned model", results, trusts, spec.published, force=force),
         samples_section(splits, sampled["results"]),
     ]
-    summary = tracking_summary(tracking, None)
+    summary = tracking_summary(tracking)
     return summary, animation(control, tracking, scene), card(scene, mesh, data), sections
 
 

@@ -34,8 +34,8 @@ class Outcome:
         return cls(parts[0][1], own[0], np.concatenate([one["reachable"] for one in judged]), *own[1:])
 
 
-def tracking_summary(found: Tracking, discretisation: float | None) -> Summary:
-    """discretisation: mm, distance of the tip of this mesh from that of a finer one, None where it was not measured."""
+def tracking_summary(found: Tracking) -> Summary:
+    """Of the first learned controller, judged by the robot."""
     one, limit = Outcome.of(found), found.spec["reached"]
     able, reached = int(one.reachable.sum()), int((one.error[one.reachable] <= limit).sum())
     away = len(one.error) - able
@@ -46,12 +46,17 @@ def tracking_summary(found: Tracking, discretisation: float | None) -> Summary:
     numbers = [Number(f"{reached} of {able}", "goals reached", f"within {number(limit)} mm" + _away(away))]
     known = one.error[one.reachable & np.isfinite(one.error)]
     if len(known):
-        numbers.append(Number(f"{number(known.mean(), 2)} mm", "mean tracking error", _beside(known, discretisation)))
+        mesh = (found.discretisation or {}).get("tip_mm", 0.0)
+        if mesh > known.max():
+            sentence += (
+                f" The mesh itself leaves {number(mesh, 2)} mm uncertain at the tip, more than the tracking error."
+            )
+        numbers.append(Number(f"{number(known.mean(), 2)} mm", "mean tracking error", _beside(known, found)))
     numbers.append(_time(found, one.step_us))
-    return Summary(sentence, tuple(_concerns(one, found, reached, discretisation)), tuple(numbers))
+    return Summary(sentence, tuple(_concerns(one, found, reached)), tuple(numbers))
 
 
-def _concerns(one: Outcome, found: Tracking, reached: int, discretisation: float | None) -> Iterator[str]:
+def _concerns(one: Outcome, found: Tracking, reached: int) -> Iterator[str]:
     able, limit = int(one.reachable.sum()), found.spec["reached"]
     if reached < able:
         yield f"{one.who} misses {able - reached} of the {able} goals in reach by more than {number(limit)} mm"
@@ -60,22 +65,19 @@ def _concerns(one: Outcome, found: Tracking, reached: int, discretisation: float
     outside = int((one.reachable & ~one.inside).sum())
     if outside and found.plant != "fem":  # where FE judges, the tracking error says what that is worth
         yield f"plans for {outside} goals in reach lie outside the states that {one.who} was trained on"
-    if discretisation is not None and discretisation > limit:
-        yield (
-            f"the discretisation error, {number(discretisation, 2)} mm, exceeds the {number(limit)} mm within which a "
-            "goal counts as reached: refine the mesh"
-        )
 
 
 def _away(away: int) -> str:
     return f"; {away} more out of reach" if away else ""
 
 
-def _beside(error: np.ndarray, discretisation: float | None) -> str:
-    text = f"largest {number(error.max(), 2)} mm, on the same mesh. "
-    if discretisation is None:
-        return text + "The discretisation error was not measured."
-    return text + f"Discretisation error of the tip: {number(discretisation, 2)} mm."
+def _beside(error: np.ndarray, found: Tracking) -> str:
+    """What to hold beside the mean tracking error."""
+    text, mesh = f"largest {number(error.max(), 2)} mm, on the mesh of the model. ", found.discretisation or {}
+    if "tip_mm" in mesh:
+        return text + f"Discretisation error of the tip: {number(mesh['tip_mm'], 2)} mm (estimated)."
+    why = f": {mesh['left_out']}" if "left_out" in mesh else ""
+    return text + f"The discretisation error was not estimated{why}."
 
 
 def _time(found: Tracking, step_us: np.ndarray) -> Number:

@@ -24,7 +24,8 @@ MARKS = "osv^Dp"
 class Tracking:
     """A run of `cfem control` goal by goal. columns: of `trajectories.parquet`, (m, ...) each; rows: names of the
     effector rows, then of the actuators; summaries: results by trajectory and controller; spec: of the run; nodes: of
-    the robot that judges, plant: 'fem' or 'model'; fe_seconds: CPU seconds of one FE solve, None without any."""
+    the robot that judges, plant: 'fem' or 'model'; fe_seconds: CPU seconds of one FE solve, None without any;
+    discretisation: what `cfem control` found of the error of the mesh itself, None where it did not look."""
 
     columns: Mapping[str, np.ndarray]
     rows: Sequence[str]
@@ -33,6 +34,7 @@ class Tracking:
     plant: str
     nodes: int
     fe_seconds: float | None
+    discretisation: Mapping[str, Any] | None = None
 
     @property
     def actuators(self) -> Sequence[str]:
@@ -68,6 +70,7 @@ def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
         plant=results["plant"],
         nodes=results["nodes"],
         fe_seconds=cost["seconds"] / cost["solves"] if cost.get("solves") else None,
+        discretisation=results.get("discretisation"),
     )
 
 
@@ -90,11 +93,12 @@ def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> S
     cut = next((who for one in found.summaries.values() for who in one if "@" in who), None)
     if cut:
         text += f"{cut} is {cut.partition('@')[0]} with no more steps per goal than the number behind the @. "
+    table = [mesh_error_table(found.discretisation)] if "tip_mm" in (found.discretisation or {}) else []
     charts = [one for name in found.summaries for one in trajectory_charts(found, name, units)]
     return Section(
         "Tracking",
         text + looser(found),
-        (tracking_table(found), *charts, *effort_charts(found)),
+        (tracking_table(found), *table, *charts, *effort_charts(found)),
         facts={"tracking": found.summaries},
     )
 
@@ -132,6 +136,21 @@ def tracking_table(found: Tracking) -> Table:
             "steps per goal": lambda row: number(row[2]["iterations_mean"], 2),
             "time per step, median / p99 (ms)": lambda row: milliseconds(row[2]["step_us"]),
             "residual of the QP (mm)": lambda row: number(row[2]["kkt_max"], 2),
+        },
+    )
+
+
+def mesh_error_table(found: Mapping[str, Any]) -> Table:
+    """How far the robot of a finer mesh is from this one, the commands being the same."""
+    return tabulate(
+        [found],
+        {
+            "discretisation error, estimated": lambda row: f"{row['cells']} cells against {row['finer_cells']}",
+            "states": lambda row: str(row["states"]),
+            "tip (mm)": lambda row: number(row["tip_mm"], 2),
+            "tip (% of length)": lambda row: number(row["tip_percent"], 2),
+            "actuator forces (%)": lambda row: number(row["force_percent"], 2),
+            "reach (%)": lambda row: number(row["reach_percent"], 2),
         },
     )
 
