@@ -66,7 +66,7 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         volume = None if None in volumes else sum(volumes)
     else:
         mesh, volume = corner_mesh(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
-    return _with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
+    return with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
 
 
 def _length(geometry: StiffFlop) -> float:
@@ -166,7 +166,7 @@ def _hexahedra(
     return X, cells, geometry.length * geometry.width * geometry.height
 
 
-def _with_middles(mesh: Mesh) -> Mesh:
+def with_middles(mesh: Mesh) -> Mesh:
     """Quadratic tetrahedra; a middle of an edge is in the node sets that both of its ends are in."""
     X, cells, facets = quadratic(mesh.X, mesh.cells, mesh.facets)
     edges = cells[:, :4][:, TET_EDGES].reshape(-1, 2)

@@ -1,0 +1,120 @@
+"""How much of a tracking result is the mesh: a few of the commands carried out once more, on a finer mesh.
+
+The tracking error is measured against the FE robot on the mesh that the model was trained on, and says nothing of the
+error of that mesh. Here the robot on a mesh of about `cells` times as many cells takes the same actuator displacements.
+The difference between the two meshes is extrapolated to zero mesh size (Richardson; Roache, Annual Review of Fluid
+Mechanics 29, 1997): with cells of size h and h / r the error at h is the difference times r^p / (r^p - 1). Order p = 2
+is that of smooth displacements; the finger's graded mesh converges faster, so that its error is overestimated by a
+third."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.control.spec import MeshErrorSpec
+from cfem.core.errors import CfemError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.build import build_robot
+from cfem.robot.finer import carried_over, finer_mesh
+from cfem.robot.spec import SceneSpec
+
+ORDER = 2.0
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
+
+    tip: mm, largest distance of an effector point; reach: change of how far the effectors are from rest, relative;
+    force: largest change of an actuator force, relative to the largest force"""
+
+    tip: float
+    reach: float
+    force: float
+
+
+def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:
+    """`count` indices: the goal farthest from rest, then again and again the goal farthest from those chosen."""
+    points, found = np.array(goals), []
+    distance = np.linalg.norm(points - rest_e, axis=1)
+    for _ in range(min(count, len(points))):
+        found.append(int(np.argmax(distance)))
+        apart = np.linalg.norm(points - points[found[-1]], axis=1)
+        distance = apart if len(found) == 1 else np.minimum(distance, apart)
+    return found
+
+
+def mesh_error(
+    scene: SceneSpec,
+    mesh: Mesh,
+    robot: Robot,
+    folder: Path,
+    states: Sequence[Equilibrium],
+    spec: MeshErrorSpec,
+    advance: Callable[[int], None],
+) -> dict[str, Any]:
+    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen;
+    advance: called after each of them.
+
+    states, cells, finer_cells, order: how it was estimated. tip_mm, tip_percent: error of the effectors' position, of
+    the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of the
+    largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`: the
+    sentence that says why."""
+    try:
+        finer = finer_mesh(scene, mesh, robot, folder, spec.cells)
+        if len(finer.cells) > spec.largest:
+            return {"left_out": f"the finer mesh would have {len(finer.cells)} cells, more than {spec.largest}"}
+        refined = build_robot(scene, finer)
+    except CfemError as error:
+        return {"left_out": f"no finer mesh: {error}"}
+    problem, found = Problem(refined), []
+    for one in states:
+        start = State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
+        solved = solve(problem, displacement(one.delta_a), start, condense=False)
+        advance(1)
+        if solved.converged:
+            found.append(_difference(robot, one, solved))
+    if not found:
+        return {"left_out": "no state converged on the finer mesh"}
+    ratio = len(finer.cells) / len(mesh.cells)
+    return {
+        "states": len(found),
+        "cells": len(mesh.cells),
+        "finer_cells": len(finer.cells),
+        "order": ORDER,
+        **extrapolated(found, ratio, robot.length),
+    }
+
+
+def extrapolated(found: Sequence[Difference], ratio: float, length: float) -> dict[str, float]:
+    """The largest differences to a mesh of `ratio` times as many cells as errors of the mesh at hand."""
+    gain = ratio ** (ORDER / 3)
+    factor = gain / (gain - 1)
+    tip, reach, force = (factor * max(getattr(one, key) for one in found) for key in ("tip", "reach", "force"))
+    return {
+        "tip_mm": tip,
+        "tip_percent": 100 * tip / length,
+        "reach_percent": 100 * reach,
+        "force_percent": 100 * force,
+    }
+
+
+def _difference(robot: Robot, here: Equilibrium, finer: Equilibrium) -> Difference:
+    """Orientations of effectors are left out: they are no lengths."""
+    places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
+    moved, differently = here.delta_e[places], finer.delta_e[places]
+    distance = max(float(np.linalg.norm(moved)), np.finfo(float).tiny)
+    largest = max(float(np.abs(here.lambda_a).max()), np.finfo(float).tiny)
+    return Difference(
+        tip=float(np.linalg.norm(differently - moved)),
+        reach=float(abs(np.linalg.norm(differently) - np.linalg.norm(moved)) / distance),
+        force=float(np.abs(finer.lambda_a - here.lambda_a).max() / largest),
+    )

@@ -1,0 +1,88 @@
+"""A finer mesh of the same scene, by which the discretisation error of the mesh at hand is estimated."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cfem.core.errors import SpecError
+from cfem.equilibrium.robot import Robot
+from cfem.mechanics.element import SECTIONED, barycentric_gradients, shape
+from cfem.mechanics.mesh import Mesh, tet_volumes
+from cfem.robot.geometry import Assembly, MeshFile
+from cfem.robot.grading import estimate, grade
+from cfem.robot.meshing import make_mesh, with_middles
+from cfem.robot.spec import SceneSpec
+
+# A tetrahedron as eight, by its corners (0 to 3) and the middles of its edges (4 to 9, in the order of TET_EDGES); the
+# octahedron that is left at its centre is cut along the diagonal from 6 to 8.
+_EIGHT = np.array(
+    [[0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 8, 7, 9], [6, 8, 4, 5], [6, 8, 5, 9], [6, 8, 9, 7], [6, 8, 7, 4]]
+)
+_FOUR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+_CELLS = 20  # nearest cells among which the one that holds a node is looked for
+
+
+def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: float) -> Mesh:
+    """About `ratio` times as many cells as `mesh`, that of `scene` and `robot`. The cells of a mesh file are cut into
+    eight each, whatever the ratio. SpecError where the file holds hexahedra; else what `make_mesh` raises."""
+    if isinstance(scene.geometry, MeshFile) and scene.geometry.path.suffix.lower() != ".stl":
+        if mesh.cells.shape[1] == 8:
+            raise SpecError("hexahedra of a mesh file are not refined")
+        finer = cut_in_eight(mesh)
+        return with_middles(finer) if mesh.order == 2 else finer
+    dimensions = 1 if scene.mesh.element in SECTIONED else 3
+    shrink = ratio ** (-1 / dimensions)
+    finer = _scaled(scene, shrink)
+    if scene.mesh.cells is None:
+        return make_mesh(finer, folder)[0]
+    cells = round(ratio * len(mesh.cells))
+    return make_mesh(finer, folder, grade(mesh, estimate(robot), cells, finer.mesh.size))[0]
+
+
+def _scaled(scene: SceneSpec, shrink: float) -> SceneSpec:
+    """The scene with all its mesh sizes `shrink` times as large."""
+
+    def smaller(boxes: list) -> list:
+        return [box.model_copy(update={"size": shrink * box.size}) for box in boxes]
+
+    meshing = {"size": shrink * scene.mesh.size, "refine": smaller(scene.mesh.refine)}
+    update = {"mesh": scene.mesh.model_copy(update=meshing)}
+    if isinstance(scene.geometry, Assembly):
+        parts = [
+            part.model_copy(update={"size": part.size and shrink * part.size, "refine": smaller(part.refine)})
+            for part in scene.geometry.parts
+        ]
+        update["geometry"] = scene.geometry.model_copy(update={"parts": parts})
+    return scene.model_copy(update=update)
+
+
+def cut_in_eight(mesh: Mesh) -> Mesh:
+    """Linear tetrahedra, eight for each of `mesh`, whose named sets they inherit."""
+    whole = mesh if mesh.order == 2 else with_middles(mesh)
+    children = whole.cells[:, _EIGHT].reshape(-1, 4)
+    inverted = tet_volumes(whole.X, children) < 0
+    children[inverted] = children[inverted][:, [0, 2, 1, 3]]
+    facet_sets = {name: _parts_of(members, 4) for name, members in whole.facet_sets.items()}
+    cell_sets = {name: _parts_of(members, 8) for name, members in whole.cell_sets.items()}
+    facets = whole.facets[:, _FOUR].reshape(-1, 3)
+    return Mesh(whole.X, children, facets, whole.node_sets, facet_sets, cell_sets)
+
+
+def _parts_of(members: np.ndarray, parts: int) -> np.ndarray:
+    return (parts * np.asarray(members)[:, None] + np.arange(parts)).ravel()
+
+
+def carried_over(coarse: Mesh, x: np.ndarray, finer: Mesh) -> np.ndarray:
+    """(n, 3) mm: where the nodes of `finer` are by the deformation x of `coarse` tetrahedra; a start for Newton's method.
+    A node that no cell holds follows the nearest cell's polynomial."""
+    from scipy.spatial import cKDTree
+
+    corners = coarse.X[coarse.cells[:, :4]]
+    _, near = cKDTree(corners.mean(axis=1)).query(finer.X, k=min(_CELLS, len(corners)))
+    gradients = barycentric_gradients(coarse.X, coarse.cells)[near]  # (n, k, 4, 3)
+    offset = finer.X[:, None] - corners.mean(axis=1)[near]
+    barycentric = 0.25 + np.einsum("nkad,nkd->nka", gradients, offset)
+    best = barycentric.min(axis=2).argmax(axis=1)
+    rows = np.arange(len(finer.X))
+    weights = shape(coarse.cells.shape[1], barycentric[rows, best])
+    return finer.X + np.einsum("na,nad->nd", weights, (x - coarse.X)[coarse.cells[near[rows, best]]])
