@@ -96,7 +96,7 @@ def test_nothing_is_run_again(bar, outcomes):
 def test_a_second_run_does_nothing_and_ends_with_the_figures(bar, outcomes):
     code, printed, said = run(bar)
     assert code == 0 and said.count("up to date") == len(STAGES) and "nothing to run" in printed
-    assert "goals in reach" in printed and printed.count("report.html") == 1
+    assert "goals reached" in printed and printed.count("report.html") == 1
     assert run(bar, "--check")[0] == 0
 
 

@@ -29,7 +29,7 @@ SPEC = {
 def explore(folder, factory=None, **changes):
     spec = SampleSpec(**{**SPEC, **changes})
     with ThreadPoolExecutor(1) as executor:
-        tables, rounds = active.explore(spec, factory or Factory(), folder, executor, "", True)
+        tables, rounds = active.explore(spec, factory or Factory(), folder, executor, "")
     return tables, rounds, active.verdict(spec.until, tables, rounds)
 
 

@@ -19,7 +19,6 @@ from cfem.control.loop import Settings
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options
 from cfem.predict.load import load_model
 
 SPEC = """
@@ -68,7 +67,7 @@ def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, for
     )
     goals = np.array([model.rest_e + model.at_displacement(np.array(d)).delta_e for d in ([6.0, 5.0], [9.0, 9.5])])
     pilot, goals = (Limits.of(robot.reach, unilateral), np.ones(3), Settings()), {"points": goals}
-    return run_controllers(folder, spec, folder, robot, {"spectral": model}, goals, pilot, Options(quiet=True))
+    return run_controllers(folder, spec, folder, robot, {"spectral": model}, goals, pilot)
 
 
 def test_closed_reaches_what_open_misses(tmp_path, model_folder):
@@ -100,7 +99,7 @@ def test_fe_matrices_are_a_controller_s_model(tmp_path):
     pilot = Limits.of(robot.reach, robot.unilateral), np.ones(3), Settings()
     fe = "loop.controllers={fe: {mode: open, model: fe-based, iterations: 20}}"
     spec = load(tmp_path, fe, "loop.real.stiffer=1", "loop.sensor={}")
-    found = run_controllers(tmp_path, spec, tmp_path, robot, {"spectral": real}, goals, pilot, Options(quiet=True))
+    found = run_controllers(tmp_path, spec, tmp_path, robot, {"spectral": real}, goals, pilot)
     assert found["loop"]["points"]["fe"]["error_at_goals"]["max"] < 1e-3
 
 

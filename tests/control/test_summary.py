@@ -9,7 +9,7 @@ def rows(controller: str, inside: bool, error: float) -> list[dict]:
     common = {"status": "converged", "plant_status": "converged", "softened": False, "iterations": 3, "step_us": 90.0}
     return [
         {**common, "controller": controller, "inside": inside, "error": error, "error_to_fe_based": error}
-        | {"reachable": index < 3, "kkt": 1e-12}
+        | {"reachable": index < 3, "reached": index < 2, "kkt": 1e-12}
         for index in range(4)
     ]
 
@@ -19,7 +19,41 @@ def test_plans_outside_the_training_states_are_flagged(inside):
     found = summarise(rows("spectral", inside, 0.2), length=100.0)
     (line,) = headline({"circle": found})
     assert ("4 plans OUTSIDE" in line) is not inside
-    assert "3 of 4 goals in reach" in line and "90 us a step" in line
+    assert "2 of 4 goals reached" in line and "0.09 ms per control step" in line
+    assert "tracking error mean 0.2 mm, max 0.2 mm" in line
+    assert "1 goal is out of reach: the robot ended 0.2 mm away on average" in line
+
+
+DISCRETISATION = {
+    "states": 3,
+    "cells": 1000,
+    "finer_cells": 2500,
+    "tip_mm": 0.3,
+    "tip_percent": 0.25,
+    "force_percent": 1.5,
+    "reach_percent": 0.4,
+}
+
+
+@pytest.mark.parametrize("error, leads", [(1e-6, True), (0.5, False)])
+def test_the_discretisation_error_leads_where_it_is_the_larger_one(error, leads):
+    lines = headline({"circle": summarise(rows("spectral", True, error), 100.0)}, DISCRETISATION)
+    (place,) = (
+        index for index, line in enumerate(lines) if "0.3 mm uncertain at the tip (0.25 % of the length)" in line
+    )
+    assert len(lines) == 2 and (place == 0) is leads
+
+
+def test_a_discretisation_error_that_is_not_known_is_said_to_be_so():
+    left_out = {"left_out": "mesh_error is null in the spec"}
+    *_, last = headline({"circle": summarise(rows("spectral", True, 0.2), 100.0)}, left_out)
+    assert last == "discretisation error: not estimated (mesh_error is null in the spec)"
+
+
+def test_the_time_of_a_step_stands_beside_that_of_an_fe_solve():
+    cost = {"solves": 4, "seconds": 2.0}
+    (line,) = headline({"circle": summarise(rows("spectral", True, 0.2), 100.0)}, fe_cost=cost)
+    assert "0.09 ms per control step (an FE solve takes 500 ms)" in line
 
 
 def test_distances_are_also_shares_of_the_length():

@@ -43,7 +43,7 @@ def make(out: Path, delay: float = 0.0, force: bool = False) -> dict[str, Any]:
     stage = Stage("simulate-sample", 1, SPEC, {}, out, ("scene", "mesh", "out"), precious=True)
 
     def work(folder: Path) -> dict[str, Any]:
-        return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), True, pool.Workers())
+        return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), pool.Workers())
 
     with patch.object(pool, "worker_pool", one_thread):
         return run_stage(stage, work, Options(force=force, quiet=True))

@@ -58,7 +58,7 @@ class Watched:
 def whole(tmp_path_factory):
     """Content hash of what nothing disturbs."""
     with ThreadPoolExecutor(1) as executor:
-        return content_hash(sample(SPEC, Factory(), tmp_path_factory.mktemp("whole"), executor, quiet=True))
+        return content_hash(sample(SPEC, Factory(), tmp_path_factory.mktemp("whole"), executor))
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def disturbed(workers, names, work, disturb, delay=0.03):
     thread = threading.Thread(target=beside)
     thread.start()
     factory = Signed(delay, names=str(names))
-    tables = with_workers(workers, lambda one: sample(SPEC, factory, work, one, quiet=True, timeout=workers.timeout))
+    tables = with_workers(workers, lambda one: sample(SPEC, factory, work, one, timeout=workers.timeout))
     thread.join()
     after = shards(work)
     assert {name: after[name] for name in before} == before, "finished shards were solved again"
@@ -123,7 +123,7 @@ def deadly(names):
 def test_a_state_that_kills_every_process_is_named_and_what_others_finish_is_kept(names, tmp_path, capfd):
     factory, count = deadly(names)
     with pytest.raises(WorkersLost, match=r"a worker died; unfinished: shard-00004.parquet \("):
-        with_workers(Workers(2), lambda one: sample(SPEC, factory, tmp_path / "work", one, quiet=True))
+        with_workers(Workers(2), lambda one: sample(SPEC, factory, tmp_path / "work", one))
     assert len(shards(tmp_path / "work")) == count - 1
     assert capfd.readouterr().err.count("fresh workers") == FRESH
 
@@ -165,6 +165,6 @@ def test_a_state_that_kills_dask_workers_is_given_up(names, tmp_path):
         with pytest.raises(WorkersLost, match=said):
             with_workers(
                 Workers(scheduler=processes.address),
-                lambda one: sample(SPEC, deadly(names)[0], tmp_path / "work", one, quiet=True),
+                lambda one: sample(SPEC, deadly(names)[0], tmp_path / "work", one),
             )
         assert len(shards(tmp_path / "work")) >= 4

@@ -55,7 +55,7 @@ class Factory:
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
     with ThreadPoolExecutor(1) as executor:
-        return sample(SampleSpec(**SPEC), Factory(), tmp_path_factory.mktemp("rows"), executor, quiet=True)["train"]
+        return sample(SampleSpec(**SPEC), Factory(), tmp_path_factory.mktemp("rows"), executor)["train"]
 
 
 def test_rows_have_the_pose_and_the_wrench_and_stay_in_the_box(table):
@@ -106,7 +106,7 @@ def test_an_axis_about_its_rest_hardly_carries_anything(tmp_path):
         contact = {"translation": {"mm": ranges}, "force": "0.5 mN", **more}
         with ThreadPoolExecutor(1) as executor:
             spec = SampleSpec(**{**SPEC, "third_order": False, "contact": contact})
-            table = sample(spec, Factory(), tmp_path / name, executor, quiet=True)["train"]
+            table = sample(spec, Factory(), tmp_path / name, executor)["train"]
         pulled[name] = np.abs(np.array(table["lambda_c"].to_pylist())[:, 2]).max()
         assert table.num_rows == 24
     assert pulled["about"] < 0.03 * pulled["free"]

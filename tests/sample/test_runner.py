@@ -49,7 +49,7 @@ if __name__ == "__main__":
 
 def in_process(folder, spec=SPEC, factory=None):
     with ThreadPoolExecutor(1) as executor:
-        return sample(spec, factory or Factory(), folder, executor, quiet=True)
+        return sample(spec, factory or Factory(), folder, executor)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_rows_come_in_the_order_of_their_plan_whatever_the_order_of_work(tables)
 @pytest.mark.parametrize("workers", [1, 2])
 def test_worker_processes_give_the_same_content(tables, tmp_path, workers):
     with worker_pool(workers) as executor:
-        assert content_hash(sample(SPEC, Factory(), tmp_path, executor, quiet=True)) == content_hash(tables)
+        assert content_hash(sample(SPEC, Factory(), tmp_path, executor)) == content_hash(tables)
 
 
 def test_only_missing_shards_are_solved_again(tables, tmp_path):

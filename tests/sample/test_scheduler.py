@@ -74,9 +74,9 @@ def test_workers_need_no_file_of_the_machine_that_asks(dask, bar, tmp_path):
     shutil.rmtree(pipeline), shutil.rmtree(mesh)
     spec = SPEC.model_copy(update={"splits": {"test": SPEC.splits["test"].model_copy(update={"rows": 4})}})
     here, there = tmp_path / "here", tmp_path / "there"
-    remote = with_workers(Workers(scheduler=dask.address), lambda one: sample(spec, factory, there, one, quiet=True))
+    remote = with_workers(Workers(scheduler=dask.address), lambda one: sample(spec, factory, there, one))
     with worker_pool(1) as executor:
-        assert content_hash(remote) == content_hash(sample(spec, factory, here, executor, quiet=True))
+        assert content_hash(remote) == content_hash(sample(spec, factory, here, executor))
 
 
 def test_large_arguments_are_sent_without_a_warning(dask):
@@ -128,7 +128,7 @@ def test_no_scheduler_is_said(bar, tmp_path, monkeypatch):
 def test_a_cluster_without_workers_is_said_after_the_timeout(tmp_path):
     with dask_processes(tmp_path) as processes, pytest.raises(WorkersLost, match=r"for 0.5 s; unfinished: facts"):
         workers = Workers(scheduler=processes.address, timeout=0.5)
-        with_workers(workers, lambda one: sample(SPEC, None, tmp_path, one, quiet=True, timeout=workers.timeout))
+        with_workers(workers, lambda one: sample(SPEC, None, tmp_path, one, timeout=workers.timeout))
 
 
 def test_workers_that_lack_cfem_are_said(tmp_path):

@@ -23,7 +23,7 @@ SPEC = SampleSpec(
 
 def test_failed_rows_stay_with_their_reason_and_without_a_state(tmp_path):
     with ThreadPoolExecutor(1) as executor:
-        tables = sample(SPEC, Factory(fails_beyond=10.0), tmp_path, executor, quiet=True)
+        tables = sample(SPEC, Factory(fails_beyond=10.0), tmp_path, executor)
     rows = tables["train"].to_pylist()
     failed = [row for row in rows if row["status"] != "converged"]
     assert 5 < len(failed) < 25 and [row["id"] for row in rows] == list(range(30))
@@ -34,7 +34,7 @@ def test_failed_rows_stay_with_their_reason_and_without_a_state(tmp_path):
 
 def test_nothing_that_converges_is_an_error_and_not_an_empty_dataset(tmp_path):
     with ThreadPoolExecutor(1) as executor, pytest.raises(NumericalError, match="none of the states"):
-        sample(SPEC, Factory(fails_beyond=-1.0), tmp_path, executor, quiet=True)
+        sample(SPEC, Factory(fails_beyond=-1.0), tmp_path, executor)
 
 
 def test_states_come_back_bit_for_bit():

@@ -30,7 +30,7 @@ SPEC = {
 def drawn(folder, space, parameters=(POISSON,)):
     spec = SampleSpec.model_validate(SPEC | {"space": space})
     with ThreadPoolExecutor(1) as executor:
-        tables = sample(spec, Factory(parameters=parameters), folder, executor, quiet=True)
+        tables = sample(spec, Factory(parameters=parameters), folder, executor)
     return {split: as_dataset(table) for split, table in tables.items()}
 
 

@@ -17,7 +17,7 @@ import pyarrow as pa
 from cfem.active.choose import choose, disagreement
 from cfem.active.place import effectors, place
 from cfem.condensed.parameters import sampled, values
-from cfem.core.progress import progress
+from cfem.core.progress import doing
 from cfem.dataset.reader import Dataset, as_dataset, column_array
 from cfem.dataset.schema import parameters_of
 from cfem.dataset.writer import content_hash, write_table
@@ -49,17 +49,15 @@ class Round:
     seconds: float
 
 
-def fill(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: Workers
-) -> dict[str, Any]:
+def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
     """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where spec.until is
     None."""
     if spec.until is None:
-        return artefact.fill(folder, spec, factory, made_from, quiet, workers)
+        return artefact.fill(folder, spec, factory, made_from, workers)
     begin = time.perf_counter()
     tables, rounds = with_workers(
         workers,
-        lambda executor: explore(spec, factory, folder / "shards", executor, made_from, quiet, workers.timeout),
+        lambda executor: explore(spec, factory, folder / "shards", executor, made_from, workers.timeout),
     )
     for split, table in tables.items():
         write_table(folder / f"{split}.parquet", table)
@@ -80,7 +78,6 @@ def explore(
     folder: Path,
     executor: Executor,
     made_from: str,
-    quiet: bool,
     timeout: float | None = None,
 ) -> tuple[dict[str, pa.Table], list[Round]]:
     """One table a split, and what the rounds gave."""
@@ -89,26 +86,22 @@ def explore(
     pool = np.flatnonzero(np.array(job.split) == "train")
     known = np.union1d(pool[: until.first], np.flatnonzero(np.array(job.split) != "train"))
     rounds: list[Round] = []
-    largest = min(until.largest, len(pool)) + len(job.u) - len(pool)
-    with progress("simulate-sample", largest, quiet=quiet) as advance:
-        first = known[tour.skeleton(job.u[known], spec.skeleton)]
-        files = [solve_skeleton(job, first, advance)]
-        files += solve_rows(job, np.setdiff1d(known, first), spec.shard, advance)
-        chosen = pool[: until.first]
-        while len(chosen) < min(until.largest, len(pool)) and not settled(rounds, until):
-            begin = time.perf_counter()
-            training = as_dataset(merge(files, ["train"])["train"])
-            whole, parts = committee(training, until)
-            left = np.setdiff1d(pool, chosen)
-            batch, expected = next_batch(
-                job, training, whole, parts, left, min(until.batch, until.largest - len(chosen))
-            )
-            seconds = time.perf_counter() - begin
-            mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
-            new = solve_rows(mine, batch, -(-len(batch) // PIECES), advance)
-            observed = largest_error(whole, as_dataset(merge(new, ["train"])["train"]))
-            rounds.append(Round(len(training), len(batch), expected, observed, seconds))
-            files, chosen = files + new, np.concatenate([chosen, batch])
+    first = known[tour.skeleton(job.u[known], spec.skeleton)]
+    files = [solve_skeleton(job, first), *solve_rows(job, np.setdiff1d(known, first), spec.shard)]
+    chosen = pool[: until.first]
+    while len(chosen) < min(until.largest, len(pool)) and not settled(rounds, until):
+        doing(f"choosing the next states, {len(chosen)} of at most {min(until.largest, len(pool))} solved")
+        begin = time.perf_counter()
+        training = as_dataset(merge(files, ["train"])["train"])
+        whole, parts = committee(training, until)
+        left = np.setdiff1d(pool, chosen)
+        batch, expected = next_batch(job, training, whole, parts, left, min(until.batch, until.largest - len(chosen)))
+        seconds = time.perf_counter() - begin
+        mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
+        new = solve_rows(mine, batch, -(-len(batch) // PIECES))
+        observed = largest_error(whole, as_dataset(merge(new, ["train"])["train"]))
+        rounds.append(Round(len(training), len(batch), expected, observed, seconds))
+        files, chosen = files + new, np.concatenate([chosen, batch])
     return merge(files, list(spec.splits)), rounds
 
 

@@ -51,7 +51,7 @@ def _stage(run: Callable[..., Any], summary: str, name: str, hidden: bool = Fals
 
     def command(set_, out, force, check, strict, json, quiet, **own) -> None:
         work = partial(run, **own, set_=set_ or [], out=out)
-        run_command(lambda options: work(options=options), force, check, json, quiet, strict)
+        run_command(lambda options: work(options=options), force, check, json, quiet, strict, name)
 
     given = ("set_", "out", "options")
     own = [one for name, one in signature(run).parameters.items() if name not in given]
@@ -223,7 +223,7 @@ def verify(
     from cfem.cli.verify import demand_whole, verify_folders
 
     found = []
-    run_command(lambda _: verify_folders(folders or [], json, found), as_json=json)
+    run_command(lambda _: verify_folders(folders or [], json, found), as_json=json, label="verify")
     if any(one.damage for one in found):
         run_command(lambda _: demand_whole(found))
 
@@ -249,10 +249,10 @@ def stability(
         if list_:
             names = [case.name for case in cases]
             return {"cases": names} if json else "\n".join(names)
-        results.extend(command.run_cases(cases, options.quiet))
+        results.extend(command.run_cases(cases))
         return table.as_data(results) if json else table.as_text(results)
 
-    run_command(work, as_json=json, quiet=quiet)
+    run_command(work, as_json=json, quiet=quiet, label="stability")
     if suite.misbehaving(results):
         run_command(lambda _: suite.demand_right(results))
 

@@ -12,6 +12,7 @@ from cfem.core.errors import CfemError
 from cfem.core.files import DISK
 from cfem.core.judgement import demand_trust, sentences
 from cfem.core.optional import explained
+from cfem.core.progress import shown
 from cfem.core.stage import Options
 
 LONGEST = 2000  # characters of an error
@@ -24,9 +25,11 @@ def run_command(
     as_json: bool = False,
     quiet: bool = False,
     strict: bool = False,
+    label: str = "",
 ) -> None:
     """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error; after
-    printing where the results are contradicted or, if `strict`, poor."""
+    printing where the results are contradicted or, if `strict`, poor. label: of the command, under which progress is
+    shown; without one nothing is shown."""
     came: list[int] = []
     working = True
 
@@ -40,7 +43,8 @@ def run_command(
             signal.signal(number, interrupt)
     try:
         try:
-            outcome = work(Options(force=force, check=check, quiet=quiet or as_json))
+            with shown(label, quiet or as_json or not label):
+                outcome = work(Options(force=force, check=check, quiet=quiet or as_json))
         except Exception:
             if came:  # compiled code makes other errors of an interrupt
                 raise KeyboardInterrupt from None

@@ -23,7 +23,6 @@ from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.core.progress import progress
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options
 from cfem.equilibrium.robot import Robot
 from cfem.predict.protocol import Predictor
 from cfem.robot.spec import SceneSpec
@@ -39,14 +38,13 @@ def run_controllers(
     predictors: Mapping[str, Predictor],
     goals: Mapping[str, np.ndarray],
     pilot: tuple[Limits, np.ndarray, Settings],
-    options: Options,
 ) -> dict[str, Any]:
     """Writes loop.parquet, a row a tick; returns the results. pilot: limits, weights of effector rows, settings; goals:
     (m, n_e) mm absolute by trajectory; base: folder of the spec, where a device starts. InputError where that fails."""
     loop, pace = spec.loop, _pace(spec.loop)
     plant_of = _plants(spec, base, robot, predictors)
     records, results = [], {}
-    with progress("control", _visits(goals, loop), quiet=options.quiet) as advance:
+    with progress("goals of all controllers and seeds", _visits(goals, loop)) as advance:
         for trajectory, points in goals.items():
             results[trajectory] = {}
             for name, controller in loop.controllers.items():

@@ -50,6 +50,11 @@ class FemPlant:
     def x(self) -> np.ndarray:
         return self._problem.rest if self._last is None else self._last.state.x
 
+    @property
+    def state(self) -> Equilibrium | None:
+        """The equilibrium in which the robot stands, None at rest."""
+        return self._last
+
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
         """Condensed FE at delta_a (n_a,) mm, all actuators bilateral, as the linearisation of the inverse step
         sees them."""

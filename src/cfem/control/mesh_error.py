@@ -7,15 +7,16 @@ Mechanics 29, 1997): with cells of size h and h / r the error at h is the differ
 is that of smooth displacements; the finger's graded mesh converges faster, so that its error is overestimated by a
 third."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.control.spec import MeshErrorSpec
+from cfem.control.spec import ControlSpec, MeshErrorSpec
 from cfem.core.errors import CfemError
+from cfem.core.progress import doing, progress
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
@@ -23,7 +24,7 @@ from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
-from cfem.robot.finer import carried_over, finer_mesh
+from cfem.robot.finer import carried_over, dimensions, finer_mesh, growth
 from cfem.robot.spec import SceneSpec
 
 ORDER = 2.0
@@ -39,6 +40,31 @@ class Difference:
     tip: float
     reach: float
     force: float
+
+
+def states_to_refine(goals: Mapping[str, np.ndarray], spec: ControlSpec, rest_e: np.ndarray) -> set[tuple[str, int]]:
+    """The goals (trajectory, index) whose commands `discretisation` takes."""
+    if _left_out(spec):
+        return set()
+    every = [(name, index) for name, points in goals.items() for index in range(len(points))]
+    return {every[one] for one in chosen(np.concatenate(list(goals.values())), rest_e, spec.mesh_error.states)}
+
+
+def discretisation(
+    spec: ControlSpec, scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, states: Sequence[Equilibrium]
+) -> dict[str, Any]:
+    """`mesh_error` as the spec asks for it; only `left_out`, the reason, where there is none."""
+    why = _left_out(spec)
+    return {"left_out": why} if why else mesh_error(scene, mesh, robot, folder, states, spec.mesh_error)
+
+
+def _left_out(spec: ControlSpec) -> str:
+    """Why nothing is to be estimated."""
+    if spec.mesh_error is None:
+        return "mesh_error is null in the spec"
+    if spec.plant != "fem":
+        return "no FE robot carried out the commands"
+    return "it is not estimated with an object or a design" if spec.object or spec.design else ""
 
 
 def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:
@@ -59,44 +85,46 @@ def mesh_error(
     folder: Path,
     states: Sequence[Equilibrium],
     spec: MeshErrorSpec,
-    advance: Callable[[int], None],
 ) -> dict[str, Any]:
-    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen;
-    advance: called after each of them.
+    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen.
 
     states, cells, finer_cells, order: how it was estimated. tip_mm, tip_percent: error of the effectors' position, of
     the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of the
     largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`: the
     sentence that says why."""
+    expected = growth(scene, spec.cells) * len(mesh.cells)
+    if expected > spec.largest:
+        return {"left_out": f"the finer mesh would have {expected:.0f} cells, and mesh_error.largest is {spec.largest}"}
+    doing("meshing more finely, for the discretisation error")
     try:
         finer = finer_mesh(scene, mesh, robot, folder, spec.cells)
-        if len(finer.cells) > spec.largest:
-            return {"left_out": f"the finer mesh would have {len(finer.cells)} cells, more than {spec.largest}"}
         refined = build_robot(scene, finer)
     except CfemError as error:
-        return {"left_out": f"no finer mesh: {error}"}
+        return {"left_out": f"there is no finer mesh: {error}"}
     problem, found = Problem(refined), []
-    for one in states:
-        start = State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
-        solved = solve(problem, displacement(one.delta_a), start, condense=False)
-        advance(1)
-        if solved.converged:
-            found.append(_difference(robot, one, solved))
+    with progress("commands on the finer mesh", len(states)) as advance:
+        for one in states:
+            hexahedra = mesh.cells.shape[1] == 8
+            start = None if hexahedra else State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
+            solved = solve(problem, displacement(one.delta_a), start, condense=False)
+            advance(1)
+            if solved.converged:
+                found.append(_difference(robot, one, solved))
     if not found:
         return {"left_out": "no state converged on the finer mesh"}
-    ratio = len(finer.cells) / len(mesh.cells)
+    smaller = (len(finer.cells) / len(mesh.cells)) ** (1 / dimensions(scene))
     return {
         "states": len(found),
         "cells": len(mesh.cells),
         "finer_cells": len(finer.cells),
         "order": ORDER,
-        **extrapolated(found, ratio, robot.length),
+        **extrapolated(found, smaller, robot.length),
     }
 
 
-def extrapolated(found: Sequence[Difference], ratio: float, length: float) -> dict[str, float]:
-    """The largest differences to a mesh of `ratio` times as many cells as errors of the mesh at hand."""
-    gain = ratio ** (ORDER / 3)
+def extrapolated(found: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
+    """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small."""
+    gain = smaller**ORDER
     factor = gain / (gain - 1)
     tip, reach, force = (factor * max(getattr(one, key) for one in found) for key in ("tip", "reach", "force"))
     return {

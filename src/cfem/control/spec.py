@@ -108,6 +108,17 @@ class SearchSpec(Spec):
     """Solver of the quadratic program."""
 
 
+class MeshErrorSpec(Spec):
+    """How the discretisation error is estimated: some commands are carried out once more on a finer mesh."""
+
+    states: PositiveInt = 3
+    """Number of goals whose commands are carried out."""
+    cells: float = Field(2.5, ge=1.5, le=8)
+    """Cells of the finer mesh relative to the mesh at hand. Eight where the mesh is a file, whose cells are cut."""
+    largest: PositiveInt = 60_000
+    """No estimate is made where the finer mesh would have more cells."""
+
+
 class ObjectSpec(Spec):
     """A rigid box that robots hold by their contact points. Models treat contact as bilateral, whatever the law."""
 
@@ -153,8 +164,8 @@ class ControlSpec(Spec):
     your own device."""
     runtime: Literal["arrays", "onnx"] = "arrays"
     """Runtime of the models."""
-    fe_based: bool = True
-    """Whether the same control also runs on FE matrices, for comparison."""
+    fe_based: bool = False
+    """Whether the same control also runs on FE matrices, for comparison. It takes several FE solves per goal."""
     fe_tolerance: Length = 1e-3
     """Tolerance of that control on FE matrices."""
     trajectories: dict[str, TrajectorySpec] = Field(min_length=1)
@@ -162,7 +173,9 @@ class ControlSpec(Spec):
     search: SearchSpec = SearchSpec()
     """How the inverse steps approach a goal."""
     reached: Length = 0.1
-    """A goal counts as reached where the search ends nearer than this."""
+    """A goal is reached where the robot ends nearer than this, and in reach where the search by the model does."""
+    mesh_error: MeshErrorSpec | None = MeshErrorSpec()
+    """How the discretisation error is estimated, null to leave it out."""
     fewer_iterations: list[PositiveInt] = Field(default=[])
     """Also follow with the first model and these numbers of inverse steps per goal, to see what fewer steps cost."""
     pictures: PositiveInt = 60

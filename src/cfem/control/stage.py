@@ -19,7 +19,8 @@ VERSION = 3
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest. Results: per trajectory and controller, see `summary.summarise`."""
+    """The manifest. Results: `trajectories`, per trajectory and controller (`summary.summarise`), and `discretisation`,
+    the estimated error of the mesh itself (`mesh_error.mesh_error`)."""
     made, base = stage(spec_path, overrides, out), spec_path.parent
     models = {name: base / path for name, path in made.spec.models.items()}
     return run_stage(made, lambda folder: _work(folder, made.spec, base, made.inputs["mesh"], models, options), options)
@@ -47,6 +48,7 @@ def _work(
     folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
 ) -> dict[str, Any]:
     from cfem.control.fem_plant import FemPlant
+    from cfem.control.mesh_error import discretisation, states_to_refine
     from cfem.control.plant import ModelPlant
     from cfem.control.summary import headline
     from cfem.core.progress import progress
@@ -79,23 +81,31 @@ def _work(
         from cfem.control.closed_loop_stage import run_controllers
 
         pilot = _limits(spec, robot), _weights(spec, robot), _settings(spec)
-        return run_controllers(folder, spec, base, robot, predictors, goals, pilot, options)
+        return run_controllers(folder, spec, base, robot, predictors, goals, pilot)
 
     surface, places = np.unique(robot.facets, return_inverse=True)
     facets = places.reshape(robot.facets.shape)
     records, states, results = [], {"X": robot.X[surface], "facets": facets}, {}
-    with progress("control", sum(map(len, goals.values())), quiet=options.quiet) as advance:
+    solved, wanted = [], states_to_refine(goals, spec, robot.rest_e)
+    with progress("the robot carries out the commands", sum(map(len, goals.values()))) as advance:
         for name, points in goals.items():
-            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, advance)
+
+            def after(index: int, name: str = name) -> None:
+                advance(1)
+                if (name, index) in wanted and plant.state is not None:
+                    solved.append(plant.state)
+
+            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, after)
             records += rows
             states |= pictures
             results[name] = _summary(rows, robot.length)
+    refined = discretisation(spec, *scene_and_mesh, robot, (base / spec.scene).parent, solved)
     if spec.object:
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, robot)
     cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
-    lines, held = headline(results), None
+    lines, held = headline(results, refined, cost), None
     if spec.object:
         held = {}
         if fem.solves:
@@ -112,6 +122,7 @@ def _work(
         "object": held,
         "plant": spec.plant,
         "trajectories": results,
+        "discretisation": refined,
         "length": robot.length,
         "fe_cost": cost,
         "nodes": len(robot.X),
@@ -121,6 +132,7 @@ def _work(
 def _goals(name: str, trajectory: TrajectorySpec, robot, fem, shift: np.ndarray) -> np.ndarray:
     """(m, n_e) mm absolute. shift: by how much they move with a design."""
     from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
+    from cfem.core.progress import progress
 
     if isinstance(trajectory, ArcSpec):
         around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
@@ -137,7 +149,12 @@ def _goals(name: str, trajectory: TrajectorySpec, robot, fem, shift: np.ndarray)
             where=f"trajectories.{name}",
         )
     shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals)
-    return np.array([fem.pull(share).x_e for share in shares])
+    found = []
+    with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
+        for share in shares:
+            found.append(fem.pull(share).x_e)
+            advance(1)
+    return np.array(found)
 
 
 def _fit(name: str, goals: np.ndarray, robot, shift: np.ndarray) -> np.ndarray:
@@ -158,9 +175,10 @@ def _demand_same_rows(robot, predictors, models) -> None:
 
 
 def _follow(
-    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, surface, advance
+    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, surface, done
 ) -> tuple[list, dict]:
-    """Records of one trajectory, and the deformed nodes of the surface at its goals."""
+    """Records of one trajectory, and the deformed nodes of the surface at its goals. done: called with a goal's index
+    when the plant stands where the first controller has sent it."""
     from cfem.control.experiment import Controller, Tracker, follow
     from cfem.control.inverse import ridge_of
     from cfem.control.summary import FE_BASED, record
@@ -183,7 +201,7 @@ def _follow(
     def after(index: int) -> None:
         if fem and index in chosen:
             shapes[index] = plant.x[surface].astype(np.float32)
-        advance(1)
+        done(index)
 
     preload = spec.search.preload
     damping = ridge_of(spec.search.damping, robot.reach, robot.length)

@@ -27,6 +27,7 @@ def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None
         "predicted_e": plan.delta_e,
         "predicted_distance": plan.distance,
         "reachable": plan.distance < reached,
+        "reached": tracked.error < reached,
         "inside": tracked.inside,
         "distance_to_data": tracked.distance,
         "status": plan.status.value,
@@ -44,7 +45,7 @@ def summarise(records: Sequence[dict], length: float) -> dict:
     """Headline of one trajectory: per controller, distances in mm and % of length, step times in us, shares.
 
     A goal counts as reachable where FE-based control finds it so, or the controller itself where FE-based did
-    not run."""
+    not run, and as reached where the plant ended near it."""
     by_controller: dict[str, list[dict]] = {}
     for row in records:
         by_controller.setdefault(row["controller"], []).append(row)
@@ -57,6 +58,7 @@ def summarise(records: Sequence[dict], length: float) -> dict:
         found[name] = {
             "goals": len(rows),
             "reachable": sum(reachable),
+            "reached": sum(row["reached"] for row in rows),
             "converged": sum(row["status"] == "converged" for row in rows),
             "plant_converged": sum(row["plant_status"] == "converged" for row in rows),
             "inside": sum(row["inside"] for row in rows),
@@ -76,24 +78,58 @@ def summarise(records: Sequence[dict], length: float) -> dict:
     return found
 
 
-def headline(trajectories: dict[str, dict]) -> list[str]:
-    """One sentence a trajectory and controller, those with fewer iterations (name@n) left to the tables."""
+def headline(
+    trajectories: dict[str, dict], discretisation: dict | None = None, fe_cost: dict | None = None
+) -> list[str]:
+    """One sentence per trajectory and controller, those with fewer iterations (name@n) left to the tables, and one on
+    the discretisation error, which comes first where it is larger than the tracking error."""
     lines = []
     for trajectory, controllers in trajectories.items():
         for name, row in controllers.items():
-            if "@" in name:
-                continue
-            near, fe = row["distance_to_reachable_goals"], row["distance_to_fe_based"]
-            parts = [f"{row['reachable']} of {row['goals']} goals in reach"]
-            if near:
-                parts.append(f"missed by mean {near['mean']:.2g}, max {near['max']:.2g} mm")
-            if fe:
-                parts.append(f"mean {fe['mean']:.2g}, max {fe['max']:.2g} mm from FE-based control")
-            parts.append(f"{row['step_us']['median']:.0f} us a step")
-            if row["inside"] < row["goals"]:
-                parts.append(f"{row['goals'] - row['inside']} plans OUTSIDE what the model was trained on")
-            lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
-    return lines
+            if "@" not in name:
+                lines.append(f"{trajectory}, {name}: " + "; ".join(_parts(row, fe_cost)))
+    if discretisation is None:
+        return lines
+    sentence = discretisation_sentence(discretisation)
+    errors = [
+        row["distance_to_reachable_goals"] for controllers in trajectories.values() for row in controllers.values()
+    ]
+    tracking = max((one["max"] for one in errors if one), default=0.0)
+    return [sentence, *lines] if discretisation.get("tip_mm", 0.0) > tracking else [*lines, sentence]
+
+
+def discretisation_sentence(found: dict) -> str:
+    """What the mesh itself leaves uncertain."""
+    if "left_out" in found:
+        return f"discretisation error: not estimated ({found['left_out']})"
+    return (
+        f"discretisation error: the mesh itself leaves {found['tip_mm']:.2g} mm uncertain at the tip "
+        f"({found['tip_percent']:.2g} % of the length), {found['force_percent']:.2g} % of the actuator forces and "
+        f"{found['reach_percent']:.2g} % of the reach (estimated: {found['states']} states on {found['finer_cells']} "
+        f"instead of {found['cells']} cells)"
+    )
+
+
+def _parts(row: dict, fe_cost: dict | None) -> list[str]:
+    near, far, fe = (row[f"distance_to_{what}"] for what in ("reachable_goals", "unreachable_goals", "fe_based"))
+    parts = [f"{row['reached']} of {row['goals']} goals reached"]
+    if near:
+        parts.append(f"tracking error mean {near['mean']:.2g} mm, max {near['max']:.2g} mm, on the mesh of the model")
+    if far:
+        out = row["goals"] - row["reachable"]
+        goals = (
+            "1 goal is out of reach: the robot ended" if out == 1 else f"{out} goals are out of reach: the robot ended"
+        )
+        parts.append(f"{goals} {far['mean']:.2g} mm away on average, {far['max']:.2g} mm at most")
+    if fe:
+        parts.append(f"mean {fe['mean']:.2g} mm, max {fe['max']:.2g} mm from FE-based control")
+    step = f"{row['step_us']['median'] / 1e3:.2g} ms per control step"
+    if fe_cost and fe_cost["solves"]:
+        step += f" (an FE solve takes {1e3 * fe_cost['seconds'] / fe_cost['solves']:.3g} ms)"
+    parts.append(step)
+    if row["inside"] < row["goals"]:
+        parts.append(f"{row['goals'] - row['inside']} plans OUTSIDE what the model was trained on")
+    return parts
 
 
 def _spread(values: Sequence[float], length: float) -> dict | None:

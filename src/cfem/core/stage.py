@@ -31,6 +31,7 @@ from cfem.core.files import (
 from cfem.core.judgement import with_inherited
 from cfem.core.manifest import MANIFEST, is_inside, read_manifest, write_manifest
 from cfem.core.place import demand_replaceable, destination, move_aside, set_aside
+from cfem.core.progress import labelled
 from cfem.core.provenance import versions
 from cfem.core.spec import Spec, meaning
 
@@ -135,7 +136,8 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
         if not options.force and is_current(stage, made_from):
             return {**read_manifest(stage.out), "status": "up to date"}
         demand_replaceable(stage.out, stage.name, made_from, stage.precious, options.force)
-        return _work(stage, made_from, work)
+        with labelled(stage.name):
+            return _work(stage, made_from, work)
 
 
 def partial_folder(out: Path) -> Path:

@@ -31,7 +31,7 @@ class Solved:
     factorizations: float
 
 
-def study(scene: SceneSpec, folder: Path, spec: Discretisation, quiet: bool = True) -> dict:
+def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
     """Rows (plain data) of all meshes at every Poisson's ratio, of all tolerances, and of the orders of convergence.
 
     Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
@@ -40,7 +40,7 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation, quiet: bool = Tr
 
     ratios = spec.poisson or [scene.material.poisson]
     rows, reference = [], {}
-    with progress("discretisation", len(ratios) * (len(spec.cases) + 1), quiet=quiet) as advance:
+    with progress("the robot on other meshes", len(ratios) * (len(spec.cases) + 1)) as advance:
         for case in (spec.reference, *spec.cases):
             mine = _at(scene, case)
             mesh, _ = scene_mesh(mine, folder)

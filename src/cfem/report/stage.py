@@ -23,9 +23,7 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     made = stage(spec_path, overrides, out)
     scene_path = spec_path.parent / made.spec.scene if made.spec.scene else None
     scene = load_spec(scene_path, SceneSpec) if scene_path else None
-    return run_stage(
-        made, lambda folder: _work(folder, made.spec, scene, scene_path, made.inputs, options.quiet), options
-    )
+    return run_stage(made, lambda folder: _work(folder, made.spec, scene, scene_path, made.inputs), options)
 
 
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
@@ -70,7 +68,6 @@ def _work(
     scene: SceneSpec | None,
     scene_path: Path | None,
     inputs: dict[str, Path],
-    quiet: bool,
 ) -> dict[str, Any]:
     demand("matplotlib", where="cfem report")
     from cfem.core.progress import progress
@@ -79,8 +76,8 @@ def _work(
     from cfem.report.parts import compared, learned, over_time, provenance
 
     manifests = {name: (path, read_manifest(path)) for name, path in inputs.items()}
-    meshes = study(scene, scene_path.parent, spec.discretisation, quiet) if spec.discretisation else {}
-    with progress("report", 4, quiet=quiet) as advance:
+    meshes = study(scene, scene_path.parent, spec.discretisation) if spec.discretisation else {}
+    with progress("drawing the page", 4) as advance:
         summary, robot, card, sections = learned(spec, scene, manifests)
         advance(1)
         sections += compared(spec, manifests)

@@ -22,21 +22,34 @@ _FOUR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _CELLS = 20  # nearest cells among which the one that holds a node is looked for
 
 
+def growth(scene: SceneSpec, ratio: float) -> float:
+    """How many times as many cells `finer_mesh` makes: about `ratio`, and 8 where the cells of a file are cut."""
+    return 8.0 if _own_cells(scene) else ratio
+
+
+def dimensions(scene: SceneSpec) -> int:
+    """In how many directions cells become smaller: one along a row of sections, else three."""
+    return 1 if scene.mesh.element in SECTIONED else 3
+
+
 def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: float) -> Mesh:
-    """About `ratio` times as many cells as `mesh`, that of `scene` and `robot`. The cells of a mesh file are cut into
-    eight each, whatever the ratio. SpecError where the file holds hexahedra; else what `make_mesh` raises."""
-    if isinstance(scene.geometry, MeshFile) and scene.geometry.path.suffix.lower() != ".stl":
+    """About `growth` times as many cells as `mesh`, that of `scene` and `robot`. SpecError where a mesh file holds
+    hexahedra; else what `make_mesh` raises."""
+    if _own_cells(scene):
         if mesh.cells.shape[1] == 8:
-            raise SpecError("hexahedra of a mesh file are not refined")
+            raise SpecError("hexahedra of a mesh file are not cut")
         finer = cut_in_eight(mesh)
         return with_middles(finer) if mesh.order == 2 else finer
-    dimensions = 1 if scene.mesh.element in SECTIONED else 3
-    shrink = ratio ** (-1 / dimensions)
-    finer = _scaled(scene, shrink)
+    finer = _scaled(scene, ratio ** (-1 / dimensions(scene)))
     if scene.mesh.cells is None:
         return make_mesh(finer, folder)[0]
     cells = round(ratio * len(mesh.cells))
     return make_mesh(finer, folder, grade(mesh, estimate(robot), cells, finer.mesh.size))[0]
+
+
+def _own_cells(scene: SceneSpec) -> bool:
+    """Whether the mesh is the user's own."""
+    return isinstance(scene.geometry, MeshFile) and scene.geometry.path.suffix.lower() != ".stl"
 
 
 def _scaled(scene: SceneSpec, shrink: float) -> SceneSpec:
@@ -73,8 +86,8 @@ def _parts_of(members: np.ndarray, parts: int) -> np.ndarray:
 
 
 def carried_over(coarse: Mesh, x: np.ndarray, finer: Mesh) -> np.ndarray:
-    """(n, 3) mm: where the nodes of `finer` are by the deformation x of `coarse` tetrahedra; a start for Newton's method.
-    A node that no cell holds follows the nearest cell's polynomial."""
+    """(n, 3) mm: the nodes of `finer` moved by the deformation x of `coarse` tetrahedra, a start for Newton's method. A
+    node that no cell holds follows the nearest cell's polynomial."""
     from scipy.spatial import cKDTree
 
     corners = coarse.X[coarse.cells[:, :4]]

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.core.progress import doing, progress
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import shape
@@ -39,12 +40,15 @@ class Errors:
 
 def scene_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
     """The scene's mesh and CAD volume (meshing.make_mesh), graded where the scene states a number of cells."""
+    doing("meshing")
     mesh, volume = make_mesh(scene, folder)
     if scene.mesh.cells is None:
         return mesh, volume
-    for _ in range(PASSES):
-        errors = estimate(build_robot(scene, mesh))
-        mesh, volume = make_mesh(scene, folder, grade(mesh, errors, scene.mesh.cells, scene.mesh.size))
+    with progress("meshing finest where it matters", PASSES) as advance:
+        for _ in range(PASSES):
+            errors = estimate(build_robot(scene, mesh))
+            mesh, volume = make_mesh(scene, folder, grade(mesh, errors, scene.mesh.cells, scene.mesh.size))
+            advance(1)
     return mesh, volume
 
 

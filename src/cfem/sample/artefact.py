@@ -20,9 +20,7 @@ from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
 
 
-def fill(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, quiet: bool, workers: Workers
-) -> dict[str, Any]:
+def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
     """Writes one Parquet file a split into `folder`; results for the manifest."""
     begin = time.perf_counter()
     files = {split: folder / f"{split}.parquet" for split in spec.splits}
@@ -31,7 +29,7 @@ def fill(
         tables = {split: read_table(file) for split, file in files.items()}
     except InputError:  # not there yet
         tables = with_workers(
-            workers, lambda executor: sample(spec, factory, shards, executor, made_from, quiet, workers.timeout)
+            workers, lambda executor: sample(spec, factory, shards, executor, made_from, workers.timeout)
         )
         for split, table in tables.items():
             write_table(files[split], table)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError, SpecError
-from cfem.core.progress import progress
 from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import read_table
 from cfem.dataset.schema import content
@@ -51,7 +50,7 @@ def parse_part(text: str) -> Part:
 
 
 def fill_part(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: Part, quiet: bool, workers: Workers
+    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: Part, workers: Workers
 ) -> dict[str, Any]:
     """Solves the skeleton and the part's shards into `folder`; results for the manifest. whole: what the complete
     dataset is made from."""
@@ -62,11 +61,9 @@ def fill_part(
         first = tour.skeleton(job.u, spec.skeleton)
         rest = np.setdiff1d(np.arange(len(job.u)), first)
         share = slice(part.index - 1, None, part.count)
-        mine = sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
-        with progress("simulate-sample", len(first) + mine, quiet=quiet) as advance:
-            solve_skeleton(job, first, advance)
-            solve_rows(job, rest, spec.shard, advance, share)
-        return mine
+        solve_skeleton(job, first)
+        solve_rows(job, rest, spec.shard, share)
+        return sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
 
     rows = with_workers(workers, solve)
     return {"part": vars(part) | {"of": whole}, "rows": rows, "wall_seconds": time.perf_counter() - begin}

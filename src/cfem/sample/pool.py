@@ -4,16 +4,17 @@ or the workers of a Dask cluster."""
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from cfem.core.errors import NumericalError, SpecError
+from cfem.core.progress import say
 from cfem.core.system import cores
+from cfem.sample import tally
 
 # Sums in another order, by another number of threads, would end in other digits.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "RAYON_NUM_THREADS")
@@ -59,7 +60,7 @@ def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:
         except WorkersLost as lost:
             if not fresh:
                 raise
-            print(f"simulate-sample: {lost.what}; going on with fresh workers", file=sys.stderr, flush=True)
+            say(f"simulate-sample: {lost.what}; going on with fresh workers")
     raise AssertionError("unreachable")
 
 
@@ -68,11 +69,10 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """`workers` processes (default: one a core), a single one included: the numbers then come from the same environment
     however many there are. Left by an exception (Ctrl-C too), the workers are killed in the middle of what they do."""
     others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
     # Safe path: no process takes modules from the working folder.
     with _environment(dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1")):
-        executor = ProcessPoolExecutor(
-            workers or cores(), multiprocessing.get_context("spawn"), initializer=_become_worker
-        )
+        executor = Pool(workers or cores(), context, context.Value("q", 0))
         try:
             yield executor
         except BaseException:
@@ -83,8 +83,21 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
             executor.shutdown(cancel_futures=True)
 
 
-def _become_worker() -> None:
+class Pool(ProcessPoolExecutor):
+    """Processes that count the states that they solve in `tally`, a multiprocessing.Value."""
+
+    def __init__(self, workers: int, context: Any, tally: Any):
+        super().__init__(workers, context, initializer=_become_worker, initargs=(tally,))
+        self._tally = tally
+
+    def solved(self) -> int:
+        """States solved so far by all of them."""
+        return self._tally.value
+
+
+def _become_worker(count: Any) -> None:
     """Ctrl-C goes to the whole process group: the parent answers for all. A parent that is killed answers no more."""
+    tally.join(count)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

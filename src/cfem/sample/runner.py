@@ -21,7 +21,7 @@ from cfem.condensed.pose import COORDINATES
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
 from cfem.core.files import plain, write_whole
-from cfem.core.progress import progress
+from cfem.core.progress import doing, progress
 from cfem.core.provenance import versions
 from cfem.core.spec import meaning
 from cfem.dataset.reader import column_array, read_table
@@ -33,12 +33,6 @@ from cfem.sample.pool import WorkersLost
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec
-
-Advance = Callable[[int], None]
-
-
-def _unseen(rows: int) -> None:
-    """No progress to show."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +77,6 @@ def sample(
     folder: Path,
     executor: Executor,
     made_from: str = "",
-    quiet: bool = False,
     timeout: float | None = None,
 ) -> dict[str, pa.Table]:
     """One table a split, rows in the order of their plan. `folder` keeps what is finished; a later call with the same
@@ -91,9 +84,7 @@ def sample(
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     first = tour.skeleton(job.u, spec.skeleton)
     rest = np.setdiff1d(np.arange(len(job.u)), first)
-    with progress("simulate-sample", len(job.u), done=_finished(job, first, rest, spec.shard), quiet=quiet) as advance:
-        files = [solve_skeleton(job, first, advance)]
-        files += solve_rows(job, rest, spec.shard, advance)
+    files = [solve_skeleton(job, first), *solve_rows(job, rest, spec.shard)]
     return merge(files, list(spec.splits))
 
 
@@ -107,6 +98,7 @@ def make_job(
 ) -> Job:
     """The rows of all splits, to be solved into `folder`."""
     robot = pickle.dumps(factory)
+    doing("starting the workers and solving the robot at rest")
     facts: Facts
     _, facts = next(_results(executor, timeout, {"facts of the robot": (shard.facts, robot)}))
     if spec.space == "force" and facts.forces is None:
@@ -157,20 +149,18 @@ def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
     return ContactPlan(tuple(low), tuple(high), turns, about_rest)
 
 
-def solve_skeleton(job: Job, rows: np.ndarray, advance: Advance = _unseen) -> Path:
+def solve_skeleton(job: Job, rows: np.ndarray) -> Path:
     """The file with these rows (indices into job.u), made if it is not there, and beside it their states."""
     if not _has_skeleton(job):
         call = (shard.solve_skeleton, job.robot, job.piece(rows))
-        _, (table, states) = next(_results(job.executor, job.timeout, {"skeleton": call}))
+        with progress("skeleton, from which all other states start", len(rows), poll=_solved(job), estimate=False):
+            _, (table, states) = next(_results(job.executor, job.timeout, {"skeleton": call}))
         write_whole(job.skeleton_states, states)
         write_whole(job.skeleton_rows, table)
-        advance(len(rows))
     return job.skeleton_rows
 
 
-def solve_rows(
-    job: Job, rows: np.ndarray, size: int, advance: Advance = _unseen, share: slice = slice(None)
-) -> list[Path]:
+def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)) -> list[Path]:
     """The files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
     same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
     which of the shards, all by default."""
@@ -183,9 +173,13 @@ def solve_rows(
             job.shard_rows(number).name: (shard.solve_shard, job.robot, states, job.piece(pieces[number]))
             for number in waiting
         }
-        for name, table in _results(job.executor, job.timeout, calls):
-            write_whole(job.folder / name, table)
-            advance(len(calls[name][-1].u))
+        poll = _solved(job)
+        total, left = (sum(len(pieces[number]) for number in numbers) for numbers in (mine, waiting))
+        with progress("solving states", total, done=total - left, poll=poll) as advance:
+            for name, table in _results(job.executor, job.timeout, calls):
+                write_whole(job.folder / name, table)
+                if poll is None:
+                    advance(len(calls[name][-1].u))
     return [job.shard_rows(number) for number in mine]
 
 
@@ -234,11 +228,13 @@ def _has_skeleton(job: Job) -> bool:
     return True
 
 
-def _finished(job: Job, first: np.ndarray, rest: np.ndarray, size: int) -> int:
-    """Rows that an earlier run has solved."""
-    pieces = tour.shards(job.u, rest, size)
-    done = sum(len(piece) for number, piece in enumerate(pieces) if job.shard_rows(number).exists())
-    return done + (len(first) if job.skeleton_rows.exists() else 0)
+def _solved(job: Job) -> Callable[[], int] | None:
+    """Counts the states that are solved from now on; None where the executor does not tell."""
+    count = getattr(job.executor, "solved", None)
+    if count is None:
+        return None
+    before = count()
+    return lambda: count() - before
 
 
 def merge(files: Sequence[Path], splits: Sequence[str]) -> dict[str, pa.Table]:

@@ -23,6 +23,7 @@ from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
+from cfem.sample import tally
 from cfem.sample.contact import ContactPlan
 from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
@@ -92,6 +93,7 @@ def _solve_rows(solver: Solver, piece: Piece, known: Sequence[Knot]) -> tuple[li
         if solved.converged:
             knots.append(knot(u, solved, contacts=piece.contact is not None, q=q))
         records.append(record | {"seconds": time.perf_counter() - begin})
+        tally.add_one()
     return records, knots
 
 

@@ -52,7 +52,7 @@ def run(
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
 
-        return (fill or artefact.fill)(folder, spec, factory(), whole, options.quiet, crew)
+        return (fill or artefact.fill)(folder, spec, factory(), whole, crew)
 
     if shard is None:
         return run_stage(made, work, options)
@@ -63,7 +63,7 @@ def run(
 
     part = parse_part(shard)
     mine = replace(made, out=out or part.folder(made.out), extra={**made.extra, "part": vars(part)})
-    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), whole, part, options.quiet, crew), options)
+    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), whole, part, crew), options)
 
 
 def merge(

@@ -25,6 +25,6 @@ def select(scene: Path | None = None, only: str | None = None, heavy: bool = Fal
     return left
 
 
-def run_cases(cases: list[Case], quiet: bool = False) -> list[Result]:
-    with progress("stability", len(cases), quiet=quiet) as advance:
+def run_cases(cases: list[Case]) -> list[Result]:
+    with progress("cases", len(cases)) as advance:
         return run_all(cases, advance)
