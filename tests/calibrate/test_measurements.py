@@ -54,7 +54,7 @@ def test_a_dataset_serves_as_measurements(tmp_path):
     assert found.u.shape == (2, 2) and np.isfinite(found.delta_e).all() and np.isfinite(found.dual).all()
     swapped = read_measurements(tmp_path, rows, "force", "test")
     assert len(swapped) == 3 and swapped.kind == "force"
-    with pytest.raises(InputError, match="rows"):
+    with pytest.raises(InputError, match="drives cable0 and cable1, the model left and right"):
         read_measurements(tmp_path, ROWS, "displacement")
     with pytest.raises(InputError, match="has no row 9: its 5 rows are 0 to 4"):
         read_measurements(tmp_path, rows, "displacement", chosen=[9])

@@ -76,6 +76,15 @@ def test_a_defect_of_ours_asks_to_be_reported(bar, monkeypatch):
     assert result.exit_code == 1 and "please report" in result.stderr and "Traceback" not in result.stderr
 
 
+def test_what_is_no_artefact_is_called_so(bar):
+    for words in (["inspect", bar], ["summary", bar]):
+        done = cfem(*words)
+        assert done.exit_code == 3 and "scene.yaml: is a file, and an artefact is a folder" in done.stderr
+    done = cfem("inspect", bar.parent)
+    assert done.exit_code == 3 and "holds no manifest.json: no command of cfem made it" in done.stderr
+    assert "is a folder (name the YAML file in it)" in cfem("mesh", bar.parent).stderr
+
+
 def test_a_poor_result_is_said_first_and_fails_when_strict(bar, monkeypatch):
     monkeypatch.setattr("cfem.robot.stage._work", lambda *_: {"judgement": [poor("12 of 24 states failed")]})
     done = cfem("mesh", bar)

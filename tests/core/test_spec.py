@@ -64,7 +64,7 @@ def test_overrides_reach_nested_keys_and_lists(tmp_path):
             ["spec.yaml:3", "inner.stifness", "did you mean 'stiffness'?"],
         ),
         (TEXT.replace("3 cm", "3 kPa"), (), ["spec.yaml:3", "inner.stiffness", "not a unit of length"]),
-        (TEXT.replace("3 cm", "3"), (), ["spec.yaml:3", "length with its unit", "'3 mm'"]),
+        (TEXT.replace("3 cm", "3"), (), ["spec.yaml:3", "length with its unit, such as '1 mm'; got the bare number 3"]),
         (TEXT.replace("{stiffness: 1 mm}", "{}"), (), ["spec.yaml:5", "missing key 'stiffness'"]),
         (TEXT, ("count=0",), ["--set", "count", "greater than 0"]),
         (TEXT, ("count=1.5",), ["--set", "count: expected a whole number, got 1.5"]),

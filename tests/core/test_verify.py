@@ -62,7 +62,7 @@ DAMAGE = {
     "missing": (lambda folder: (folder / "deep" / "text.txt").unlink(), "deep/text.txt: is missing"),
     "foreign": (lambda folder: (folder / "deep" / "more.txt").write_text("?"), "deep/more.txt: is foreign"),
     "a link": (lambda folder: (folder / "link").symlink_to("nowhere"), "link: is foreign"),
-    "no manifest": (lambda folder: (folder / MANIFEST).unlink(), "manifest.json: no such file"),
+    "no manifest": (lambda folder: (folder / MANIFEST).unlink(), "holds no manifest.json: no command of cfem made it"),
     "empty manifest": (lambda folder: (folder / MANIFEST).write_bytes(b""), "manifest.json: is damaged"),
 }
 

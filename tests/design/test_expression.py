@@ -42,5 +42,19 @@ def test_anything_else_is_refused(text, message):
         inequality(text, VALUES, "constraints.a")
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("H >= 1 / 0", "'H >= 1 / 0' has no finite value at H 20"),
+        ("1 / (H - 22) <= JH", "has no finite value at .*H 22"),
+        ("sqrt(JH - H) <= 1", "no finite value"),
+        ("9**9**9**9 >= 1", "no finite value"),
+    ],
+)
+def test_what_is_no_finite_number_is_said_with_the_design(text, message):
+    with pytest.raises(SpecError, match=f"constraints.a: .*{message}"):
+        inequality(text, VALUES, "constraints.a")(VALUES)
+
+
 def test_names():
     assert names_in("volume + H <= 3") == {"volume", "H"} and names_in("H >") == set()

@@ -84,7 +84,7 @@ def test_nodes_move_smoothly(reference):
 
 
 def test_a_design_too_far_is_refused(reference):
-    with pytest.raises(NumericalError, match="reference design"):
+    with pytest.raises(NumericalError, match="of its volume left"):
         reference[2](soft_finger(finger(60, 40, 20)), places(finger(60, 40, 20)))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.core.errors import SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import displacement
 from cfem.robot.build import build_robot
@@ -51,6 +51,12 @@ def solver(tmp_path_factory):
 def finite_elements(case):
     _, scene, mesh, _, parameters = case
     return FiniteElements(scene, mesh, 1e-11, parameters)()
+
+
+def test_a_design_that_ends_before_its_effector_is_named_with_the_point(solver):
+    said = r"design length 50 for 60 mm, near effector 'tip' at \(58, 0, 0\) mm: the m"
+    with pytest.raises(NumericalError, match=said):
+        solver[0].at(np.array([10.0, 50.0, 0.45]))
 
 
 def test_a_design_is_the_robot_built_on_its_mesh(solver):

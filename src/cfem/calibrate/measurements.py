@@ -105,7 +105,8 @@ def _of_dataset(path: Path, rows: Rows, kind: str) -> tuple[Measurements, list[i
 
     data = read_dataset(path)
     if data.rows != rows:
-        raise InputError(f"has rows {data.rows.names}, the model {rows.names}", where=str(path))
+        what = f"was measured on another robot: it {data.rows.difference(rows, 'the model')}"
+        raise InputError(what, where=str(path), do="use measurements and model of one robot")
     u, dual = (data.delta_a, data.lambda_a) if kind == "displacement" else (data.lambda_a, data.delta_a)
     return Measurements(kind, u, np.full_like(data.delta_e, np.nan), data.delta_e, dual), data.id.tolist()
 

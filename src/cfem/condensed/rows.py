@@ -53,3 +53,18 @@ class Rows:
     def active(self) -> slice:
         """Rows that carry a multiplier: actuators and contacts."""
         return slice(self.n_e, self.n)
+
+    def difference(self, other: "Rows", whose: str) -> str:
+        """In words, of another robot's rows: 'drives left and right, the scene cable'."""
+        kinds = (
+            ("drives", self.actuators, other.actuators),
+            ("watches", self.effectors, other.effectors),
+            ("may be touched at", self.contacts, other.contacts),
+        )
+        said = [f"{verb} {_listed(mine)}, {whose} {_listed(theirs)}" for verb, mine, theirs in kinds if mine != theirs]
+        return "; it ".join(said)
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    *others, last = names or ("nothing",)
+    return f"{', '.join(others)} and {last}" if others else last

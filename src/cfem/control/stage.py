@@ -171,7 +171,8 @@ def _demand_same_rows(robot, predictors, models) -> None:
 
     for name, predictor in predictors.items():
         if predictor.rows != robot.rows:
-            raise InputError(f"has rows {predictor.rows.names}, the scene {robot.rows.names}", where=str(models[name]))
+            what = f"is a model of another robot: it {predictor.rows.difference(robot.rows, 'the scene')}"
+            raise InputError(what, where=str(models[name]), do="train a model on samples of this scene")
 
 
 def _follow(

@@ -27,12 +27,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     format. One without format and checksum, as cfem wrote before it had them, is read as it is."""
     if not folder.exists():
         raise InputError("no such artefact", where=str(folder), do="run the stage that makes it")
+    if not folder.is_dir():
+        do = "give the folder that a command made, which a spec names as `out`"
+        raise InputError("is a file, and an artefact is a folder", where=str(folder), do=do)
     path = folder / MANIFEST
     try:
         data = path.read_bytes()
         manifest = json.loads(data)
     except FileNotFoundError:
-        raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
+        raise InputError("holds no manifest.json: no command of cfem made it", where=str(folder)) from None
     except (OSError, ValueError, RecursionError) as error:
         raise _damaged(path, str(error)) from None
     if not isinstance(manifest, dict):

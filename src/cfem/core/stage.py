@@ -98,9 +98,11 @@ def artefact_content(path: Path) -> str:
 
 def artefact_file(folder: Path, name: str) -> Path:
     """Path of a file of an artefact, checked against the manifest's SHA-256. InputError where missing or damaged."""
-    known = read_manifest(folder)["files"].get(name) if is_inside(name) else None
+    manifest = read_manifest(folder)
+    known = manifest["files"].get(name) if is_inside(name) else None
     if known is None:
-        raise InputError(f"holds no {name}", where=str(folder), do="run the stage that makes it")
+        what = f"holds no {name}: it was made by cfem {manifest.get('stage')}"
+        raise InputError(what, where=str(folder), do="check the path in the spec")
     if file_sha256(folder / name) != known:
         raise InputError(
             "is damaged: its SHA-256 differs from the manifest",

@@ -86,7 +86,7 @@ def parse_quantity(text: Any, system_unit: str) -> float:
     article = "an" if DIMENSION[system_unit][0] in "aeiou" else "a"
     expected = f"expected {article} {DIMENSION[system_unit]} with its unit"
     if isinstance(text, int | float) and not isinstance(text, bool):
-        raise ValueError(f"{expected}, such as '{text} {_customary(system_unit)}'; got the bare number {text}")
+        raise ValueError(f"{expected}, such as '1 {_customary(system_unit)}'; got the bare number {text:g}")
     found = re.match(rf"\s*({_NUMBER})(.*)", text, re.DOTALL) if isinstance(text, str) else None
     if found is None or not found[2].strip():
         raise ValueError(f"{expected}: a number and a unit, such as '1 {_customary(system_unit)}'; got {text!r}")

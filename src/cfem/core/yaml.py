@@ -24,8 +24,12 @@ def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
         text = data.decode()
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="check the path") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {error}", where=str(path)) from error
+    except IsADirectoryError:
+        raise InputError("is a folder", where=str(path), do="name the YAML file in it") from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+    except ValueError as error:
+        raise InputError(f"is no text: {error}", where=str(path)) from error
     return parse_yaml(text, str(path))
 
 

@@ -35,7 +35,17 @@ def inequality(text: str, names: Iterable[str], where: str) -> Callable[[Values]
 
     def slack(values: Values) -> np.ndarray:
         scope = {**values, "pi": math.pi}
-        return sign * (_value(tree.left, scope) - _value(tree.comparators[0], scope))
+        with np.errstate(all="ignore"):
+            found = sign * (_value(tree.left, scope) - _value(tree.comparators[0], scope))
+        if not np.isfinite(found).all():
+            wrong = np.flatnonzero(~np.isfinite(np.broadcast_to(found, np.shape(next(iter(values.values()))))))[0]
+            at = ", ".join(
+                f"{name} {np.ravel(values[name])[wrong]:.4g}" for name in sorted(names_in(text)) if name in values
+            )
+            raise SpecError(
+                f"'{text}' has no finite value{f' at {at}' if at else ''}", where=where, do="check divisions"
+            )
+        return found
 
     return slack
 
@@ -71,7 +81,7 @@ def _value(node: ast.AST, scope: Mapping[str, np.ndarray | float]) -> np.ndarray
     if isinstance(node, ast.Name):
         return scope[node.id]
     if isinstance(node, ast.Constant):
-        return float(node.value)
+        return np.float64(node.value)  # of which 1/0 is infinite, and no exception
     if isinstance(node, ast.BinOp):
         return _TWO[type(node.op)](_value(node.left, scope), _value(node.right, scope))
     if isinstance(node, ast.UnaryOp):

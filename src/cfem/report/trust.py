@@ -59,7 +59,8 @@ def _trust(predictor: Predictor, states: Dataset, beyond: bool) -> Trust:
 
 def _demand_same_rows(predictor: Predictor, states: Dataset) -> None:
     if predictor.rows != states.rows:
-        raise InputError(f"a model has rows {predictor.rows.names}, the states that judge it {states.rows.names}")
+        difference = predictor.rows.difference(states.rows, "the robot of the states that judge it")
+        raise InputError(f"a model is of another robot: it {difference}")
 
 
 def trust_summary(found: Trust) -> dict[str, Any]:

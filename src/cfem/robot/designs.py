@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfem.constraint.attachment import attach
+from cfem.constraint.attachment import attach, show
 from cfem.constraint.cable import make_cable
 from cfem.constraint.carrier import Carrier
 from cfem.constraint.effector import CarriedEffector, PointEffector
-from cfem.core.errors import SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
 from cfem.robot.build import body_of, build_robot, cable_points, effector_points
 from cfem.robot.meshing import CATALOGUE
-from cfem.robot.morph import Morph, moved
+from cfem.robot.morph import Morph, Unreachable, moved
 from cfem.robot.spec import SceneSpec
 
 
@@ -38,6 +38,10 @@ class Designs:
         if not all(isinstance(one, PointEffector | CarriedEffector) for one in self.reference.effectors):
             raise SpecError("effectors of several points, or with an orientation, do not move with the geometry yet")
         self._points = cables + inside
+        watched = zip(scene.effectors, self.reference.effectors, strict=True)
+        self._names = [f"cable '{name}'" for name, _, _ in _places(scene)]
+        self._names += [f"effector '{item.name}'" for item, one in watched if isinstance(one, PointEffector)]
+        self._geometry = scene.geometry
         self._morph = Morph(mesh, CATALOGUE[type(scene.geometry)](scene.geometry), self._points)
 
     def mesh(self, scene: SceneSpec) -> Mesh:
@@ -45,7 +49,23 @@ class Designs:
         cables = [point for _, _, point in _places(scene)]
         both = zip(scene.effectors, self.reference.effectors, strict=True)
         inside = [effector_points(scene, item) for item, one in both if isinstance(one, PointEffector)]
-        return self._morph(CATALOGUE[type(scene.geometry)](scene.geometry), np.array(cables + inside))
+        places = np.array(cables + inside)
+        try:
+            return self._morph(CATALOGUE[type(scene.geometry)](scene.geometry), places)
+        except Unreachable as error:
+            where = f"design {self._design(scene)}"
+            if error.near is not None:
+                where += f", near {self._names[error.near]} at {show(places[error.near])} mm"
+            do = "keep the point inside the body of every design, or stay nearer to the scene's own"
+            raise NumericalError(error.what, where=where, do=do) from None
+
+    def _design(self, scene: SceneSpec) -> str:
+        """What of the geometry differs from the reference."""
+        fields = type(scene.geometry).model_fields
+        both = ((name, getattr(self._geometry, name), getattr(scene.geometry, name)) for name in fields)
+        return (
+            ", ".join(f"{name} {now:.4g} for {was:.4g} mm" for name, was, now in both if was != now) or "of the scene"
+        )
 
     def robot(self, scene: SceneSpec) -> Robot:
         """Of the scene with another geometry."""

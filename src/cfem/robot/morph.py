@@ -40,6 +40,14 @@ class _Bound:
     nodes: np.ndarray
 
 
+class Unreachable(NumericalError):
+    """A design to which the mesh does not stretch. near: the number of the point next to where it fails."""
+
+    def __init__(self, what: str, near: int | None):
+        super().__init__(what)
+        self.near = near
+
+
 class Morph:
     """mesh: the reference, tetrahedra; solid: its CAD tree; points: attached at the reference, whose places a design
     prescribes. SpecError where a part of the boundary is on no surface of the tree."""
@@ -57,7 +65,7 @@ class Morph:
         self._factor, self._n, self._scale = splu(saddle), n, scale
 
     def __call__(self, solid: Solid, places: np.ndarray) -> Mesh:
-        """The mesh of another design: its tree, and where the points (k, 3) mm go. NumericalError where it cannot be
+        """The mesh of another design: its tree, and where the points (k, 3) mm go. Unreachable where it cannot be
         reached or a cell is left too thin."""
         now = surfaces(solid)
         X = self.mesh.X.copy()
@@ -70,16 +78,15 @@ class Morph:
             X[self._corners] += u
             X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
         else:
-            raise NumericalError(
-                f"the mesh does not follow the design: {np.abs(missing).max():.2g} mm are missing",
-                do="keep nearer to the reference design, or mesh this one anew",
-            )
+            last = int(np.abs(missing).argmax()) - (len(missing) - 3 * len(places))
+            near = last // 3 if last >= 0 else None
+            raise Unreachable(f"the mesh does not follow the design: {np.abs(missing).max():.2g} mm are missing", near)
         left = tet_volumes(X, self.mesh.cells) / self.mesh.volumes
         if not left.min() > THINNEST:
-            raise NumericalError(
-                f"the morphed mesh has a cell with {left.min():.2g} of its volume left",
-                do="keep nearer to the reference design, or mesh this one anew",
-            )
+            centre = self.mesh.X[self.mesh.cells[left.argmin(), :4]].mean(axis=0)
+            apart = [float(np.linalg.norm(point.point - centre)) for point in self._points]
+            near = int(np.argmin(apart)) if apart else None
+            raise Unreachable(f"the morphed mesh has a cell with {left.min():.2g} of its volume left", near)
         return replace(self.mesh, X=X)
 
     def _missing(self, now: Sequence[Surface], places: np.ndarray, X: np.ndarray) -> np.ndarray:

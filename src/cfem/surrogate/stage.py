@@ -60,8 +60,11 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
 
     training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples)
     test = read_dataset(artefact_file(dataset_folder, "test.parquet"))
-    if training.rows != test.rows or not len(test):
-        raise InputError("its test rows are none, or of another robot", where=str(dataset_folder), do="sample it anew")
+    if training.rows != test.rows:
+        what = f"its training robot {training.rows.difference(test.rows, 'that of the test rows')}"
+        raise InputError(what, where=str(dataset_folder), do="sample it again")
+    if not len(test):
+        raise InputError("has no converged test rows", where=str(dataset_folder), do="sample it with more test rows")
     if training.meta.get("plan", {}).get("space") == "rest" and not isinstance(spec.model, MlpSpec):
         what = f"its rows are at rest, of which kind {spec.model.kind} learns no energy"
         raise InputError(what, where=str(dataset_folder), do="train kind: mlp, or use rows of another space")
