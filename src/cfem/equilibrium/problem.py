@@ -233,14 +233,16 @@ class Problem:
         return max(float(np.linalg.norm(internal)), load, float(np.linalg.norm(at.H @ lam)), self.force_floor)
 
     def rounding(self, at: Evaluation, lam: np.ndarray) -> float:
-        """Relative residual that rounding of the positions alone makes: eps |diag A| |x|, with A at rest."""
-        return float(np.finfo(float).eps * self._stiffest * np.abs(at.x).max() / self.scale(at, lam))
+        """Relative residual that rounding of the positions alone makes."""
+        return float(self._rounding_force * np.abs(at.x).max() / self.scale(at, lam))
 
     @cached_property
-    def _stiffest(self) -> float:
-        """N/mm: |diag A| at rest."""
+    def _rounding_force(self) -> float:
+        """N a mm of |x|: eps |diag A| at rest, and eight times that where the positions of rigid groups, which several
+        operations round, make it up."""
         at = self.evaluate(self.rest, np.empty(0), 0.0)
-        return float(np.linalg.norm(self.stiffness(at, np.zeros(self.n_active))[0][self.pattern.indptr[:-1]]))
+        stiffest = np.linalg.norm(self.stiffness(at, np.zeros(self.n_active))[0][self.pattern.indptr[:-1]])
+        return float((8 if self.robot.rigid else 1) * np.finfo(float).eps * stiffest)
 
     def relative_residual(self, at: Evaluation, lam: np.ndarray, tangent: Tangent | None = None) -> float:
         """|R with the demanded pressures| over `scale`; the tangent is needed where pressures lag behind."""
