@@ -31,7 +31,12 @@ YOUNG = Parameter("E", "material.young", "MPa", 1.0, 10.0, 3.0, "log", exact=Tru
 def record(i: int, converged: bool = True, seconds: float = 0.1) -> dict:
     rng = np.random.default_rng(i)
     row = {"id": i, "split": "train", "status": "converged" if converged else "singular", "u": rng.random(2)}
-    row |= {"reason": "" if converged else "the tangent is singular", "residual": 1e-12, "seconds": seconds}
+    row |= {
+        "reason": "" if converged else "the tangent is singular",
+        "residual": 1e-12,
+        "tolerance": 1e-10,
+        "seconds": seconds,
+    }
     row |= {"iterations": 3, "factorizations": 1, "steps": 1}
     if converged:
         W = rng.random((5, 5))

@@ -1,5 +1,7 @@
 """Robustness, honesty and cost of the solver."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
@@ -80,6 +82,24 @@ def test_a_cable_that_would_push_goes_slack(problem):
     assert state.lambda_a[1] == 0.0 and state.delta_a[1] > -8.0
     bilateral = solve(problem, actuation.displacement([7.0, -8.0]), slack=False)
     assert bilateral.lambda_a[1] < 0.0 and not bilateral.slack.any()
+
+
+def test_a_cable_that_pushes_on_the_way_is_let_go_there():
+    three = bar("tet4", divisions=(6, 1, 1), cables=3)
+    ends = {name: getattr(three, name)[::2] for name in ("actuators", "reach", "unilateral")}
+    robot = replace(three, rows=Rows(three.rows.effectors, ("lower", "upper")), **ends)
+    # The lower cable is slack there; held at 0 mm it would push, and the path would end at 15.8 mm.
+    found = solve(Problem(robot), actuation.displacement([0.0, 20.0]))
+    assert found.converged and found.slack.tolist() == [True, False]
+    assert found.delta_a[0] > 0.0 and found.delta_a[1] == pytest.approx(20.0)
+    assert found.factorizations < 100  # 174 to the end of that path alone
+
+
+def test_no_answer_leaves_a_cable_too_long_for_what_is_asked():
+    asked = np.array([17.64, 20.32, 0.0])
+    found = solve(Problem(bar(divisions=(6, 1, 1), cables=3)), actuation.displacement(asked))
+    assert (found.delta_a < asked - 1.0).any()
+    assert found.status is Status.NO_SLACK_SET
 
 
 def test_warm_start_next_door_costs_one_factorization(problem):

@@ -36,6 +36,13 @@ def robot(element, slices, *changes):
     return build_robot(made, make_mesh(made, SCENE.parent)[0])
 
 
+@pytest.mark.parametrize("slices", [5, 7, 13, 21])
+def test_at_rest_any_number_of_slices_is_in_equilibrium_at_once(slices):
+    found = solve(Problem(robot("hex8-full", slices)), force(np.zeros(6)))
+    assert found.converged and found.residual <= found.tolerance
+    assert found.iterations <= 3
+
+
 def at_rest(element, slices, *changes):
     return solve(Problem(robot(element, slices, *changes)), force(np.zeros(6))).condensed.W
 

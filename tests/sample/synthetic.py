@@ -104,6 +104,7 @@ def equilibrium(
         energy=float(state["energy"]),
         residual=1e-12,
         rounding=1e-15,
+        tolerance=1e-10,
         path=1.0,
         iterations=iterations,
         factorizations=iterations,

@@ -28,7 +28,16 @@ def store_dataset(
     for split, count, seed in (("train", train, 1), ("test", test, test_seed)):
         states = dataset(count, seed, n_a, unilateral=n_a == 2, parameters=parameters)
         states = at_rest(states) if rest else states
-        counts = dict(status="converged", reason="", iterations=1, factorizations=1, steps=1, residual=0.0, seconds=0.1)
+        counts = dict(
+            status="converged",
+            reason="",
+            iterations=1,
+            factorizations=1,
+            steps=1,
+            residual=0.0,
+            tolerance=1e-10,
+            seconds=0.1,
+        )
         records = [
             {
                 "id": i,

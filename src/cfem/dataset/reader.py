@@ -17,6 +17,9 @@ from cfem.dataset.schema import BY_PARAMETERS, COLUMNS, FORMAT, REQUIRED, metada
 CONVERGED = "converged"
 
 
+COST = ("iterations", "factorizations", "steps", "residual", "tolerance", "seconds")
+
+
 @dataclass(frozen=True)
 class Dataset:
     """Converged states of one robot, m of them, in the order of their plan.
@@ -27,8 +30,7 @@ class Dataset:
     (m, n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where
     it was not asked for; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, dlambda_dp
     (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
-    cost: iterations, factorizations, steps, residual and seconds by name, (m,) each; failed: the rows that did not
-    converge, as stored; meta: rest_e, reach, length, ...
+    cost: (m,) each of COST by name; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ...
 
     Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
     both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that
@@ -114,9 +116,7 @@ def as_dataset(table: pa.Table) -> Dataset:
         energy=column_array(good, "energy"),
         slack=np.hstack([slack, np.zeros((len(good), stored.n_c), dtype=bool)]),
         n_c=stored.n_c,
-        cost={
-            name: column_array(good, name) for name in ("iterations", "factorizations", "steps", "residual", "seconds")
-        },
+        cost={name: column_array(good, name) for name in COST},
         failed=table.filter(pc.invert(solved)),
         meta=meta,
     )

@@ -56,6 +56,7 @@ COLUMNS = (
     Column("factorizations", _N),
     Column("steps", _N),
     Column("residual", _F, "1"),
+    Column("tolerance", _F, "1"),
     Column("seconds", _F, "s"),
 )
 BY_PARAMETERS = frozenset(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))  # all or none

@@ -17,6 +17,10 @@ class Status(Enum):
     BIFURCATION = "a bifurcation: beyond this load the equilibrium buckles sideways"
     OUT_OF_REACH = "out of reach: the multipliers grow without bound, or an element is about to invert"
     TOO_MANY_ITERATIONS = "the iterations allowed were used up"
+    NO_SLACK_SET = (
+        "no choice of slack cables was found in which none pushes and none is pulled by less than it was told"
+    )
+    INACCURATE = "the residual is above what the tolerance and the rounding of this stiffness allow"
     SINGULAR = "the tangent stiffness is singular: a free rigid motion, or actuators that depend on each other"
     UNSTABLE = "the equilibrium is unstable: the tangent stiffness has negative eigenvalues"
     NOT_FINITE = "the input or the state holds numbers that are not finite"
@@ -53,7 +57,8 @@ class Equilibrium:
     delta: (n,) active displacements, those of the n_a actuators first; delta_e: (n_e,) mm from the rest position;
     slack: (n_a,) cables that carry nothing; energy: Psi = U - f_ext . u (N mm) in the state;
     residual: relative, recomputed after convergence; rounding: the relative residual that double precision resolves
-    here, below which nothing is asked;
+    here, below which nothing is asked; tolerance: of the residual of a converged state, as asked for or as rounding
+    allows;
     path: share of the way to the actuation at which stability was lost or no further step was found, 1 where neither;
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
     response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
@@ -68,6 +73,7 @@ class Equilibrium:
     energy: float
     residual: float
     rounding: float
+    tolerance: float
     path: float
     iterations: int
     factorizations: int

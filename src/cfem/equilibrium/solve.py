@@ -26,6 +26,8 @@ from cfem.mechanics.factorization import SingularMatrixError
 DEFAULT = Settings()
 # Share of the way that is not worth a step, however far the way leads.
 _NOTHING = 1e-12
+# Times the tolerance that a residual may have come to when the pressures follow the positions.
+_SLIGHTLY = 1.5
 
 
 def rest_state(problem: Problem) -> State:
@@ -54,20 +56,27 @@ def solve(
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
-        return _answer(problem, _not_finite(problem, actuation), actuation, cost, begin)
+        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin)
     if slack:
         actuation = _no_push(problem, actuation)
     taut = _taut(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
-    allowed = 4 * len(actuation.C) if slack else 0
-    path = _reach(problem, _only(actuation, taut), start, base, settings, cost)
-    while path.result.status is Status.CONVERGED and allowed > 0:
-        change = _change_of_slack(problem, actuation, taut, path.result)
+    tried = {tuple(taut)}
+    path = _reach(problem, _only(actuation, taut), start, base, settings, cost, slack)
+    while slack:
+        # A path that fails may do so because a cable pushes on the way.
+        converged = path.result.status is Status.CONVERGED
+        last = path.result if converged else path.stable or path.result
+        change = (_change_of_slack if converged else _most_pushing)(problem, actuation, taut, last)
         if change is None:
             break
         taut[change] = not taut[change]
-        allowed -= 1
-        path = _reach(problem, _only(actuation, taut), path.result.state, path.result.state, settings, cost)
-    return _answer(problem, path, _only(actuation, taut), cost, begin, condense, third_order, sides)
+        if tuple(taut) in tried:
+            path = replace(path, result=replace(path.result, status=Status.NO_SLACK_SET)) if converged else path
+            break
+        tried.add(tuple(taut))
+        near = last.state if converged else None
+        path = _reach(problem, _only(actuation, taut), near, last.state, settings, cost, slack)
+    return _answer(problem, path, _only(actuation, taut), settings, cost, begin, condense, third_order, sides)
 
 
 @dataclass(frozen=True)
@@ -89,8 +98,10 @@ def _reach(
     base: State | None,
     settings: Settings,
     cost: Cost,
+    slack: bool,
 ) -> _Path:
-    """Directly from the start, else by continuation from the base, else from rest."""
+    """Directly from the start, else by continuation from the base, else from rest. slack: give up where a step fails
+    and a cable pushes."""
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost)
@@ -99,13 +110,15 @@ def _reach(
             if result.status is Status.CONVERGED and result.beyond <= 0:
                 return _Path(result)
     if base is not None:
-        path = _continuation(problem, actuation, base, settings, cost)
+        path = _continuation(problem, actuation, base, settings, cost, slack)
         if path.result.status is Status.CONVERGED and path.lost is None:
             return path
-    return _continuation(problem, actuation, rest_state(problem), settings, cost)
+    return _continuation(problem, actuation, rest_state(problem), settings, cost, slack)
 
 
-def _continuation(problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost) -> _Path:
+def _continuation(
+    problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost, slack: bool
+) -> _Path:
     C = actuation.C
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
@@ -141,7 +154,11 @@ def _continuation(problem: Problem, actuation: Actuation, start: State, settings
             failed = False
         else:
             step, failed = (to - done) / 2, True
-            if step < max(settings.smallest_step * done, _NOTHING):
+            everything = np.ones(len(C), dtype=bool)
+            pushed = (
+                slack and reached is not None and _most_pushing(problem, actuation, everything, reached) is not None
+            )
+            if pushed or step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
 
 
@@ -173,17 +190,24 @@ def _taut(problem: Problem, actuation: Actuation, near: State | None) -> np.ndar
 
 def _change_of_slack(problem: Problem, actuation: Actuation, taut: np.ndarray, result: NewtonResult) -> int | None:
     """The prescribed row to let go (it pushes) or to take up (its path has become too long), None where all is well."""
-    tension, lack = np.zeros(len(taut)), np.zeros(len(taut))
+    pushing = _most_pushing(problem, actuation, taut, result)
+    lack = np.zeros(len(taut))
+    for index, _ in _unilateral_rows(problem, actuation):
+        if not taut[index]:
+            lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta
+    if pushing is None and len(taut) and lack.max() > 1e-9 * problem.robot.body.mesh.size:
+        return int(lack.argmax())
+    return pushing
+
+
+def _most_pushing(problem: Problem, actuation: Actuation, taut: np.ndarray, result: NewtonResult) -> int | None:
+    """The prescribed row of the cable that pushes most, None where none does."""
+    tension = np.zeros(len(taut))
     for index, actuator in _unilateral_rows(problem, actuation):
         if taut[index]:
             tension[index] = result.lam[actuator]
-        else:
-            lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta
-    if len(taut) and tension.min() < -1e-9 * max(np.abs(result.lam).max(), problem.force_floor):
-        return int(tension.argmin())
-    if len(taut) and lack.max() > 1e-9 * problem.robot.body.mesh.size:
-        return int(lack.argmax())
-    return None
+    pushes = len(taut) and tension.min() < -1e-9 * max(np.abs(result.lam).max(), problem.force_floor)
+    return int(tension.argmin()) if pushes else None
 
 
 def _only(actuation: Actuation, taut: np.ndarray) -> Actuation:
@@ -206,6 +230,7 @@ def _answer(
     problem: Problem,
     path: _Path,
     actuation: Actuation,
+    settings: Settings,
     cost: Cost,
     begin: float,
     condense: bool = False,
@@ -231,9 +256,12 @@ def _answer(
                 slopes = parameter_slopes(problem, result.at, condensed.W, found.Z, by_q, found.y) if sides else None
         except SingularMatrixError:
             status = Status.SINGULAR
-    if status not in (Status.CONVERGED, Status.NOT_FINITE):
+    if status not in (Status.CONVERGED, Status.NOT_FINITE, Status.NO_SLACK_SET):
         status = _cause(problem, path, actuation, status, cost)
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
+    residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
+    if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
+        status, condensed, response_a, dW, slopes = Status.INACCURATE, None, None, None, None
     n_a = robot.rows.n_a
     largest = np.abs(result.lam).max(initial=0.0)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -245,8 +273,9 @@ def _answer(
         delta_e=effector_displacements(robot, x),
         slack=slack,
         energy=problem.potential(settled),
-        residual=problem.relative_residual(settled, result.lam),
+        residual=residual,
         rounding=result.rounding,
+        tolerance=tolerance,
         path=path.share if path.lost is None else path.lost[1],
         iterations=cost.iterations,
         factorizations=cost.factorizations,

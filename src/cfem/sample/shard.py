@@ -123,6 +123,7 @@ def _record(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np
         "factorizations": solved.factorizations,
         "steps": solved.steps,
         "residual": solved.residual,
+        "tolerance": solved.tolerance,
     }
     if solved.converged:
         condensed = _without_contacts(solved.condensed) if held is None else onto_patch(solved.condensed, *held)

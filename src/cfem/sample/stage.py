@@ -14,7 +14,7 @@ from cfem.sample.parameters import scene_parameters
 from cfem.sample.pool import Workers
 from cfem.sample.spec import SampleSpec
 
-VERSION = 5
+VERSION = 6
 
 
 def run(
