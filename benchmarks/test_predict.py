@@ -12,7 +12,7 @@ from surrogate.stored import train_folder  # noqa: E402
 from cfem.core.stage import Options  # noqa: E402
 from cfem.export.stage import run  # noqa: E402
 from cfem.predict.load import load_model, read_arrays, read_meta  # noqa: E402
-from cfem.surrogate.torch_model import module_of  # noqa: E402
+from cfem.surrogate.modules import module_of  # noqa: E402
 
 MODELS = {"spectral": "{kind: spectral, max_degree: 12}", "mlp": "{kind: mlp, epochs: 1}"}
 QUERY = np.array([8.0, 9.0])  # mm

@@ -13,8 +13,8 @@ from cfem.export.torchscript import torchscript_bytes
 from cfem.predict.load import build
 from cfem.surrogate.energy_net import fit
 from cfem.surrogate.model_card import model_card
+from cfem.surrogate.modules import module_of
 from cfem.surrogate.spec import EnergyNetSpec
-from cfem.surrogate.torch_model import module_of
 
 
 def energy_net(form: str) -> tuple[dict, dict]:

@@ -16,8 +16,9 @@ from support.dask_processes import dask_processes, wait_for
 from cfem.dataset.writer import content_hash
 from cfem.sample import tour
 from cfem.sample.plan import actuation, unit_rows
-from cfem.sample.pool import FRESH, Workers, WorkersLost, with_workers
+from cfem.sample.pool import FRESH, with_workers
 from cfem.sample.runner import sample
+from cfem.sample.workers import Workers, WorkersLost
 
 
 @dataclass(frozen=True)

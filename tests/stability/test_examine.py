@@ -11,8 +11,8 @@ from cfem.equilibrium.solution import Status
 from cfem.stability.bodies import bar
 from cfem.stability.case import Case, converges
 from cfem.stability.evidence import misbehaviours
+from cfem.stability.examine import attempt
 from cfem.stability.families.buckling import arch
-from cfem.stability.trial import attempt
 
 RIGHT = Case("right", converges(), lambda: None)
 

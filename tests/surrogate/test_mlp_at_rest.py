@@ -17,10 +17,10 @@ from cfem.predict.load import build, load_model
 from cfem.surrogate.error_measures import measure
 from cfem.surrogate.mlp import fit
 from cfem.surrogate.model_card import model_card
+from cfem.surrogate.modules import module_of
 from cfem.surrogate.spec import MlpSpec
 from cfem.surrogate.spectral import fit as fit_spectral
 from cfem.surrogate.stage import model_inputs, run
-from cfem.surrogate.torch_model import module_of
 
 SMALL = MlpSpec(kind="mlp", width=48, depth=2, activation="silu", epochs=80, batch_size=32, learning_rate=3e-3)
 TINY = SMALL.model_copy(update={"width": 8, "epochs": 2})

@@ -97,7 +97,7 @@ def test_it_is_judged_by_the_states_of_the_whole(project):
 def test_the_torch_module_is_the_same_function(project):
     torch = pytest.importorskip("torch")
     from cfem.predict.load import read_arrays, read_meta
-    from cfem.surrogate.torch_model import module_of
+    from cfem.surrogate.modules import module_of
 
     folder = project / "models" / WHOLE / "serial"
     model, module = load_model(folder), module_of(read_meta(folder), read_arrays(folder))

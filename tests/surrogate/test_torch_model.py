@@ -6,9 +6,10 @@ import torch
 from surrogate.synthetic import dataset
 
 from cfem.predict.load import build
+from cfem.surrogate.modules import module_of
 from cfem.surrogate.spec import MlpSpec, SpectralSpec
 from cfem.surrogate.stage import model_inputs, train_and_judge
-from cfem.surrogate.torch_model import module_of, spd_inverse
+from cfem.surrogate.torch_model import spd_inverse
 
 TINY = MlpSpec(kind="mlp", width=16, depth=2, epochs=2)
 

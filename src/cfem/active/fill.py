@@ -26,10 +26,11 @@ from cfem.predict.protocol import Predictor
 from cfem.sample import artefact, tour
 from cfem.sample.parameters import range_coordinates
 from cfem.sample.plan import actuation
-from cfem.sample.pool import Workers, with_workers
+from cfem.sample.pool import with_workers
 from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec, Until
+from cfem.sample.workers import Workers
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.spectral import fit
 

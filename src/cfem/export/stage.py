@@ -106,7 +106,7 @@ def copy(source: Path, target: Path) -> None:
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:
     from cfem.export.onnx import example, onnx_bytes
     from cfem.export.torchscript import torchscript_bytes
-    from cfem.surrogate.torch_model import module_of
+    from cfem.surrogate.modules import module_of
 
     model = module_of(meta, arrays)
     if "onnx" in spec.formats:

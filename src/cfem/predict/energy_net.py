@@ -13,7 +13,7 @@ from cfem.predict.potential import PotentialPredictor
 ORDERS = {"potential": 2, "effector": 1, "effector_compliance": 0}
 
 
-class EnergyNetPredictor(PotentialPredictor):
+class EnergyNetPredictor(PotentialPredictor, kind="energy_net"):
     """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
     the form and the coordinates of the learned parameters; polynomial (1 + n + n (n + 1) / 2, n_out): coefficients of
     1, z_i and z_i z_j, i <= j, in the order of `layout`; for every quantity, and hidden layer i, quantity_weight_i

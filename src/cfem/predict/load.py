@@ -10,18 +10,9 @@ from cfem.core.errors import InputError
 from cfem.core.files import read_json
 from cfem.core.optional import demand
 from cfem.core.stage import artefact_file
-from cfem.predict.energy_net import EnergyNetPredictor
-from cfem.predict.mlp import MlpPredictor
-from cfem.predict.protocol import Predictor
-from cfem.predict.serial import SerialPredictor
-from cfem.predict.spectral import SpectralPredictor
+from cfem.predict import energy_net, mlp, serial, spectral  # noqa: F401  (each joins KINDS)
+from cfem.predict.protocol import KINDS, Predictor, build
 
-KINDS = {
-    "spectral": SpectralPredictor,
-    "energy_net": EnergyNetPredictor,
-    "mlp": MlpPredictor,
-    "serial": SerialPredictor,
-}
 FORMAT = 3
 Runtime = Literal["arrays", "onnx"]
 
@@ -35,11 +26,6 @@ def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
 
         return OnnxPredictor(meta, artefact_file(folder, "model.onnx"))
     return build(meta, read_arrays(folder))
-
-
-def build(meta: dict, arrays: dict[str, np.ndarray]) -> Predictor:
-    """The NumPy predictor of a model in memory."""
-    return KINDS[meta["kind"]](meta, arrays)
 
 
 def read_meta(folder: Path) -> dict:

@@ -7,7 +7,7 @@ another model (the paper's G) gives of the parameters."""
 import numpy as np
 
 from cfem.condensed import entries, unpack_upper
-from cfem.predict.protocol import ArrayPredictor
+from cfem.predict.protocol import ArrayPredictor, build
 
 
 def _silu(x: np.ndarray) -> np.ndarray:
@@ -30,14 +30,12 @@ def rest_entries(model: ArrayPredictor, q: np.ndarray) -> np.ndarray:
     return entries(*model.learned(np.zeros((*q.shape[:-1], model.rows.n_a)), q))
 
 
-class MlpPredictor(ArrayPredictor):
+class MlpPredictor(ArrayPredictor, kind="mlp"):
     """arrays: in_mean, in_scale (n_a + k,) of s and of what is `beside` it; out_mean, out_scale; weight_i (outputs,
     inputs) and bias_i of layer i, float32 as trained; those of G, behind AT_REST. Outputs are the packed upper triangle
     of W, then delta_free. meta: at_rest, model.json of G, where there is one."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
-        from cfem.predict.load import build  # which knows of this kind
-
         super().__init__(meta)
         self._at_rest = build(meta["at_rest"], rest_arrays(arrays)) if "at_rest" in meta else None
         self._activation = ACTIVATIONS[meta["activation"]]

@@ -124,7 +124,14 @@ class Predictor(ABC):
 
 
 class ArrayPredictor(Predictor):
-    """One that runs on arrays here: a kind says what it has learned, the exact parameters are dealt with for all."""
+    """A model that runs on arrays here. A kind says what it has learned; exact parameters are dealt with for all.
+
+    class Mine(ArrayPredictor, kind="mine") joins the kinds that `build` knows."""
+
+    def __init_subclass__(cls, kind: str = "", **others):
+        super().__init_subclass__(**others)
+        if kind:
+            KINDS[kind] = cls
 
     @abstractmethod
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -138,3 +145,12 @@ class ArrayPredictor(Predictor):
         softer = self.softer(p)[..., None]
         W, delta_free = self.learned(s * softer if self.form == "force" else s, self.q(p))
         return W * softer[..., None], delta_free
+
+
+KINDS: dict[str, type[ArrayPredictor]] = {}
+
+
+def build(meta: dict, arrays: dict[str, np.ndarray]) -> ArrayPredictor:
+    """The NumPy predictor of a model in memory. Its kind's module must have been imported: `cfem.predict.load` imports
+    all of them."""
+    return KINDS[meta["kind"]](meta, arrays)

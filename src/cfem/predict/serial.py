@@ -11,16 +11,14 @@ SO(3). The modules are alike but for a factor of compliance: where only Young's 
 
 import numpy as np
 
-from cfem.predict.protocol import ArrayPredictor, Predictor
+from cfem.predict.protocol import ArrayPredictor, Predictor, build
 
 
-class SerialPredictor(ArrayPredictor):
+class SerialPredictor(ArrayPredictor, kind="serial"):
     """meta: module, model.json of the module's model, whose effector is its end with its orientation; softer (k,): how
     compliant each module is relative to it. arrays: of the module's model."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
-        from cfem.predict.load import build  # which knows of this kind
-
         super().__init__(meta)
         self.module: Predictor = build(meta["module"], arrays)
         self._softer = np.asarray(meta["softer"], float)

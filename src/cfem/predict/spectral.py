@@ -13,7 +13,7 @@ from cfem.predict.energy import Parts, Splitter, layout, unpacking
 from cfem.predict.potential import PotentialPredictor
 
 
-class SpectralPredictor(PotentialPredictor):
+class SpectralPredictor(PotentialPredictor, kind="spectral"):
     """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
     the form and the coordinates of the learned parameters; indices (M, n) degrees of the basis functions; series
     (n_out, M) as `cfem.predict.energy.layout`."""

@@ -14,10 +14,11 @@ from cfem.core.judgement import FAILED_SHARE, poor
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, read_table
 from cfem.dataset.writer import content_hash, write_table
-from cfem.sample.pool import Workers, with_workers
+from cfem.sample.pool import with_workers
 from cfem.sample.runner import sample
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
+from cfem.sample.workers import Workers
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 from cfem.core.errors import InputError, SpecError
 from cfem.core.optional import demand
 from cfem.core.provenance import versions
-from cfem.sample.pool import WorkersLost
+from cfem.sample.workers import WorkersLost
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # numba and rslab are never asked for more
 _CONNECT = "10s"

@@ -20,10 +20,11 @@ from cfem.dataset.schema import content
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import tour
 from cfem.sample.artefact import results
-from cfem.sample.pool import Workers, with_workers
+from cfem.sample.pool import with_workers
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
+from cfem.sample.workers import Workers
 
 SKELETON = "skeleton.parquet"
 

@@ -1,5 +1,4 @@
-"""Who solves: processes of this machine, which compute on one thread each and never outlive the one that started them,
-or the workers of a Dask cluster."""
+"""Processes of this machine that solve, on one thread each, and never outlive the process that started them."""
 
 import multiprocessing
 import os
@@ -8,41 +7,18 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from cfem.core.errors import NumericalError, SpecError
 from cfem.core.progress import say
 from cfem.core.system import cores
 from cfem.sample import tally
+from cfem.sample.workers import Workers, WorkersLost
 
 # Sums in another order, by another number of threads, would end in other digits.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "RAYON_NUM_THREADS")
 FRESH = 3  # times that lost workers are replaced
 
 T = TypeVar("T")
-
-
-class WorkersLost(NumericalError):
-    """One died, or none answers."""
-
-    def __init__(self, what: str):
-        do = "run again to go on from what is finished: fewer --workers where memory ran out, a longer --timeout or a "
-        super().__init__(what, where="simulate-sample", do=do + "smaller `shard` where the work takes so long")
-
-
-@dataclass(frozen=True)
-class Workers:
-    """count: local processes, one a core by default; scheduler: address of a Dask scheduler whose workers solve
-    instead; timeout: s without a finished shard after which all are given up."""
-
-    count: int | None = None
-    scheduler: str | None = None
-    timeout: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.count and self.scheduler:
-            raise SpecError("--workers are local processes, and --scheduler has its own", do="leave one of them out")
 
 
 def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:

@@ -29,10 +29,10 @@ from cfem.dataset.schema import schema
 from cfem.sample import shard, tour
 from cfem.sample.contact import ContactPlan
 from cfem.sample.plan import unit_rows
-from cfem.sample.pool import WorkersLost
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec
+from cfem.sample.workers import WorkersLost
 
 
 @dataclass(frozen=True, kw_only=True)

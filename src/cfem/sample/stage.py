@@ -11,8 +11,8 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import scene_meaning
 from cfem.sample.parameters import scene_parameters
-from cfem.sample.pool import Workers
 from cfem.sample.spec import SampleSpec
+from cfem.sample.workers import Workers
 
 VERSION = 6
 

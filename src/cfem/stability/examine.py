@@ -1,22 +1,55 @@
-"""What of an equilibrium can be measured without trusting the solver.
+"""Equilibria that are tried, and what of them can be measured without trusting the solver.
 
 The derivative of the residual along the responses q that the answer holds, by central differences, says whether W is
 what it claims to be: with H the gradients of the rows, A q_j = H_j and W_ij = H_i . q_j, hence W_ij = q_i . (A q_j)."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.body import response
 from cfem.stability.evidence import Check, Evidence
 from cfem.stability.recompute import force_scale, forces, gradients, motion, strayed
-from cfem.stability.trial import Trial
 
 _DENSE = 2500  # unknowns up to which stability is judged anew by dense matrices
 _STEP = 1e-5  # of the size of the body: of differences
+
+
+@dataclass(frozen=True)
+class Trial:
+    """slack: whether unilateral actuators could go slack."""
+
+    robot: Robot
+    actuation: Actuation
+    slack: bool
+    answer: Equilibrium
+
+    def evidence(self) -> Evidence:
+        return examine(self)
+
+
+def attempt(
+    make: Callable[[], Robot],
+    actuation: Actuation | Callable[[Robot], Actuation],
+    slack: bool = True,
+    start: Callable[[Robot], State] | None = None,
+) -> Callable[[], Trial]:
+    """Builds the robot and solves, from rest unless `start` says otherwise."""
+
+    def work() -> Trial:
+        made = make()
+        wanted = actuation(made) if callable(actuation) else actuation
+        answer = solve(Problem(made), wanted, start=start(made) if start else None, slack=slack)
+        return Trial(made, wanted.padded(len(answer.delta)), slack, answer)
+
+    return work
 
 
 def examine(trial: Trial) -> Evidence:

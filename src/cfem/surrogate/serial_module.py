@@ -4,6 +4,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from cfem.surrogate.torch_model import spd_inverse
+
 
 class Serial(nn.Module):
     """module: of one module, at delta_a (B, n) -> W (B, 6 + n, 6 + n), delta_free (B, 6 + n); softer (k,); module_rest,
@@ -17,8 +19,6 @@ class Serial(nn.Module):
         self.register_buffer("one", torch.eye(3, dtype=torch.float64))
 
     def forward(self, s: Tensor) -> tuple[Tensor, Tensor]:
-        from cfem.surrogate.torch_model import spd_inverse
-
         k = len(self.softer)
         n = s.shape[1] // k
         R, P = self.one[None].expand(s.shape[0], 3, 3), torch.zeros_like(s[:, :3])

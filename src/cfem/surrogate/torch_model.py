@@ -12,9 +12,8 @@ from torch import Tensor, nn
 
 from cfem.condensed import Rows
 from cfem.condensed.packing import upper_indices
-from cfem.condensed.parameters import Parameter, from_json
+from cfem.condensed.parameters import Parameter
 from cfem.predict.energy import Form, layout, unpacking
-from cfem.predict.mlp import rest_arrays
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh, "silu": nn.SiLU}
 
@@ -167,28 +166,6 @@ def mlp_from_arrays(rows: Rows, arrays: dict[str, np.ndarray], activation: str) 
         for name in ("in_mean", "in_scale", "out_mean", "out_scale"):
             getattr(model, name).copy_(torch.as_tensor(arrays[name]))
     return model
-
-
-def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
-    """The torch module of a model folder's content (cfem.predict.load.read_meta, read_arrays), ready for inference."""
-    rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
-    parameters = from_json(meta["parameters"])
-    if meta["kind"] == "spectral":
-        model = Spectral(meta["form"], rows, arrays)
-    elif meta["kind"] == "energy_net":
-        from cfem.surrogate.energy_net_module import EnergyNet  # which builds on this module
-
-        model = EnergyNet(meta["form"], rows, arrays)
-    elif meta["kind"] == "serial":
-        from cfem.surrogate.serial_module import Serial
-
-        module = module_of(meta["module"], arrays)
-        model = Serial(module, meta["softer"], np.array(meta["module"]["rest_e"][:3]), np.array(meta["rest_e"]))
-    else:
-        model = mlp_from_arrays(rows, arrays, meta["activation"])
-        if "at_rest" in meta:
-            model = OnRest(model, module_of(meta["at_rest"], rest_arrays(arrays)).learned)
-    return (Parametric(model, meta["form"], parameters) if parameters else model).eval()
 
 
 def spd_inverse(matrix: Tensor) -> Tensor:

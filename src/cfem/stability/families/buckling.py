@@ -12,7 +12,7 @@ from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.stability.bodies import box, cable, robot, watched
 from cfem.stability.case import Case, converges, either
-from cfem.stability.trial import Trial, attempt
+from cfem.stability.examine import Trial, attempt
 
 ELEMENTS_HERE = ("tet10p0", "tet10", "hex8")
 SPAN, DEPTH, THICKNESS, RISE = 100.0, 6.0, 2.0, 5.0  # mm; the limit load is 4 mN, some 2 mm down

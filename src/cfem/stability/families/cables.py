@@ -12,7 +12,7 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.stability.bodies import bar, bar_body, bar_cables, cable, robot, watched
 from cfem.stability.case import AWAY, Case, converges, either, named, refuses
-from cfem.stability.trial import Trial, attempt
+from cfem.stability.examine import Trial, attempt
 
 BESIDE = [(15.0, 3.0, 5.0), (35.0, 3.0, 5.0), (55.0, 3.0, 5.0)]
 ROUTES = {  # points, pull point

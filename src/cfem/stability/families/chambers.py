@@ -16,7 +16,7 @@ from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.stability.bodies import box, robot, watched
 from cfem.stability.case import AWAY, Case, Expectation, converges, either, named
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 SIZE, VOID = (30.0, 20.0, 20.0), (18.0, 12.0, 12.0)  # mm
 CELLS = {"tet4": 5, "tet10": 3, "tet10p0": 3, "hex8": 5}  # along each side; one through each wall

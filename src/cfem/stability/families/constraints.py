@@ -13,7 +13,7 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.stability.bodies import SOFT, bar, bar_body, bar_cables, cable, in_element, robot, watched
 from cfem.stability.case import AWAY, Case, converges, either, named, refuses
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 TIP, TOUCH, HELD = (60.0, 5.0, 5.0), (45.0, 5.0, 8.0), (0.0, 5.0, 5.0)
 PULLED = displacement([4.0, 2.0])

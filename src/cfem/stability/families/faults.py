@@ -17,8 +17,8 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.stability.bodies import BAR, COARSE, SOFT, bar, bar_body, bar_cables, box, in_element, robot, watched
 from cfem.stability.case import Case, converges, either, named, refuses
+from cfem.stability.examine import attempt
 from cfem.stability.families.chambers import SIZE, hollow_mesh
-from cfem.stability.trial import attempt
 
 NAN, INF = float("nan"), float("inf")
 LOOSE = {  # nodes (n, 3) that are held

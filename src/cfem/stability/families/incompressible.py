@@ -9,7 +9,7 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.stability.bodies import bar, bar_body
 from cfem.stability.case import Case, converges, refuses
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 POISSON = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
 

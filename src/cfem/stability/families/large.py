@@ -7,7 +7,7 @@ from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.stability.bodies import SOFT, box, cable, robot, watched
 from cfem.stability.case import Case, converges
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 DIVISIONS = (58, 17, 17)  # cubes of six tetrahedra: 100 572
 MOST_MEMORY = 8.0  # GiB

@@ -9,7 +9,7 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.robot import Robot
 from cfem.stability.bodies import bar, bar_body
 from cfem.stability.case import AWAY, Case, converges, either
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 TENSIONS = {
     1e-12: converges(),

@@ -10,7 +10,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import ELEMENTS
 from cfem.stability.bodies import bar, bar_body, bar_cables, robot, watched
 from cfem.stability.case import AWAY, Case, converges, either
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 YOUNG = {"1 kPa": 1e-3, "30 kPa": 0.03, "1 MPa": 1.0, "30 MPa": 30.0, "1 GPa": 1e3}
 CONTRASTS = (1e-4, 1e3, 1e4, 1e6)

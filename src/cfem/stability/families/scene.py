@@ -23,7 +23,7 @@ from cfem.robot.selection import select_cells
 from cfem.robot.spec import SceneSpec
 from cfem.stability.bodies import cells_where, in_element
 from cfem.stability.case import AWAY, Case, Expectation, converges, either, named, refuses
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 POISSON = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
 STIFFER = (1e-3, 1e-1, 1e1, 1e3)

@@ -11,7 +11,7 @@ from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.stability.bodies import BAR, COARSE, SOFT, bar, bar_body, box, cable, robot, watched
 from cfem.stability.case import Case, converges
-from cfem.stability.trial import attempt
+from cfem.stability.examine import attempt
 
 ASPECTS = (1e2, 1e4, 1e6)
 THIN = {"tet10p0": (10, 6, 1), "tet10": (10, 6, 1), "hex8": (12, 8, 1), "tet4": (12, 8, 1)}
