@@ -33,6 +33,15 @@ def tube(length=60.0, side=12.0, wall=3.0) -> Shape:
     return Shape(Mesh(mesh.X[used], cells, boundary_facets(cells)), 3.0)
 
 
+def corner(leg=60.0, side=10.0, n=12) -> Shape:
+    """An L in the plane z = 0 of two legs, along x and along y."""
+    mesh = block((leg, leg, side), (n, n, 2))
+    kept = ~(mesh.X[mesh.cells].mean(axis=1)[:, :2] > side).all(axis=1)
+    used, cells = np.unique(mesh.cells[kept], return_inverse=True)
+    cells = cells.reshape(-1, 4)
+    return Shape(Mesh(mesh.X[used], cells, boundary_facets(cells)), 5.0)
+
+
 def write_stl(path, size=(60.0, 10.0, 10.0), facets=slice(None)) -> None:
     mesh = block(size, (6, 1, 1))
     meshio.write(path, meshio.Mesh(mesh.X, [("triangle", mesh.facets[facets])]), binary=False)

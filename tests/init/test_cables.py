@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from init.bodies import box_shape, tapered, tube
+from init.bodies import box_shape, corner, tapered, tube
 from scipy.spatial import cKDTree
 
 from cfem.constraint.attachment import locate
@@ -37,6 +37,21 @@ def test_all_points_lie_inside_by_the_radius(shape, count):
         along = (cable.points[:, run.axis] - run.base) * run.forward
         assert (np.diff(along) > 0).all() and along[0] > 0 and 0.8 < along[-1] / run.length < 1
         assert cable.pull[run.axis] == run.base
+
+
+def test_straight_cables_are_not_led_through_the_air_across_a_corner():
+    with pytest.raises(SpecError, match=r"straight cables along x would leave the body near \(.*\) mm") as error:
+        placed(corner(), 3)
+    assert "--cable 'NAME:" in str(error.value)
+
+
+def test_cables_stay_inside_by_the_radius_between_their_points():
+    shape = tapered()
+    cables, radius, _ = placed(shape, 3)
+    for cable in cables:
+        points = np.vstack([cable.points[:-1] + share * np.diff(cable.points, axis=0) for share in (0.25, 0.5, 0.75)])
+        assert (locate(shape.mesh, points, within=1e-9)[0] >= 0).all()
+        assert to_surface(shape.mesh, points).min() > 0.95 * radius
 
 
 def test_they_are_near_the_surface_and_follow_the_body():

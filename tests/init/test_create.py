@@ -1,5 +1,6 @@
 """`cfem init` as a user types it: six files that load, a robot that can be built, guesses said, nothing overwritten."""
 
+import io
 import json
 import re
 from pathlib import Path
@@ -11,6 +12,7 @@ from init.bodies import write_cells, write_stl
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.cli.init import is_terminal
 from cfem.cli.schemas import schemas
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
@@ -120,6 +122,12 @@ BAD = {
     "bare number": (["--reach", "3"], 2, "--reach: expected a length with its unit"),
     "incompressible": (["--poisson", "0.5"], 2, "--poisson: expected a number from 0 to 0.4999"),
     "no place": (["--fixed", "x <= 99 mm"], 2, "the body's x goes from 0 to 60 mm"),
+    "cable in the air": (
+        ["--cable", "a: 0, 5, 5; 20, 5, 5; 30, 5, 20; 40, 5, 5"],
+        2,
+        "--cable: point 1 of cable 'a' at (30, 5, 20) mm lies outside",
+    ),
+    "reach": (["--cable", "a: 0, 5, 5; 20, 5, 5", "--reach", "30 mm"], 2, "--cable: cable 'a' is 20 mm long"),
     "cable outside": (["--cable", "a: 0, 5, 5; 20, 5, 5; 40, 5, 50"], 2, "point 1 of cable 'a' at (40, 5, 50) mm lies"),
     "two ways": (["--cable", "a: 0, 5, 5; 20, 5, 5", "--cables", "2"], 2, "exclude each other"),
     "of no effect": (["--cells", "500"], 2, "--cells: the mesh in the file is taken as it is"),
@@ -133,6 +141,20 @@ def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path, mesh_file, words
     assert (done.exit_code, done.stdout) == (code, "")
     assert len(done.stderr.strip().splitlines()) == 1 and part in done.stderr
     assert not (tmp_path / "pipelines").exists()
+
+
+@pytest.mark.parametrize("unit, part", [("0.001 mm", "0.06 x 0.01 x 0.01 mm"), ("1 km", "6e+07 x 1e+07 x 1e+07 mm")])
+def test_an_implausible_unit_is_refused(tmp_path, mesh_file, unit, part):
+    done = init(tmp_path, mesh_file, "--quiet", "--unit", unit)
+    assert done.exit_code == 2 and "--unit: the body measures" in done.stderr and part in done.stderr
+
+
+def test_without_stdin_the_defaults_are_taken(tmp_path, mesh_file, monkeypatch):
+    for stdin in (None, io.StringIO()):
+        monkeypatch.setattr("sys.stdin", stdin)
+        assert not is_terminal()
+    stdin.close()
+    assert not is_terminal()
 
 
 def test_a_name_that_cannot_be(tmp_path, mesh_file):

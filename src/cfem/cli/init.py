@@ -60,7 +60,7 @@ def _asking(given: Mapping[str, str | None], quiet: bool) -> Ask:
 
 def is_terminal() -> bool:
     """Whether somebody can be asked."""
-    return sys.stdin.isatty()
+    return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
 
 
 def _from_terminal(question: Question) -> Answer:

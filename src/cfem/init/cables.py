@@ -2,9 +2,11 @@
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from cfem.constraint.attachment import show
 from cfem.core.errors import SpecError
 from cfem.init.hold import Run
 from cfem.init.interior import Interior
@@ -18,6 +20,8 @@ _THIN = 0.3  # of the usual inscribed radius: a narrower end has no points
 _ROUND = 0.8  # slimness from which the way that a section bends most easily is not sought
 _ROWS = 40  # places tried from the centre of a section outwards
 _SHRINK, _TRIES = 0.7, 6
+_MARGINS = (1.0, 1.5, 2.25)  # times the radius: farther inside, a straight cable clears a bend
+_BETWEEN = np.linspace(0, 1, 10)[1:-1]  # shares of a segment where it is looked at
 _PERCENT, _TURN = 0.10, 1.5  # reach: share of the cable's length, and largest turn of the tip in rad
 
 
@@ -71,20 +75,42 @@ def place_cables(
     body: Interior, run: Run, sections: list[Section], count: int, radius: float
 ) -> tuple[tuple[CableLine, ...], float]:
     """`count` cables at equal angles about the middle of the body, the first on the side to which it bends most easily,
-    each as far out as a ball of `radius` mm fits in; and that radius, made smaller where a wall is too thin for it.
-
-    SpecError where there is no room even so."""
+    each as far out as a ball of `radius` mm fits in, along its whole length; and that radius, made smaller where a wall
+    is too thin for it. SpecError where there is no room even so, or the way leads through the air."""
     base = cut(body, run.axis, run.base + run.forward * max(1.2 * radius, 0.02 * run.length))
     ways = directions(sections, run.axis, count) if sections else np.empty((0, 3))
+    fitted, outside = False, None
     for _ in range(_TRIES if len(sections) > 1 and base is not None else 0):
-        found = [_outermost(body, section, run.axis, ways, radius) for section in (base, *sections)]
-        if all(places is not None for places in found):
-            return tuple(_line(index, np.array(found)[:, index], sections, run) for index in range(count)), radius
+        for margin in _MARGINS:
+            found = [_outermost(body, section, run.axis, ways, margin * radius) for section in (base, *sections)]
+            if any(places is None for places in found):
+                continue
+            fitted = True
+            outside = _outside(body, np.array(found), radius, run.axis)
+            if outside is None:
+                return tuple(_line(index, np.array(found)[:, index], sections, run) for index in range(count)), radius
         radius *= _SHRINK
+    do = "hold another part (--fixed), ask for fewer, or give each as --cable 'NAME: pull point; point; ...'"
+    if fitted:
+        what = f"straight cables along {'xyz'[run.axis]} would leave the body near {show(np.round(outside, 1))} mm"
+        raise SpecError(f"{what}, as in a body with a corner", where="--cables", do=do)
     raise SpecError(
         f"found no room for {count} cables along {'xyz'[run.axis]}, even with an attachment radius of {radius:.2g} mm",
-        do="ask for fewer, or give each as --cable 'NAME: pull point; point; ...'",
+        where="--cables",
+        do=do,
     )
+
+
+def _outside(body: Interior, places: np.ndarray, radius: float, axis: int) -> np.ndarray | None:
+    """The first point (3,) mm of straight cables through places (k, count, 3), with a ball of `radius` around it, that
+    is not inside; None where there is none."""
+    for start, end in pairwise(places):
+        for share in _BETWEEN:
+            along = start + share * (end - start)
+            inside = clear(body, along, radius, axis)
+            if not inside.all():
+                return along[~inside][0]
+    return None
 
 
 def guess_reach(cables: tuple[CableLine, ...]) -> tuple[float, str]:

@@ -21,8 +21,11 @@ from cfem.init.texts import STAGES, NewScene, number, short, texts, vector
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.robot.build import build_robot
 from cfem.robot.meshing import make_mesh
+from cfem.robot.passage import demand_inside
+from cfem.robot.plausible import size_doubts
 from cfem.robot.spec import SceneSpec
 
+_OPTIONS = {"actuators": "--cable", "effectors": "--effector", "fixed": "--fixed"}
 _LINEAR = 15_000  # cells of the user's own mesh above which quadratic ones would take hours
 
 
@@ -85,6 +88,9 @@ def _same(path: Path, other: Path) -> bool:
 def _robot(name: str, copy: str, source: Source, cables: Sequence[str], ask: Ask) -> NewScene:
     unit, cells = _unit(source, ask), _cells(source, ask)
     shape = make_shape(source, 1.0 if unit is None else unit.value, cells.value if cells else 0)
+    doubts = size_doubts(shape.extent)
+    if doubts and unit is not None:
+        raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm'")
     hold = _hold(shape, ask)
     run = run_from(hold.value, shape)
     young, poisson = _material(ask)
@@ -221,5 +227,10 @@ def _try(scene: str, copy: str, path: Path) -> int:
         (folder / "scene.yaml").write_text(scene, encoding="utf-8")
         spec = load_spec(folder / "scene.yaml", SceneSpec)
         mesh, _ = make_mesh(spec, folder)
-        build_robot(spec, mesh)
+        try:
+            build_robot(spec, mesh)
+            demand_inside(spec, mesh)
+        except SpecError as error:  # the file that it names is not written
+            key = (error.where or "").rpartition(": ")[2].split(".")[0]
+            raise SpecError(error.what, where=_OPTIONS.get(key), do=error.do) from None
     return len(mesh.cells)
