@@ -32,7 +32,7 @@ def cfem(*words):
 
 def test_mesh_then_up_to_date_then_inspect(bar):
     first = cfem("mesh", bar, "--quiet")
-    assert first.exit_code == 0 and "volume_error" in first.stdout
+    assert first.exit_code == 0 and "volume 6000 mm^3" in first.stdout
     assert "up to date" in cfem("mesh", bar).stdout
     assert cfem("mesh", bar, "--check").exit_code == 0
     assert "set" not in cfem("mesh", bar, "--json").stderr

@@ -19,7 +19,7 @@ def test_it_counts_rows_and_reasons_and_states_units_and_cost(tmp_path):
     low, high = sorted(record(i)["delta_e"][1] for i in (0, 2))
     unit, least, _, largest = lines["delta_e", "tip.y"][2:]
     assert unit == "mm" and [float(least), float(largest)] == pytest.approx([low, high], rel=1e-4)
-    assert "1.00 factorizations, 3.00 iterations; 10.0 samples/s" in text
+    assert "per state: 1.00 factorisations, 3.00 iterations, 100 ms on one core" in text
 
 
 def test_it_names_the_parameters_and_how_they_were_drawn(tmp_path):

@@ -13,6 +13,7 @@ from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import NOISE_RATIO, poor
+from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import scene_meaning
@@ -157,7 +158,7 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
             line += f" (by profile {_within(one.profile, parameters[one.name])})"
         if one.name in truth:
             entry["truth"], entry["error"] = truth[one.name], one.value - truth[one.name]
-            line += f", off by {abs(entry['error']):.1e}"
+            line += f", error {abs(entry['error']):.1e}{_unit(one.unit)}"
         if one.at_end:
             line += "; it lies at an end of its range"
         estimates[one.name] = entry
@@ -183,7 +184,7 @@ def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
     starts = _account(found)
     headline.append(
         f"{len(found.problem.measured)} states, {len(found.problem.target)} numbers, {len(found.fits)} starts, "
-        f"{_time(found.seconds)} of CPU time"
+        f"{duration(found.seconds)} of CPU time"
     )
     return {
         "judgement": judged,
@@ -229,10 +230,6 @@ def _account(found: Any) -> list[dict[str, Any]]:
         }
         for one in found.fits
     ]
-
-
-def _time(seconds: float) -> str:
-    return f"{seconds:.1f} s" if seconds >= 1 else f"{1e3 * seconds:.1f} ms"
 
 
 def _unit(unit: str) -> str:

@@ -13,6 +13,7 @@ from cfem.core.files import DISK
 from cfem.core.judgement import demand_trust, sentences
 from cfem.core.optional import explained
 from cfem.core.progress import shown
+from cfem.core.shown import duration
 from cfem.core.stage import Options
 
 LONGEST = 2000  # characters of an error
@@ -123,6 +124,6 @@ def _text(outcome: dict[str, Any] | str) -> str:
         return outcome
     from cfem.cli.inspect import figures
 
-    took = "" if outcome["status"] == "up to date" else f" in {outcome['seconds']:.1f} s"
+    took = "" if outcome["status"] == "up to date" else f" in {duration(outcome['seconds'])}"
     status = f"{outcome['stage']}: {outcome['status']}{took}"
     return "\n".join([*sentences(outcome["results"]), status, *figures(outcome["results"])])

@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
 from cfem.core.errors import InputError
+from cfem.core.shown import duration
 from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import COLUMNS, metadata, parameters_of, rows_of
@@ -33,11 +34,13 @@ def dataset_files(path: Path) -> list[Path]:
 
 def _heading(table: pa.Table) -> str:
     meta = metadata(table)
-    rows, reach = meta["rows"], meta["units"]["delta_a"]
+    rows, units = meta["rows"], meta["units"]["delta_a"]
+    units = [units] * len(meta["reach"]) if isinstance(units, str) else units
+    reach = [f"{low:g} to {high:g} {unit}" for (low, high), unit in zip(meta["reach"], units, strict=False)]
     lines = [
         f"dataset of {meta['scene']}: {len(table)} states",
         f"effectors  {', '.join(rows['effectors'])}   at rest {np.round(meta['rest_e'], 6).tolist()} mm",
-        f"actuators  {', '.join(rows['actuators'])}   reach {np.asarray(meta['reach']).tolist()} {_unit(reach)}",
+        f"actuators  {', '.join(rows['actuators'])}   reach {', '.join(reach)}",
         "rows of W  effectors, then actuators; upper triangle, row by row",
     ]
     for one in parameters_of(meta):
@@ -92,8 +95,11 @@ def _unit(unit: str | list[str]) -> str:
 
 
 def _cost(table: pa.Table) -> str:
-    factorizations, iterations, rate = cost(table).values()
-    return f"a sample: {factorizations:.2f} factorizations, {iterations:.2f} iterations; {rate:.1f} samples/s/core"
+    factorizations, iterations, _ = cost(table).values()
+    seconds = column_array(table, "seconds").mean()
+    return (
+        f"per state: {factorizations:.2f} factorisations, {iterations:.2f} iterations, {duration(seconds)} on one core"
+    )
 
 
 def cost(table: pa.Table) -> dict[str, float]:

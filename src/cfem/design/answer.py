@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.core.judgement import DESIGN_GAP, contradicted
+from cfem.core.shown import duration, length
 from cfem.dataset.writer import write_table
 from cfem.design.front import Front
 from cfem.design.problem import Problem
@@ -34,6 +35,7 @@ def entry(
     varied = [family.parameters[i] for i in problem.free]
     found = {
         "p": dict(zip([one.name for one in family.parameters], p, strict=True)),
+        "units": {one.name: one.unit for one in family.parameters if one.unit != "1"},
         "overrides": [
             f"{one.key}={value:.10g}" + ("" if one.unit == "1" else f" {one.unit}")
             for one, value in zip(family.parameters, p, strict=True)
@@ -62,7 +64,7 @@ def entry(
 
 def line(name: str, entry: dict[str, Any]) -> str:
     """Of one design, for a person."""
-    values = ", ".join(f"{key} {value:.4g}" for key, value in entry["p"].items())
+    values = ", ".join(f"{key} {value:.4g} {entry['units'].get(key, '')}".rstrip() for key, value in entry["p"].items())
     shown = [name] if name in entry["objectives"] else list(entry["objectives"])
     scores = ", ".join(f"{key} {entry['objectives'][key]:.5g}" for key in shown)
     line = f"{name}: {values}: {scores}"
@@ -70,7 +72,7 @@ def line(name: str, entry: dict[str, Any]) -> str:
         worst = max(entry["fe"]["gap_share_of_spread"][key] for key in shown)
         line += (
             f"; finite elements {', '.join(format(entry['fe']['objectives'][key], '.5g') for key in shown)} "
-            f"(off by {100 * worst:.2g} % of the spread, tip {entry['fe']['effector_distance']:.1e} mm)"
+            f"(error {100 * worst:.2g} % of the spread, tip {length(entry['fe']['effector_distance'])})"
         )
     return line + ("; outside what the model was trained on" if entry["outside"] else "")
 
@@ -109,7 +111,7 @@ def front_entry(front: Front) -> dict[str, Any]:
 
 def front_line(front: Front, seconds: float) -> str:
     """For a person."""
-    found = f"front: {len(front.designs)} designs in {seconds:.2f} s of CPU time"
+    found = f"front: {len(front.designs)} designs in {duration(seconds)} of CPU time"
     if front.volume is not None:
         found += f", hypervolume {front.volume:.4f}, of the grid's {front.grid_volume:.4f}"
     return f"{found}; {front.beaten} points of the grid beat one of it"

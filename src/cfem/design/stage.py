@@ -13,6 +13,7 @@ from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import DESIGN_GAP, contradicted
+from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec
@@ -143,7 +144,7 @@ def _report(
     }
     if volume:
         results["volume_error"] = volume.error
-        headline.append(f"volume: polynomial through CAD models, off by {volume.error:.1e} mm^3 at others")
+        headline.append(f"volume: polynomial through CAD models, largest error at others {volume.error:.1e} mm^3")
     headline += [line(name, one) for name, one in results["designs"].items()]
     if found.front:
         results["front"] = front_entry(found.front)
@@ -151,7 +152,7 @@ def _report(
         write_front(folder / FRONT, problem, found.front)
     write_designs(folder / GRID, problem, grid.z, *grid.scores)
     headline.append(
-        f"{len(grid.z)} designs in {1e3 * seconds['grid']:.0f} ms of CPU time; slopes agree with differences of "
+        f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; slopes agree with differences of "
         f"second order to {results['slopes_checked']:.0e}"
     )
     return results
@@ -174,7 +175,9 @@ def _products(
     made = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)
     parities = [one["parity"] for one in made.values()]
     compared = (
-        "not compared, there is no C compiler here" if None in parities else f"off by {max(parities):.1e} at most"
+        "not compared, there is no C compiler here"
+        if None in parities
+        else f"largest relative difference from the model {max(parities):.1e}"
     )
     headline.append(f"controllers in C of {len(made)} designs: {compared}")
     return {"controllers": made}

@@ -11,6 +11,7 @@ import numpy as np
 
 from cfem.core.files import disk_errors, file_sha256, plain, write_json, write_whole
 from cfem.core.optional import demand
+from cfem.core.shown import size
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
@@ -90,7 +91,8 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
             parity["c"] = report["parity"]
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
-        f"{name}: {sizes[name]} bytes, off by {error:.1e} from the trained model" for name, error in parity.items()
+        f"{name}: {size(sizes[name])}, largest relative difference from the trained model {error:.1e}"
+        for name, error in parity.items()
     ]
     if report and report["parity"] is None:
         headline.append("c: not compared with the trained model, there is no C compiler here")

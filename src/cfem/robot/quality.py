@@ -30,6 +30,16 @@ class Quality:
     def as_dict(self) -> dict:
         return asdict(self)
 
+    def sentence(self) -> str:
+        """For a person."""
+        corners = (
+            f"smallest scaled Jacobian {self.smallest_scaled_jacobian:.2g}"
+            if self.smallest_dihedral_deg is None
+            else f"dihedral angles from {self.smallest_dihedral_deg:.0f} to {self.largest_dihedral_deg:.0f} deg"
+        )
+        cad = "" if self.volume_error is None else f", {100 * abs(self.volume_error):.2g} % from the CAD volume"
+        return f"{self.nodes} nodes, {self.cells} cells; volume {self.volume:.6g} mm^3{cad}; {corners}"
+
 
 def quality(mesh: Mesh, cad_volume: float | None) -> Quality:
     """Inverted cells are tetrahedra of negative volume, and hexahedra with a corner that is."""

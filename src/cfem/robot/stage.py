@@ -73,4 +73,5 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
     demand_inside(scene, mesh)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
-    return {"judgement": [poor(each) for each in doubts(scene, robot)], **figures.as_dict()}
+    judgement = [poor(each) for each in doubts(scene, robot)]
+    return {"headline": [figures.sentence()], "judgement": judgement, **figures.as_dict()}

@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.judgement import FAILED_SHARE, poor
+from cfem.core.shown import duration
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, read_table
 from cfem.dataset.writer import content_hash, write_table
@@ -46,12 +47,19 @@ def results(tables: dict[str, pa.Table]) -> dict[str, Any]:
     table = pa.concat_tables(tables.values())
     solved = table.filter(pc.equal(table["status"], CONVERGED))
     failed = len(table) - len(solved)
+    costs = cost(table)
+    worst = pc.max(solved["residual"]).as_py()
     return {
+        "headline": [
+            f"{len(solved)} of {len(table)} states converged, largest residual {worst:.1e}; "
+            f"per state {costs['factorizations_per_sample']:.2f} factorisations and "
+            f"{duration(pc.mean(table['seconds']).as_py())} on one core"
+        ],
         "judgement": failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
-        **cost(table),
-        "residual_max": pc.max(solved["residual"]).as_py(),
+        **costs,
+        "residual_max": worst,
     }
 
 

@@ -1,41 +1,40 @@
 """Results as a person and as a program reads them."""
 
 from collections.abc import Sequence
+from itertools import groupby
 from math import isfinite
 from typing import Any
 
+from cfem.core.shown import duration
 from cfem.core.system import peak_memory
 from cfem.stability.suite import Result, misbehaving
 
 _FIGURES = ("residual", "rounding", "asymmetry", "smallest_eigenvalue", "condition", "iterations", "factorizations")
-_HEADS = ("residual", "rounding", "asymmetry", "W smallest", "W condition", "iter.", "factor.")
+_NAME = 51  # columns of a case's name
 
 
 def as_text(results: Sequence[Result]) -> str:
-    """One line a case, below it what is wrong with it, and a summary."""
-    name, expected, status = (
-        max((len(part) for part in parts), default=0) + 2
-        for parts in (
-            [result.case.name for result in results],
-            [str(result.case.expect) for result in results],
-            [result.status for result in results],
-        )
-    )
-    heads = "".join(f"{head:>12}" for head in _HEADS)
-    lines = [f"{'case':{name}}{'expectation':{expected}}{'status':{status}}{heads}{'seconds':>9}"]
-    for result in results:
-        shown = "".join(f"{_short(getattr(result.evidence, figure, None)):>12}" for figure in _FIGURES)
-        lines.append(
-            f"{result.case.name:{name}}{result.case.expect!s:{expected}}{result.status:{status}}{shown}{result.seconds:9.2f}"
-        )
-        lines += [f"    wrong: {sentence}" for sentence in result.wrong]
+    """The cases by family, one line each of at most 80 columns, below it what is wrong with it; and a summary. All
+    figures are in `as_data`."""
+    lines = []
+    for family, cases in groupby(results, key=lambda result: result.case.name.partition("/")[0]):
+        lines += ["", f"{family:<{_NAME}}{'status':<20}{'residual':>9}"]
+        for result in cases:
+            name = result.case.name.partition("/")[2]
+            residual = _short(getattr(result.evidence, "residual", None))
+            lines.append(f"  {name:<{_NAME - 2}}{result.status:<20}{residual:>9}".rstrip())
+            lines += [f"    wrong: {sentence}" for sentence in result.wrong]
     seconds = sum(result.seconds for result in results)
+    memory = peak_memory()
     bad = len(misbehaving(results))
-    lines.append(
-        f"{len(results)} cases, {len(results) - bad} as they should be, {bad} misbehave; "
-        f"{seconds:.0f} s, {peak_memory() or float('nan'):.2f} GiB at most"
+    return "\n".join(
+        [
+            *lines[1:],
+            "",
+            f"{len(results)} cases, {len(results) - bad} as they should be, {bad} misbehave; {duration(seconds)}"
+            + ("" if memory is None else f", {memory:.2f} GiB at most"),
+        ]
     )
-    return "\n".join(lines)
 
 
 def as_data(results: Sequence[Result]) -> dict[str, Any]:

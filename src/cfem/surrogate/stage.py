@@ -18,6 +18,7 @@ from cfem.core.errors import InputError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.optional import demand
+from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
 from cfem.predict.load import build
@@ -93,8 +94,8 @@ def headline(results: dict[str, Any]) -> list[str]:
     errors, definite = results["errors"], results["positive_definite"]
     lines = [
         f"{results['kind']}, {results['samples']} samples: loss {errors['loss']:.2e} on {errors['states']} states; "
-        f"off by {errors['tip_mm']['max']:.2g} mm and {errors['force_N']['max']:.2g} N at most; "
-        f"fitted in {results['seconds_fit']:.3g} s, {results['microseconds_query']:.0f} us a query"
+        f"largest errors {length(errors['tip_mm']['max'])} at the tip and {errors['force_N']['max']:.2g} N; "
+        f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
     if definite["share"] < 1:
         lines.append(
