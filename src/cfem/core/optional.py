@@ -45,7 +45,7 @@ def demand(*names: str, where: str) -> None:
 
 def installed(name: str) -> bool:
     """Whether a package can be imported, by its import name. It is not imported."""
-    return name in sys.modules or find_spec(name) is not None
+    return sys.modules[name] is not None if name in sys.modules else find_spec(name) is not None
 
 
 def explained(error: ImportError) -> MissingPackageError | None:

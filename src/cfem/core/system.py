@@ -1,7 +1,10 @@
 """What Linux, macOS and Windows do in different ways: locks, syncing, cores, memory."""
 
 import os
+import platform
 import sys
+from contextlib import suppress
+from pathlib import Path
 
 _LOCKED_BYTE = 1 << 30  # on Windows a locked byte cannot be read by others: one beyond the text of the file
 
@@ -55,6 +58,17 @@ def sync(path: str | os.PathLike) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def processor() -> str:
+    """Maker and model of the processor, as far as the system says."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").split("\n\n")[0].splitlines()
+        facts = dict(line.split(":", 1) for line in lines if ":" in line)
+        named = [value.strip() for key, value in facts.items() if key.strip() in ("vendor_id", "model name")]
+        if named:
+            return " ".join(named)
+    return platform.processor() or platform.machine()
 
 
 def cores() -> int:

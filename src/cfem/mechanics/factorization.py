@@ -1,9 +1,9 @@
 """Sparse symmetric factorisation A = L D L^T behind one small function: analysed once, refactored many times.
 
-Two solvers, the first that is installed serves (CFEM_SOLVER names another):
+Two solvers, of which the faster one on this machine serves (choose_solver.py; CFEM_SOLVER names one):
 
-- pardiso: Intel's PARDISO by py-mkl-pardiso (MIT; the extra `fast`; x86), two to three times as fast;
-- rslab: a plain wheel on every platform (MIT), the default.
+- rslab: a plain wheel on every platform (MIT);
+- pardiso: Intel's PARDISO by py-mkl-pardiso (MIT, with Intel's MKL inside; the extra `fast`; x86).
 
 Both give the inertia and the same bits for the same input on one thread. A singular or non-finite matrix is reported,
 never silently solved. Measured: docs/method.md."""
@@ -16,8 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.core.errors import InputError
-from cfem.core.optional import demand, installed
+from cfem.core.optional import demand
 from cfem.mechanics.assembly import Pattern
+from cfem.mechanics.choose_solver import PACKAGES, fastest
 
 
 class SingularMatrixError(ArithmeticError):
@@ -63,13 +64,13 @@ def analyze(pattern: Pattern, solver: str | None = None) -> Numeric:
 
 
 def solver_name() -> str:
-    """That of the environment, else the fastest installed. InputError where CFEM_SOLVER is not one."""
+    """That of the environment, else the fastest on this machine. InputError where CFEM_SOLVER is not one."""
     wanted = os.environ.get("CFEM_SOLVER", "")
     if wanted and wanted not in SOLVERS:
         raise InputError(f"CFEM_SOLVER={wanted} is no solver", do=f"use one of {sorted(SOLVERS)}")
     if wanted:
         demand(PACKAGES[wanted], where=f"CFEM_SOLVER={wanted}")
-    return wanted or ("pardiso" if installed("pymklpardiso") else "rslab")
+    return wanted or fastest(analyze)
 
 
 def _rslab(pattern: Pattern) -> Numeric:
@@ -115,5 +116,4 @@ def _pardiso(pattern: Pattern) -> Numeric:
     return factor
 
 
-PACKAGES = {"pardiso": "pymklpardiso", "rslab": "rslab"}
 SOLVERS: dict[str, Callable[[Pattern], Numeric]] = {"pardiso": _pardiso, "rslab": _rslab}

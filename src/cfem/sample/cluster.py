@@ -14,6 +14,7 @@ from typing import Any
 from cfem.core.errors import InputError, SpecError
 from cfem.core.optional import demand
 from cfem.core.provenance import versions
+from cfem.mechanics.factorization import solver_name
 from cfem.sample.workers import WorkersLost
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # numba and rslab are never asked for more
@@ -71,7 +72,10 @@ class _DaskExecutor(Executor):
         return self._sent[value]
 
 
-here = lru_cache(maxsize=1)(versions)
+@lru_cache(maxsize=1)
+def here() -> dict[str, str]:
+    """What the digits of this process depend on."""
+    return versions() | {"solver": solver_name()}
 
 
 def _alike(expected: dict[str, str], function: Callable[..., Any], *arguments: Any) -> Any:
@@ -88,7 +92,8 @@ def _demand_alike(expected: dict[str, str], dask_worker: Any) -> None:
     different = [name for name in sorted({*expected, *found}) if expected.get(name) != found.get(name)]
     if different:
         listed = ", ".join(f"{name} {found.get(name)} in place of {expected.get(name)}" for name in different)
-        raise InputError(f"has other versions: {listed}", where=where, do=_SAME)
+        do = f"start it with CFEM_SOLVER={expected['solver']}" if different == ["solver"] else _SAME
+        raise InputError(f"has other versions: {listed}", where=where, do=do)
     if dask_worker.state.nthreads != 1 or any(os.environ.get(name) != "1" for name in THREADS):
         do = f"start it with --nthreads 1, {'=1, '.join(THREADS)}=1"
         raise InputError("computes on several threads", where=where, do=do)

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from cfem.core.progress import say
 from cfem.core.system import cores
+from cfem.mechanics.factorization import solver_name
 from cfem.sample import tally
 from cfem.sample.workers import Workers, WorkersLost
 
@@ -47,7 +48,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     # Safe path: no process takes modules from the working folder.
-    with _environment(dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1")):
+    with _environment({**dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1"), "CFEM_SOLVER": solver_name()}):
         executor = Pool(workers or cores(), context, context.Value("q", 0))
         try:
             yield executor

@@ -26,6 +26,7 @@ from cfem.core.provenance import versions
 from cfem.core.spec import meaning
 from cfem.dataset.reader import column_array, read_table
 from cfem.dataset.schema import schema
+from cfem.mechanics.factorization import solver_name
 from cfem.sample import shard, tour
 from cfem.sample.contact import ContactPlan
 from cfem.sample.plan import unit_rows
@@ -117,7 +118,7 @@ def make_job(
         "compliance": facts.compliance.tolist(),
         "plan": plain(meaning(spec, {"scene", "mesh", "out", "parameters"})),
         "made_from": made_from,
-        "versions": versions(),
+        "versions": versions() | {"solver": solver_name()},
     }
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
