@@ -1,0 +1,342 @@
+"""Tables of Markdown from the measured figures (docs/figures.json): a function per table, listed in TABLES."""
+
+
+def readme_table(f: dict) -> str:
+    """The five figures that a newcomer asks for."""
+    loop, process, curve = f["closed_curve"], f["process"], f["learning_curve"]
+    paper = f["mlp"]
+    rows = [
+        ("closed curve in the FE robot: largest tracking error", f"{loop['spectral']['max']:.0e} mm"),
+        ("the same with the paper's network", f"{loop['mlp']['max']:.2g} mm"),
+        ("samples for the paper's loss of 3.8e-6", f"30 (loss {curve['30']:.0e}); the paper used 6500"),
+        ("training time; the paper's network", f"{f['spectral']['seconds']:.1g} s; {paper['seconds'] / 60:.1f} min"),
+        ("control step (model and QP), one core, median", f"{process['median_us']:.0f} µs"),
+        ("memory of the controller's process, without PyTorch", f"{process['peak_rss_mib']:.0f} MiB"),
+    ]
+    return markdown(("figure", "measured"), rows)
+
+
+def finger_table(f: dict) -> str:
+    """Markdown: what, target, measured, command."""
+    v, curve, spectral, mlp = f["verification"], f["learning_curve"], f["spectral"], f["mlp"]
+    loop, arc, process = f["closed_curve"], f["quarter_circle"], f["process"]
+    verify = "`benchmarks/verification.py`"
+    rows = [
+        ("tangent against finite differences", "1e-6", f"{v['tangent']:.1e}", verify),
+        ("W against finite differences of whole solves", "1e-6", f"{v['W']:.1e}", verify),
+        ("energy gradient against cable forces", "1e-6", f"{v['energy_gradient']:.1e}", verify),
+        ("patch test; rigid motion; cantilever against the elastica", "1e-12; 1e-12; 1 %", "asserted", "`make test`"),
+        (
+            f"largest residual of {sum(f['samples']['rows'].values())} stored states ({f['samples']['failed']} failed)",
+            "1e-8",
+            f"{f['samples']['residual_max']:.1e}",
+            "`cfem sample sample-large.yaml`",
+        ),
+        (
+            "factorisations per sample: this mesh / linear tetrahedra",
+            "2.5",
+            f"{f['samples']['factorizations_per_sample']:.2f} / {f['tet4']['factorizations_per_sample']:.2f}",
+            "`cfem inspect data/soft-finger/samples-large`",
+        ),
+        (
+            f"samples per second, one core, {f['tet4_cells']} linear tetrahedra",
+            "30",
+            f"{f['tet4']['samples_per_second_per_core']:.0f}",
+            "`cfem sample ../soft-finger-tet4/sample.yaml`",
+        ),
+        (
+            "energy model: the paper's loss from 30 / 50 / 100 / 200 samples",
+            "3.8e-6 / - / - / 1e-9",
+            " / ".join(f"{curve[n]:.1e}" for n in ("30", "50", "100", "200")),
+            "`cfem train train-large.yaml`",
+        ),
+        (
+            "its largest errors on the test states: tip, cable force",
+            "",
+            f"{spectral['tip_mm']:.1e} mm, {spectral['force_N']:.1e} N",
+            "same",
+        ),
+        (
+            f"the paper's network, {mlp['samples']} samples: loss; largest tip error; training",
+            "3.8e-6",
+            f"{mlp['loss']:.1e}; {mlp['tip_mm']:.2f} mm; {mlp['seconds'] / 60:.1f} min",
+            "`cfem train train-mlp.yaml`",
+        ),
+        (
+            "closed curve in the FE plant, energy model: tracking error, mean / max",
+            "0.02 / 0.1 mm",
+            f"{loop['spectral']['mean']:.1e} / {loop['spectral']['max']:.1e} mm",
+            "`cfem control control-large.yaml`",
+        ),
+        ("the same with the paper's network", "", f"{loop['mlp']['mean']:.2g} / {loop['mlp']['max']:.2g} mm", "same"),
+        (
+            f"the paper's quarter circle, {f['reachable'][0]} of {f['reachable'][1]} goals reachable: "
+            "distance to FE-based control",
+            "0.02 / 0.1 mm",
+            f"{arc['spectral']['mean']:.1e} / {arc['spectral']['max']:.1e} mm",
+            "same",
+        ),
+        ("the same with the paper's network", "", f"{arc['mlp']['mean']:.2g} / {arc['mlp']['max']:.2g} mm", "same"),
+        (
+            "control step (query + QP), one core, median / p99",
+            "150 us",
+            f"{process['median_us']:.0f} / {process['p99_us']:.0f} us",
+            "`benchmarks/control_process.py`",
+        ),
+        ("memory of that process, no PyTorch", "60 MiB", f"{process['peak_rss_mib']:.0f} MiB", "same"),
+        ("`cfem --help`", "0.5 s", f"{f['help_seconds']:.2f} s", ""),
+    ]
+    return markdown(("figure", "target", "measured", "command"), rows)
+
+
+def surrogates_table(f: dict) -> str:
+    """Error against samples and costs, a row a robot, model and number of samples."""
+    rows = [
+        (
+            robot,
+            model.replace("-", " ", 1) if model.endswith("force") else model,
+            str(point["samples"]),
+            f"{point['loss']:.1e}",
+            f"{point['tip_mm']:.2g} ({point['tip_percent']:.1g} %)",
+            f"{point['force_N']:.1g}",
+            f"{point['sampling_seconds']:.0f}",
+            f"{point['fit_seconds']:.2g}",
+            f"{point['query_us']:.0f}",
+            f"{100 * found['definite']:.5g} %" if point is found["curve"][-1] else "",
+        )
+        for robot, models in f["surrogates"]["robots"].items()
+        for model, found in models.items()
+        for point in found["curve"]
+    ]
+    head = (
+        "robot",
+        "model",
+        "samples",
+        "loss",
+        "tip error, max (mm)",
+        "force error, max (N)",
+        "sampling (s, one core)",
+        "fit (s)",
+        "query (us)",
+        "W definite",
+    )
+    return markdown(head, rows)
+
+
+def contact_table(f: dict) -> str:
+    paper = {"finger-button": ("1e-6", "1.67e-6"), "soft-gripper": ("1e-6", "1.24e-3")}
+    rows = []
+    for scene, one in f["contact"]["held"].items():
+        target = "{} (paper {})".format(*paper[scene]) if scene in paper else ""
+        last = one["curve"][-1]
+        losses = " / ".join(f"{point['loss']:.1e}" for point in one["curve"])
+        samples = " / ".join(str(point["samples"]) for point in one["curve"])
+        rows.append((f"{scene}: loss from {samples} samples", target, losses))
+        rows.append((f"{scene}: largest error of tip, force", "", f"{last['tip_mm']:.1e} mm, {last['force_N']:.1e} N"))
+        rows.append((f"{scene}: W definite at 1e5 random states", "100 %", f"{100 * one['definite']:.3f} %"))
+        for name, controllers in one["trajectories"].items():
+            learned, fe = controllers["spectral"], controllers.get("fe-based")
+            near = learned["distance_to_reachable_goals"]
+            rows.append(
+                (
+                    f"{name}, {learned['reachable']} of {learned['goals']} goals reached, FE plant: "
+                    "tracking error, mean / max",
+                    {"finger-button": "0.01 mm", "soft-gripper": "0.02 mm"}.get(scene, ""),
+                    f"{near['mean']:.1e} / {near['max']:.1e} mm" if near else "",
+                )
+            )
+            if fe:
+                rows.append((f"{name}: the same by FE-based control", "", spread(fe["distance_to_reachable_goals"])))
+            once = controllers["spectral@1"]
+            there = spread(once["distance_to_reachable_goals"])
+            if once["reachable"] < learned["reachable"]:
+                there = f"{once['reachable']} of {once['goals']} goals, {there}"
+            rows.append((f"{name}: one inverse step a goal, one update of the pose (`@1`)", "", there))
+            rows.append(
+                (
+                    f"{name}: an inverse step, learned{' / FE-based' if fe else ''}, median",
+                    "1 ms" if scene == "soft-gripper" else "",
+                    " / ".join(f"{one['step_us']['median'] / 1e3:.2g}" for one in (learned, fe) if one) + " ms",
+                )
+            )
+        rows.append((f"{scene}: sum of forces, of moments on the object", "1e-8", f"{one['object']['imbalance']:.1e}"))
+    touch = f["contact"]["touching"]
+    points = ", ".join(f"{count} {mode}" for mode, count in touch["points"].items())
+    carried = f"{touch['commands'] - touch['failures']} of {touch['commands']} commands carried out"
+    rows.append(("cube only touched, friction 0.8: FE plant", "converges, or says why", carried))
+    rows.append(("cube only touched: contact points at the goals", "", points))
+    rows.append(("cube only touched: law and balance, residual", "1e-8", f"{touch['law_residual']:.1e}"))
+    rows.append(("cube only touched: tracking error of plans that assume glue", "", spread(touch["distance"])))
+    rows.append(
+        ("cube only touched: a learned inverse step, median", "1 ms", f"{touch['step_us']['median'] / 1e3:.2g} ms")
+    )
+    return markdown(("figure", "target", "measured"), rows)
+
+
+def spread(distance: dict | None) -> str:
+    return f"{distance['mean']:.1e} / {distance['max']:.1e} mm" if distance else ""
+
+
+def paper_meshes_table(f: dict) -> str:
+    """The paper's three meshes: loss of the spectral model from 30 and 100 samples."""
+    found = sorted(f["surrogates"]["meshes"].values(), key=lambda one: one["cells"])
+    rows = [
+        (str(one["cells"]), *(f"{point['samples']}: {point['loss']:.1e}" for point in one["curve"])) for one in found
+    ]
+    columns = max(len(row) for row in rows) - 1
+    return markdown(("linear tetrahedra", *["samples: loss"] * columns), rows)
+
+
+def mechanics_table(f: dict) -> str:
+    """The figures of the mechanics beside their targets."""
+    study, suite, own, large = f["discretisation"], f["stability"], f["tours"]["own"], f["tours"]["large"]
+    tours = {(row["cells"], row["solver"]): row for row in f["tours"]["paper"]}
+    sizes = sorted({cells for cells, _ in tours})
+    default = {row["poisson"]: row for row in study["meshes"] if is_default(row)}
+    cost, linear, quadratic = cost_of_linear(study["meshes"])
+    rows = [
+        (
+            "default mesh, error of W; of the tip; of cable forces, at nu = " + " / ".join(f"{nu:g}" for nu in default),
+            "1 %",
+            "; ".join(
+                " / ".join(f"{100 * row[key]:.2f}" for row in default.values()) + " %" for key in ("W", "tip", "force")
+            ),
+            "`make discretisation`",
+        ),
+        (
+            "best mesh of linear tetrahedra against the coarsest of tet10p0: CPU time per sample; error of W (nu 0.47)",
+            "10 times at one error",
+            f"{cost:.1f} times; {100 * linear:.0f} % against {100 * quadratic:.1f} %",
+            "same",
+        ),
+        (
+            f"samples per second, one core, 1000 samples, tet4 {' / '.join(map(str, sizes))}: rslab",
+            "50 / 10 / 4",
+            " / ".join(f"{tours[n, 'rslab']['samples_per_second']:.3g}" for n in sizes),
+            "`benchmarks/tour.py`",
+        ),
+        (
+            "the same with PARDISO (`pip install cfem[fast]`), 300 samples",
+            "100 / 20 / 7",
+            " / ".join(f"{tours[n, 'pardiso']['samples_per_second']:.3g}" for n in sizes),
+            "same",
+        ),
+        (
+            "factorisations per sample: those meshes; default mesh, 100 samples; nu = 0.499, 300 samples",
+            "1.1; 3; 1.1",
+            " / ".join(f"{tours[n, 'rslab']['factorizations_per_sample']:.2f}" for n in sizes)
+            + f"; {own[0]['factorizations_per_sample']:.2f}; {own[1]['factorizations_per_sample']:.2f}",
+            "same",
+        ),
+        (
+            "time per sample divided by the time of its numeric factorisations: those meshes; default mesh",
+            "2.5 from 8895 on",
+            " / ".join(f"{tours[n, 'rslab']['time_over_bound']:.2g}" for n in sizes)
+            + f"; {own[0]['time_over_bound']:.2g}",
+            "same",
+        ),
+        (
+            f"a body of {large['cells']} tet4: samples per second, memory",
+            "it samples",
+            f"{large['samples_per_second']:.2g}, {large['memory_mib'] / 1024:.1f} GiB",
+            "same",
+        ),
+        (
+            f"stability suite, {suite['cases']} cases: correct",
+            "100 %",
+            f"{suite['right']} ({suite['seconds']:.0f} s)",
+            "`cfem stability`",
+        ),
+    ]
+    return markdown(("figure", "target", "measured", "command"), rows)
+
+
+def is_default(row: dict) -> bool:
+    return row["element"] == "tet10p0" and row["graded"] and 6000 < row["cells"] < 9000 and not row["reference"]
+
+
+def cost_of_linear(rows: list[dict]) -> tuple[float, float, float]:
+    """CPU seconds a sample of the most exact mesh of linear tetrahedra over those of tet10p0's coarsest graded one, and
+    both errors of W, at nu 0.47."""
+    mine = [row for row in rows if row["poisson"] == 0.47 and not row["reference"] and row["radius"] is None]
+    linear = min((row for row in mine if row["element"] == "tet4"), key=lambda row: row["W"])
+    graded = [row for row in mine if row["element"] == "tet10p0" and row["graded"]]
+    coarse = min(graded, key=lambda row: row["cells"])
+    return linear["sample_seconds"] / coarse["sample_seconds"], linear["W"], coarse["W"]
+
+
+def profile_table(f: dict) -> str:
+    """Where a sample's time goes."""
+    rows = []
+    tours = f["tours"]
+    parts = list(tours["paper"][0]["ms_per_sample"])
+    for row in (*tours["paper"], tours["own"][0], tours["large"]):
+        shown = (row["element"], str(row["cells"]), str(row["unknowns"]), row["solver"])
+        rows.append(
+            (*shown, *(f"{row['ms_per_sample'].get(name, 0):.3g}" for name in parts), f"{row['time_over_bound']:.2g}")
+        )
+    head = ("element", "cells", "unknowns", "solver", *(f"{name} (ms)" for name in parts), "time / factorisations")
+    return markdown(head, rows)
+
+
+def convergence_table(f: dict) -> str:
+    """Orders by manufactured solutions."""
+    found = f["convergence"]
+    rows = [
+        (
+            row["element"],
+            row["law"],
+            f"{row['poisson']:g}",
+            row["held"],
+            " / ".join(map(str, row["divisions"])),
+            *(" / ".join(f"{order:.2f}" for order in row[key]) for key in ("L2_orders", "H1_orders")),
+        )
+        for row in (*found["neo_hookean"], *found["other_laws"])
+    ]
+    return markdown(("element", "law", "nu", "held", "cells per edge", "orders in L2", "orders in H1"), rows)
+
+
+def meshes_table(f: dict) -> str:
+    """The study of meshes at every ratio: error of W in per cent, and CPU milliseconds a sample."""
+    study = f["discretisation"]["meshes"]
+    ratios = sorted({row["poisson"] for row in study})
+    rows = {}
+    for row in study:
+        name = f"{row['element']}, {row['cells']}, {'graded' if row['graded'] else 'even'}"
+        rows.setdefault(name + (" (reference)" if row["reference"] else ""), {})[row["poisson"]] = row
+    lines = [
+        (
+            name,
+            *(f"{100 * found[nu]['W']:.2g}" for nu in ratios),
+            *(f"{100 * found[nu]['tip']:.2g}" for nu in (ratios[0], ratios[-1])),
+            f"{1e3 * found[ratios[0]]['sample_seconds']:.0f}",
+            "yes" if found[ratios[len(ratios) // 2]]["front"] else "",
+        )
+        for name, found in rows.items()
+    ]
+    head = (
+        "mesh",
+        *(f"W, nu {nu:g} (%)" for nu in ratios),
+        *(f"tip, nu {nu:g} (%)" for nu in (ratios[0], ratios[-1])),
+        "sample, CPU (ms)",
+        "on the front",
+    )
+    return markdown(head, lines)
+
+
+def markdown(head: tuple, rows: list[tuple]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+TABLES = {
+    "readme": lambda f: readme_table(f["finger"]),
+    "finger": lambda f: finger_table(f["finger"]),
+    "surrogates": surrogates_table,
+    "contact": contact_table,
+    "paper-meshes": paper_meshes_table,
+    "mechanics": mechanics_table,
+    "profile": profile_table,
+    "convergence": convergence_table,
+    "meshes": meshes_table,
+}
