@@ -3,7 +3,7 @@ import re
 import pytest
 
 from cfem.report.chart import HEIGHT, TEXT, THEME, WIDTH, chart, panel
-from cfem.report.style import FE, LEARNED, tick
+from cfem.report.style import FE, LEARNED, grid, outside_legend, png, tick
 
 
 def make(**look):
@@ -56,3 +56,12 @@ def test_names_are_drawn_as_they_are(name):
 def test_ticks_are_plain_numbers_or_powers_of_ten():
     assert [tick(v) for v in (0.05, 20.0, 1e-5, 2e-7, 1.5e-10)] == ["0.05", "20", "10⁻⁵", "2·10⁻⁷", "1.5·10⁻¹⁰"]
     assert "10⁻⁹" in make().panels[0] and ">1000<" in make().panels[0]
+
+
+@pytest.mark.parametrize("name", ["$...{", "${name}", "\\frac{1}{2}"])
+def test_pictures_of_other_stages_take_any_name_too(name):
+    figure, (axis,) = grid(1)
+    axis.semilogy([1, 2], [1e-9, 1], label=name)
+    axis.set(xlabel=name, title=name)
+    outside_legend(axis)
+    assert png(figure).startswith(b"\x89PNG")

@@ -26,7 +26,7 @@ class Balanced(HTMLParser):
 def make(robot=None, concerns=()):
     table = Table(("model", "loss"), [("a<b", "1")])
     sections = [Section("Tracking <1>", 'a "tip" & more', (table,)), Section("More", "", (table,))]
-    summary = Summary("All is reached.", concerns, (Number("3 <mm>", "error", "largest 4 mm"),))
+    summary = Summary("All is reached.", concerns, (Number("3 <mm>", "error", ("largest 4 mm",)),))
     return page("robot ${<1>", summary, robot, Card(Text("<i>body</i>"), {"size": "1 < 2 mm"}), sections)
 
 

@@ -83,7 +83,7 @@ def test_a_summary_counts_states_without_an_answer_as_flagged():
 def test_tables_mark_the_default_and_say_where_W_is_not_definite():
     bad = {"queries": 1000, "share": 0.997, "smallest_eigenvalue": -0.1, "where": {"s": [1.5, 2.0], "p": [0.45]}}
     series = {"terms": {"potential": 6, "effector": 3}, "weights": {"potential": [1.0, 1.25]}}
-    network = {"best_epoch": 7, "device": "cpu"}
+    network = {"best_epoch": 7, "device": "cpu", "judgement": [{"what": "loss 2"}]}
     models = {"a": made_up("spectral", **series), "b": made_up("mlp", positive_definite=bad, **network)}
     assert [row[0] for row in model_table(models, None, "a").rows] == ["a (default)", "b"]
     good, lacking = definite_table(models).rows
@@ -105,7 +105,7 @@ def test_a_folder_that_measured_less_is_refused():
 
 
 def test_states_of_another_robot_are_refused(folder):
-    with pytest.raises(InputError, match="rows"):
+    with pytest.raises(InputError, match="another robot"):
         trust(load_model(folder / "spectral" / "model"), dataset(10, seed=5, n_a=3, unilateral=False))
 
 

@@ -119,15 +119,15 @@ def test_the_first_screen_has_three_numbers_with_their_units():
     found = first()
     assert found.concerns == () and "reaches 4 of 4 goals" in found.sentence
     assert [one.value for one in found.numbers] == ["4 of 4", "0.025 mm", "0.2 ms"]
-    assert "60 ms: 300 times longer" in found.numbers[2].note
-    assert "was not estimated" in found.numbers[1].note
+    assert "60 ms: 300 times longer" in found.numbers[2].notes[0]
+    assert found.numbers[1].notes[1] == "discretisation error: not estimated"
 
 
 def test_the_discretisation_error_stands_beside_the_tracking_error():
     found = first(discretisation=MESH)
-    assert "Discretisation error of the tip: 0.03 mm" in found.numbers[1].note and "uncertain" not in found.sentence
+    assert "discretisation error of the tip: 0.03 mm" in found.numbers[1].notes[1] and "uncertain" not in found.sentence
     assert "leaves 0.3 mm uncertain at the tip" in first(discretisation={**MESH, "tip_mm": 0.3}).sentence
-    assert "not estimated: too many cells" in first(discretisation={"left_out": "too many cells"}).numbers[1].note
+    assert "not estimated: too many cells" in first(discretisation={"left_out": "too many cells"}).numbers[1].notes[1]
     table = tracking_section(tracking(discretisation=MESH), UNITS).parts[1]
     assert table.rows == [("1000 cells against 2500", "3", "0.03", "0.025", "2", "1.5")]
 
@@ -153,4 +153,4 @@ def test_where_no_fe_judges_plans_outside_the_training_are_poor():
     found = tracking(plant="model", fe_seconds=None)
     found.columns["inside"][:] = False
     assert "plans for 4 goals" in first(found).concerns[0]
-    assert first(found).numbers[2].note == ""
+    assert first(found).numbers[2].notes == ()

@@ -6,7 +6,7 @@ from typing import Any
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.discretisation import kind, label
 from cfem.report.page import Section
-from cfem.report.style import FAINT, LEARNED
+from cfem.report.style import FAINT, LEARNED, tick
 from cfem.report.tables import Table, number, tabulate
 
 _MARKS = ("o", "s", "^", "D")
@@ -121,7 +121,7 @@ def tolerance_table(results: Sequence[dict]) -> Table:
     return tabulate(
         results,
         {
-            "solver tolerance": lambda row: number(row["tolerance"]),
+            "solver tolerance": lambda row: tick(row["tolerance"]),
             "residual": lambda row: number(row["residual"]),
             "tip error (mm)": lambda row: number(row["tip_mm"]),
             "relative error of W": lambda row: number(row["W"]),

@@ -18,7 +18,7 @@ FLOORS = {"loss": 1e-18, "tip": 1e-12, "force": 1e-12}  # smaller is nothing
 # Of a result of `cfem train`, all but these is what the kind of model chose for itself.
 COMMON = {
     "kind", "form", "samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors", "history",
-    "positive_definite", "learning_curve", "headline", "module",
+    "positive_definite", "learning_curve", "headline", "module", "judgement",
 }  # fmt: skip
 ERRORS = {
     "loss": ("loss", lambda point: point["errors"]["loss"]),

@@ -53,15 +53,15 @@ class Card:
 
 @dataclass(frozen=True)
 class Number:
-    """One of the numbers that matter, with its unit; what it is; what to hold beside it."""
+    """One of the numbers that matter, with its unit; what it is; what to hold beside it, line by line."""
 
     value: str
     name: str
-    note: str = ""
+    notes: tuple[str, ...] = ()
 
     def html(self) -> str:
-        note = f"<small>{escape(self.note)}</small>" if self.note else ""
-        return f"<li><strong>{escape(self.value)}</strong><span>{escape(self.name)}</span>{note}</li>"
+        notes = "".join(f"<small>{escape(note)}</small>" for note in self.notes)
+        return f"<li><strong>{escape(self.value)}</strong><span>{escape(self.name)}</span>{notes}</li>"
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,8 @@ def tracking_summary(found: Tracking) -> Summary:
     sentence = f"The {plant} reaches {reached} of {able} goals in reach with the learned model {one.who}."
     if away:
         sentence += f" {away} goal{'s lie' if away > 1 else ' lies'} out of its reach; it ends at the nearest point."
-    numbers = [Number(f"{reached} of {able}", "goals reached", f"within {number(limit)} mm" + _away(away))]
+    within = (f"within {number(limit)} mm", *((f"{away} more out of reach",) if away else ()))
+    numbers = [Number(f"{reached} of {able}", "goals reached", within)]
     known = one.error[one.reachable & np.isfinite(one.error)]
     if len(known):
         mesh = (found.discretisation or {}).get("tip_mm", 0.0)
@@ -67,28 +68,24 @@ def _concerns(one: Outcome, found: Tracking, reached: int) -> Iterator[str]:
         yield f"plans for {outside} goals in reach lie outside the states that {one.who} was trained on"
 
 
-def _away(away: int) -> str:
-    return f"; {away} more out of reach" if away else ""
-
-
-def _beside(error: np.ndarray, found: Tracking) -> str:
+def _beside(error: np.ndarray, found: Tracking) -> tuple[str, str]:
     """What to hold beside the mean tracking error."""
-    text, mesh = f"largest {number(error.max(), 2)} mm, on the mesh of the model. ", found.discretisation or {}
+    text, mesh = f"largest {number(error.max(), 2)} mm, on the mesh of the model", found.discretisation or {}
     if "tip_mm" in mesh:
-        return text + f"Discretisation error of the tip: {number(mesh['tip_mm'], 2)} mm (estimated)."
+        return text, f"discretisation error of the tip: {number(mesh['tip_mm'], 2)} mm (estimated)"
     why = f": {mesh['left_out']}" if "left_out" in mesh else ""
-    return text + f"The discretisation error was not estimated{why}."
+    return text, f"discretisation error: not estimated{why}"
 
 
 def _time(found: Tracking, step_us: np.ndarray) -> Number:
     """Per control step, beside an FE solve."""
     step = float(np.median(step_us)) / 1000
-    note = ""
-    if found.fe_seconds:
-        solve = 1000 * found.fe_seconds
-        shown = f"{number(solve)} ms" if solve < 1000 else f"{number(solve / 1000)} s"
-        note = f"an FE solve of this robot takes {shown}: {number(solve / step, 2)} times longer"
-    return Number(f"{number(step)} ms", "per control step (median)", note)
+    if not found.fe_seconds:
+        return Number(f"{number(step)} ms", "per control step (median)")
+    solve = 1000 * found.fe_seconds
+    shown = f"{number(solve)} ms" if solve < 1000 else f"{number(solve / 1000)} s"
+    note = f"an FE solve of this robot takes {shown}: {number(solve / step, 2)} times longer"
+    return Number(f"{number(step)} ms", "per control step (median)", (note,))
 
 
 def loops_summary(loops: Mapping[str, Mapping[str, Mapping[str, dict]]]) -> Summary:
@@ -104,10 +101,10 @@ def loops_summary(loops: Mapping[str, Mapping[str, Mapping[str, dict]]]) -> Summ
         return Summary(sentence, tuple(concerns))
     ((_, who, one),) = best
     sentence = f"Controller {who} reaches {_goals(one)} goals over time."
-    numbers = [Number(_goals(one), "goals reached", f"by controller {who}, the best of the run")]
+    numbers = [Number(_goals(one), "goals reached", (f"by controller {who}, the best of the run",))]
     if one["error_at_goals"]:
         mean, largest = (f"{number(one['error_at_goals'][key], 2)} mm" for key in ("mean", "max"))
-        numbers.append(Number(mean, "mean error when the next goal was due", f"largest {largest}"))
+        numbers.append(Number(mean, "mean error when the next goal was due", (f"largest {largest}",)))
     numbers.append(Number(f"{number(one['step_us']['median'] / 1000)} ms", "CPU per tick (median)"))
     return Summary(sentence, tuple(concerns), tuple(numbers))
 
