@@ -24,10 +24,12 @@ watch() {
     while sleep 1 && kill -0 "$running" 2> /dev/null; do
         passed=$(($(date +%s) - begin))
         [ $((passed % 4)) -eq 1 ] || continue
-        holds=$(du -sm "$venv" 2> /dev/null | cut -f 1) || true
+        holds=
+        if [ "$what" = installing ]; then holds=", $(du -sm "$venv" | cut -f 1) of about $size MB"; fi
         last=$(grep -E '^ *(Collecting|Downloading|Processing|Installing|Get:|Unpacking|Setting up)' "$log" | tail -n 1)
         last=$(printf '%s' "$last" | tr -dc '[:print:]' | sed 's|^ *||; s|/[^ ]*/||' | cut -c 1-40)
-        say "  $what, $passed s: ${holds:-0} of about $size MB${last:+; $last}"
+        case $last in Installing*) last=unpacking ;; esac
+        say "  $what, $passed s$holds${last:+: $last}"
     done
     trap - INT TERM
     wait "$running" || {
@@ -90,7 +92,7 @@ python=$(find_python)
 [ -n "$python" ] || { say "cfem: needs Python 3.11 or newer, and this system has none"; exit 1; }
 
 say "${step}installing cfem and its packages into $venv (about $size MB on disk, 2-5 minutes)"
-[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+[ -x "$venv/bin/python" ] || watch "making $venv" "$python" -m venv "$venv"
 if wants_cpu_torch; then export PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu; fi
 watch installing "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile -c constraints.txt -e ".[$extra]"
 
