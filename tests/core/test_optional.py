@@ -1,5 +1,6 @@
 """Where an optional package is missing, one sentence names the extra that brings it, before any work begins."""
 
+import ast
 import re
 import sys
 import tomllib
@@ -109,3 +110,19 @@ def test_the_base_alone_asks_models_and_steps_controllers(tmp_path):
     modules = ["predict.load", "control.inverse", "control.tick", "control.qp", "control.pipe_plant", "cli.app"]
     code = "\n".join(f"import cfem.{name}" for name in [*modules, "export.c_export", "cli.inspect", "cli.verify"])
     assert python_without(set(EXTRAS), code, tmp_path).stderr == ""
+
+
+def test_every_package_that_the_source_imports_is_declared():
+    """The test environment holds more than an installation does."""
+    declared = {"cfem", *sys.stdlib_module_names, *EXTRAS, *map(import_name, PROJECT["dependencies"])}
+    for path in (Path(__file__).parents[2] / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module]
+            undeclared = {name.split(".")[0] for name in names} - declared
+            assert not undeclared, f"{path}: {undeclared}"
+
+
+def import_name(requirement: str) -> str:
+    return re.match(r"[\w-]+", requirement)[0]

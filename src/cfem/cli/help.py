@@ -2,7 +2,7 @@
 
 from typing import Any
 
-import click
+import typer
 from typer.core import TyperGroup
 
 from cfem.core.errors import EXIT_CODES
@@ -19,11 +19,11 @@ GROUPS = {
 class Commands(TyperGroup):
     """Every command but the hidden ones, group by group."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    def list_commands(self, ctx: typer.Context) -> list[str]:
         order = [name for names in GROUPS.values() for name in names]
         return sorted(self.commands, key=lambda name: order.index(name) if name in order else len(order))
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
         shown = {name: self.commands[name] for name in self.list_commands(ctx) if not self.commands[name].hidden}
         rows = {name: _summary(command) for name, command in shown.items()}
         width = max(map(len, rows))
@@ -31,7 +31,7 @@ class Commands(TyperGroup):
             with formatter.section(title):
                 formatter.write_dl([(f"{name:<{width}}", rows[name]) for name in names if name in rows])
 
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_epilog(self, ctx: typer.Context, formatter: Any) -> None:
         with formatter.section("Exit codes"):
             formatter.write_dl([(str(code), meaning) for code, meaning in EXIT_CODES.items()])
 
