@@ -2,7 +2,8 @@
 
 import cfem
 
-for stage, spec in {"mesh": "scene", "sample": "sample", "train": "train"}.items():
-    manifest = cfem.run_stage(stage, f"pipelines/bar/{spec}.yaml")
-    print(f"{stage}: {manifest['status']} in {manifest['seconds']:.1f} s")
-print(*manifest["results"]["headline"], sep="\n")
+done = cfem.run_folder("pipelines/bar", until="train")
+for one in done["stages"]:
+    print(f"{one['stage']}: {one['status']}; {', '.join(one['why'])}")
+manifest = cfem.run_stage("train", "pipelines/bar/train.yaml")  # one stage: up to date by now
+print(manifest["status"], *manifest["results"]["headline"], sep="\n")

@@ -10,6 +10,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:  # for editors and type checkers; the table below says the same to Python
     from cfem.api.artefacts import load_model as load_model
     from cfem.api.artefacts import read_dataset as read_dataset
+    from cfem.api.artefacts import run_folder as run_folder
     from cfem.api.artefacts import run_stage as run_stage
     from cfem.api.control import find_actuation as find_actuation
     from cfem.api.control import inverse_step as inverse_step
@@ -28,7 +29,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the table below says the sam
 
 _NAMES = {
     "cfem.api.robot": "load_robot solve",
-    "cfem.api.artefacts": "run_stage read_dataset load_model",
+    "cfem.api.artefacts": "run_stage run_folder read_dataset load_model",
     "cfem.api.control": "inverse_step find_actuation make_controller",
     "cfem.control.fem_plant": "FemPlant",
     "cfem.control.plant": "ModelPlant",

@@ -10,13 +10,20 @@ def test_a_stage_is_run_once(bar):
 
 
 def test_an_unknown_stage_names_those_that_there_are(bar):
-    with pytest.raises(cfem.SpecError, match="choose one of mesh, sample"):
+    with pytest.raises(cfem.SpecError, match="'meshing' is no stage"):
         cfem.run_stage("meshing", bar / "pipelines" / "bar" / "scene.yaml")
 
 
 def test_a_stale_output_is_an_error_where_only_a_check_was_asked(bar):
     with pytest.raises(cfem.GateError, match="stale"):
         cfem.run_stage("mesh", bar / "pipelines" / "bar" / "scene.yaml", overrides=["length=50 mm"], check=True)
+
+
+def test_a_folder_runs_the_stages_that_are_stale(bar):
+    done = cfem.run_folder(bar / "pipelines" / "bar", until="train")
+    assert [one["status"] for one in done["stages"]] == 3 * ["up to date"]
+    with pytest.raises(cfem.GateError, match="2 of 3 stages are stale"):
+        cfem.run_folder(bar / "pipelines" / "bar", until="train", overrides=["sample.skeleton=5"], check=True)
 
 
 def test_a_dataset_is_read_from_its_folder_or_its_file(bar):

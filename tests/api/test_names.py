@@ -13,7 +13,7 @@ import cfem
 
 FUNCTIONS = {
     *("load_robot", "solve", "read_dataset", "load_model", "inverse_step", "find_actuation", "make_controller"),
-    "run_stage",
+    *("run_stage", "run_folder"),
 }
 ERRORS = {"CfemError", "SpecError", "InputError", "NumericalError", "GateError", "OutputError", "DiskError"}
 BAR = Path(__file__).parents[2] / "pipelines" / "bar" / "scene.yaml"

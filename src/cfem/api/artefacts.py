@@ -6,23 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cfem.api.vectors import PathLike
-from cfem.core.errors import SpecError
 from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
     from cfem.dataset.reader import Dataset
     from cfem.predict.protocol import Predictor
-
-STAGES = {
-    "mesh": "robot",
-    "sample": "sample",
-    "train": "surrogate",
-    "export": "export",
-    "control": "control",
-    "calibrate": "calibrate",
-    "optimize-design": "design",
-    "report": "report",
-}
 
 
 @says_what_is_missing
@@ -59,15 +47,50 @@ def run_stage(
         >>> manifest = cfem.run_stage("mesh", "pipelines/bar/scene.yaml")
         >>> manifest["results"]["nodes"]
     """
+    from cfem.core.chain import stage_module
     from cfem.core.stage import Options
+    from cfem.pipeline.plan import kind_named
 
-    if stage not in STAGES:
-        raise SpecError(f"no stage '{stage}'", do=f"choose one of {', '.join(STAGES)}")
-    if stage == "sample":
+    kind = kind_named(stage)
+    if kind == "sample":
         more = {"fill": import_module("cfem.active.fill").fill, **more}
-    run = import_module(f"cfem.{STAGES[stage]}.stage").run
     options = Options(force=force, check=check, quiet=quiet)
-    return run(Path(spec), overrides, None if out is None else Path(out), options, **more)
+    return stage_module(kind).run(Path(spec), overrides, None if out is None else Path(out), options, **more)
+
+
+@says_what_is_missing
+def run_folder(
+    *places: PathLike,
+    until: str | None = None,
+    overrides: Sequence[str] = (),
+    force: bool = False,
+    check: bool = False,
+    quiet: bool = True,
+) -> Mapping[str, Any]:
+    """Runs the stages of a folder of specs that are stale, in order, and what they need, as `cfem run FOLDER` does.
+
+    Args:
+        *places: folders of specs, or single specs.
+        until: the last stage to run.
+        overrides: values in place of the specs', by the spec's name, such as `"train.samples=20"`.
+        force: run even if up to date.
+        check: run nothing; GateError where a stage is stale.
+        quiet: no progress on stderr.
+
+    Returns:
+        `stages` (of each its `stage`, `spec`, `out`, `status` and `why`), `headline`, `pages`, `seconds`.
+
+    Raises:
+        CfemError: the subclass of the exit code that the command would end with.
+
+    Examples:
+        >>> done = cfem.run_folder("pipelines/bar", until="train")
+        >>> [(one["stage"], one["status"]) for one in done["stages"]]
+    """
+    from cfem.core.stage import Options
+    from cfem.pipeline.run import run
+
+    return run([Path(place) for place in places], overrides, Options(force=force, check=check, quiet=quiet), until)
 
 
 @says_what_is_missing

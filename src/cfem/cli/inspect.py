@@ -1,13 +1,11 @@
 """What an artefact holds, in lines that a person reads."""
 
-import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from textwrap import wrap
 from typing import Any
 
 from cfem.core.judgement import sentences
-from cfem.core.shown import duration
+from cfem.core.shown import duration, folded
 from cfem.core.stage import read_manifest
 
 
@@ -36,16 +34,10 @@ def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
 def figures(results: dict[str, Any]) -> list[str]:
     """The headline where there is one, else one aligned line a number or short text; the rest is in the manifest."""
     if "headline" in results:
-        return [part for line in results["headline"] for part in _folded(f"  {line}")]
+        return [part for line in results["headline"] for part in folded(f"  {line}")]
     rows = list(_flat(results, ""))
     width = max((len(name) for name, _ in rows), default=0)
     return [f"  {name:<{width}}  {value}" for name, value in rows]
-
-
-def _folded(line: str) -> list[str]:
-    """At the width of the terminal, 80 columns where there is none."""
-    width = shutil.get_terminal_size().columns
-    return wrap(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
 
 
 def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
@@ -65,7 +57,7 @@ def summarise(folders: Sequence[Path]) -> str:
     manifests = [read_manifest(folder) for folder in folders]
     judged = dict.fromkeys(line for manifest in manifests for line in sentences(manifest["results"]))
     told = [*judged, *(line for manifest in manifests for line in manifest["results"].get("headline", []))]
-    lines = [part for line in told for part in _folded(line)]
+    lines = [part for line in told for part in folded(line)]
     lines += [f"{m['stage']:<16} {m['seconds']:7.1f} s   {path}" for m, path in zip(manifests, folders, strict=True)]
     lines.append(f"{'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s")
     pages = [

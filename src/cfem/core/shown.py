@@ -1,4 +1,7 @@
-"""Numbers as a person reads them: two or three digits, and a unit that suits their size."""
+"""Numbers as a person reads them: two or three digits, and a unit that suits their size; lines that fit."""
+
+import shutil
+from textwrap import wrap
 
 
 def duration(seconds: float) -> str:
@@ -20,6 +23,12 @@ def length(mm: float) -> str:
 def size(count: float) -> str:
     """Of bytes: '14.8 kB'."""
     return _scaled(count, (("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("bytes", 1.0)))
+
+
+def folded(line: str) -> list[str]:
+    """At the width of the terminal, 80 columns where there is none."""
+    width = shutil.get_terminal_size().columns
+    return wrap(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
 
 
 def _scaled(value: float, units: tuple[tuple[str, float], ...], least: float = 1.0) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 from cfem.core.chain import NOT_MADE, stage_module, stale
 from cfem.core.errors import GateError, SpecError
 from cfem.core.kinds import KINDS
+from cfem.core.shown import duration, folded
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
 
@@ -116,8 +117,9 @@ def as_text(outcome: Mapping[str, Any]) -> str:
     """The few numbers that matter, the page, and what it took."""
     ran = sum(one["status"] == "done" for one in outcome["stages"])
     last = (
-        f"{ran} of {len(outcome['stages'])} stages run in {outcome['seconds']:.1f} s"
+        f"{ran} of {len(outcome['stages'])} stages run in {duration(outcome['seconds'])}"
         if ran
         else "nothing to run: all stages are up to date"
     )
-    return "\n".join([*outcome["headline"], *(f"report: {page}" for page in outcome["pages"]), last])
+    lines = [part for line in outcome["headline"] for part in folded(line)]
+    return "\n".join([*lines, *(f"report: {page}" for page in outcome["pages"]), last])
