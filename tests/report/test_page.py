@@ -52,7 +52,7 @@ def test_the_contents_lead_to_every_section():
 
 
 def test_sections_are_folded_below_a_robot_and_the_first_one_is_open_without():
-    assert '<details id="tracking-1" open>' in make() and " open>" not in make(Text("robot"))
+    assert '<details id="1-tracking-1" open>' in make() and " open>" not in make(Text("robot"))
 
 
 def test_a_poor_result_is_said_first():

@@ -61,7 +61,8 @@ def test_studies_are_drawn():
     known = Published(source="a paper", samples=6500, loss=4e-6)
     sizes = [
         mesh_row("m", {"cells": cells, "nodes": 500}, trained("spectral"), CONTROL, published)
-        for cells, published in ((1600, None), (9000, known))
+        for cells, published in ((1600, None), (9000, known), (20_000, None))
     ]
     picture, table = sizes_section(sizes).parts
-    assert "a paper, 6500 samples" in picture.legend and len(table.rows) == 5
+    assert "a paper, 6500 samples" in picture.legend and len(table.rows) == 7
+    assert len(sizes_section(sizes[:2]).parts) == 1

@@ -93,6 +93,10 @@ def test_a_second_plane_is_drawn_only_of_curves_that_leave_the_first():
     assert planes(curve) == [(1, 2), (0, 1)]
 
 
+def test_two_goals_are_not_drawn():
+    assert len(tracking_section(tracking(errors=(0.1, 0.1), reachable=(True, True)), UNITS).parts) == 1
+
+
 def test_effort_is_drawn_of_three_controllers_and_not_of_two():
     assert effort_charts(tracking()) == []
     (one,) = effort_charts(tracking(controllers=("fe-based", "spectral", "spectral@1")))

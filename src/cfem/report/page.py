@@ -25,16 +25,16 @@ class Section:
     parts: tuple[Part, ...]
     facts: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def key(self) -> str:
-        return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
+    def key(self, place: int) -> str:
+        """Of its link."""
+        return f"{place + 1}-" + re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
 
-    def html(self, unfolded: bool) -> str:
+    def html(self, place: int, unfolded: bool) -> str:
         parts = "\n".join(part.html() for part in self.parts)
         text = f"<p>{escape(self.text)}</p>" if self.text else ""
         title = escape(self.title)
         return (
-            f'<details id="{self.key}"{" open" if unfolded else ""}><summary><h2>{title}</h2></summary>'
+            f'<details id="{self.key(place)}"{" open" if unfolded else ""}><summary><h2>{title}</h2></summary>'
             f"{text}\n{parts}</details>"
         )
 
@@ -83,9 +83,12 @@ class Summary:
 
 def page(title: str, summary: Summary, robot: Part | None, card: Card | None, sections: Sequence[Section]) -> str:
     """The whole file. robot: its animation. Without it, the first section is unfolded."""
-    style, script = ((files("cfem.report") / name).read_text() for name in ("page.css", "viewer.js"))
-    links = "".join(f'<li><a href="#{section.key}">{escape(section.title)}</a></li>' for section in sections)
-    body = "\n".join(section.html(robot is None and place == 0) for place, section in enumerate(sections))
+    style, script = ((files("cfem.report") / name).read_text(encoding="utf-8") for name in ("page.css", "viewer.js"))
+    links = "".join(
+        f'<li><a href="#{section.key(place)}">{escape(section.title)}</a></li>'
+        for place, section in enumerate(sections)
+    )
+    body = "\n".join(section.html(place, robot is None and place == 0) for place, section in enumerate(sections))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'

@@ -124,8 +124,8 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> Section:
         "the quadratic program; the median is stated."
     )
     caption = "What a finer mesh asks of the model, and of control with the model or with the mesh itself."
-    parts = (chart("meshes", caption, [left, right]), sizes_table(rows))
-    return Section("From coarse meshes to fine ones", text, parts, {"meshes": list(rows)})
+    pictures = [chart("meshes", caption, [left, right])] if len(rows) > 2 else []  # of two the table says as much
+    return Section("From coarse meshes to fine ones", text, (*pictures, sizes_table(rows)), {"meshes": list(rows)})
 
 
 def sizes_table(rows: Sequence[Mapping[str, Any]]) -> Table:

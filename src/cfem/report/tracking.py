@@ -17,6 +17,7 @@ from cfem.report.style import GOAL, INK, colour_of, tick
 from cfem.report.tables import Table, milliseconds, number, spread, tabulate
 
 FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
+FEW = 3  # goals or controllers: of fewer the table says as much
 MARKS = "osv^Dp"
 
 
@@ -94,7 +95,8 @@ def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> S
     if cut:
         text += f"{cut} is {cut.partition('@')[0]} with no more steps per goal than the number behind the @. "
     table = [mesh_error_table(found.discretisation)] if "tip_mm" in (found.discretisation or {}) else []
-    charts = [one for name in found.summaries for one in trajectory_charts(found, name, units)]
+    shown = [name for name in found.summaries if len(set(found.of(name)["goal_index"])) >= FEW]
+    charts = [one for name in shown for one in trajectory_charts(found, name, units)]
     return Section(
         "Tracking",
         text + looser(found),
@@ -247,7 +249,7 @@ def effort_charts(found: Tracking) -> list[Chart]:
         goals_count = all(2 * result["reachable"] > result["goals"] for result in controllers.values())
         key = "distance_to_reachable_goals" if goals_count else "distance_to_fe_based"
         shown = {name: result for name, result in controllers.items() if result[key]}
-        if len(shown) < 3:
+        if len(shown) < FEW:
             continue
         to = "to the goal" if goals_count else "to FE-based control"
         axis = panel(f"{trajectory.replace('-', ' ')}: mean distance {to} (mm)", "time per goal (ms)", log="xy")
