@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop import Moment, Pace
+from cfem.core.shown import duration
 
 
 def record(trajectory: str, controller: str, seed: int, rate: float, one: Moment) -> dict[str, Any]:
@@ -82,8 +83,10 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
             if wait and wait["held"]:
                 parts.append(f"after {wait['median']:g} ticks each, {wait['max']} at most")
             if error:
-                parts.append(f"mean {error['mean']:.2g}, max {error['max']:.2g} mm off when the next was due")
-            parts.append(f"{row['step_us']['median']:.0f} us of CPU a tick")
+                parts.append(
+                    f"tracking error mean {error['mean']:.2g}, max {error['max']:.2g} mm when the next was due"
+                )
+            parts.append(f"{duration(1e-6 * row['step_us']['median'])} of CPU time per tick")
             if row["no_position"]:
                 parts.append(f"the plant gave NO POSITION in {row['no_position']} ticks")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))

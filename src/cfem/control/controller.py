@@ -13,6 +13,7 @@ cannot get there, or a search of one step a tick have kept it away."""
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.control.plant import Measurement
 from cfem.control.tick import Belief, Pilot, drive
@@ -57,7 +58,7 @@ class Controller:
         self.belief = Belief.at(pilot, np.zeros(len(pilot.ridge)) if start is None else np.asarray(start, float))
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
 
-    def tick(self, goal: np.ndarray, measured: Measurement | None = None) -> Belief:
+    def tick(self, goal: ArrayLike, measured: Measurement | None = None) -> Belief:
         """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the
         command that it followed, 1 for the first. The command is `u` of the answer: (n_a,), mm (mm^3) or N (MPa)."""
         goal = np.asarray(goal, float)

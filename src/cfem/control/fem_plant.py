@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
 from cfem.control.plant import Command, Measurement
@@ -63,7 +64,7 @@ class FemPlant:
             self._solve(displacement(delta_a), delta_a, slack=False)
         return self._last.condensed
 
-    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+    def step(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
         """Actuators that would have to push go slack."""
         self._t += 1
         u = np.asarray(u, float)

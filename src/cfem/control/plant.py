@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
 from cfem.control.loop import Model
@@ -43,7 +44,7 @@ class ModelPlant:
         self._model, self._rest_e, self._push, self._t = model, rest_e, push, 0
         self._last: Condensed | None = None
 
-    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+    def step(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
         self._t += 1
         u = np.asarray(u, float)
         try:

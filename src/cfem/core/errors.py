@@ -49,12 +49,12 @@ class DiskError(CfemError):
 
 EXIT_CODES = {
     0: "done",
-    1: "a defect of ours",
-    2: "usage or spec",
+    1: "a defect of cfem",
+    2: "wrong usage or spec",
     3: "an input file is missing, corrupt or incompatible",
     4: "numerical failure (what converged is kept), or a result that is contradicted or, with --strict, poor",
-    5: "a gate is not met, or stale under --check",
-    6: "the output exists from other inputs, or is locked",
+    5: "a stated figure is not met, or an output is stale under --check",
+    6: "the output exists and is not replaced, or another process holds it",
     7: "disk full or not writable",
     130: "interrupted (resumable)",
 }

@@ -9,7 +9,9 @@ from typing import ParamSpec, TypeVar
 
 from cfem.core.errors import SpecError
 
-P, R = ParamSpec("P"), TypeVar("R")
+P = ParamSpec("P")
+R = TypeVar("R")
+
 # import name -> extra of pyproject.toml
 EXTRAS = {
     "llvmlite": "fe",

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.parameters import coordinates, from_json
@@ -53,7 +54,7 @@ class Predictor(ABC):
             return p[..., :0]
         return coordinates([self.parameters[i] for i in self._learned], p[..., self._learned])
 
-    def at(self, s: np.ndarray, p: np.ndarray | None = None) -> Condensed:
+    def at(self, s: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot at one input s (n_a,) of the form; effectors from their rest position."""
         s = np.asarray(s, float)
         W, delta_free = self.evaluate(s, p)
@@ -61,11 +62,11 @@ class Predictor(ABC):
         lam = s if self.form == "force" else np.linalg.solve(W[a, a], s - delta_free[a])
         return Condensed(self.rows, W, delta_free, lam)
 
-    def at_displacement(self, delta_a: np.ndarray, p: np.ndarray | None = None) -> Condensed:
+    def at_displacement(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot where its actuators stand at delta_a (n_a,) mm. NumericalError where there is none."""
         return self.at(delta_a, p) if self.form == "displacement" else self._find(np.asarray(delta_a, float), p)
 
-    def at_force(self, lambda_a: np.ndarray, p: np.ndarray | None = None) -> Condensed:
+    def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot under lambda_a (n_a,) N. NumericalError where there is none."""
         return self.at(lambda_a, p) if self.form == "force" else self._find(np.asarray(lambda_a, float), p)
 
@@ -102,11 +103,11 @@ class Predictor(ABC):
             do="ask inside its domain",
         )
 
-    def inside(self, condensed: Condensed, p: np.ndarray | None = None) -> bool:
+    def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool:
         """Whether a state found with this model is like those that it was trained on."""
         return self.domain.holds(*self._where(condensed, p))
 
-    def distance(self, condensed: Condensed, p: np.ndarray | None = None) -> float:
+    def distance(self, condensed: Condensed, p: ArrayLike | None = None) -> float:
         """How far a state is from the training states: about 1 or less among them (`Domain.distance`)."""
         return self.domain.distance(*self._where(condensed, p))
 
