@@ -14,8 +14,7 @@ AT_ONCE = 5000
 def definiteness(predictor: Predictor, dataset: Any, queries: int, seed: int = 0) -> dict[str, Any]:
     """Share of `queries` random points between the training states at which W is positive definite; the smallest
     eigenvalue of W scaled to a unit diagonal, and the input at which it was found."""
-    s, q = random_states(*inputs(dataset, predictor.form), queries, seed)
-    p = _parameters(predictor, dataset, q)
+    s, p = between(predictor, dataset, queries, seed)
     smallest = np.concatenate(
         [
             smallest_eigenvalue(predictor.evaluate(s[first : first + AT_ONCE], p[first : first + AT_ONCE])[0])
@@ -29,6 +28,12 @@ def definiteness(predictor: Predictor, dataset: Any, queries: int, seed: int = 0
         "smallest_eigenvalue": float(smallest[worst]),
         "where": {"s": s[worst].tolist(), "p": p[worst].tolist()},
     }
+
+
+def between(predictor: Predictor, dataset: Any, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Arguments s, p of `Predictor.evaluate` at `count` random points between the training states."""
+    s, q = random_states(*inputs(dataset, predictor.form), count, seed)
+    return s, _parameters(predictor, dataset, q)
 
 
 def smallest_eigenvalue(W: np.ndarray) -> np.ndarray:

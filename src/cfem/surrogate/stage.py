@@ -43,7 +43,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     parts = {name: getattr(spec.model, name, None) for name in PARTS}
     return Stage(
         name="train",
-        version=4,
+        version=5,
         spec=spec,
         inputs={"dataset": base / spec.dataset} | {name: base / part for name, part in parts.items() if part},
         out=out or base / spec.out,
@@ -128,13 +128,17 @@ def train_and_judge(
     """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
     from cfem.surrogate.error_measures import measure
     from cfem.surrogate.model_card import model_card
+    from cfem.surrogate.semidefinite import lifted
 
     import_module(f"cfem.surrogate.{spec.kind}")  # PyTorch takes seconds to load, none of which is the fit's
     begin = time.perf_counter()
     arrays, facts, history = FITS[type(spec)](training, spec, folder)
     seconds = time.perf_counter() - begin
     meta = model_card(spec.kind, training, **facts)
-    predictor = build(meta, arrays)
+    predictor, constant = build(meta, arrays), 0.0
+    if isinstance(spec, SpectralSpec | EnergyNetSpec):
+        arrays, constant = lifted(predictor, arrays, training)
+        predictor = build(meta, arrays)
     errors = measure(test, *predictions(predictor, test))
     results = {
         "kind": spec.kind,
@@ -143,6 +147,7 @@ def train_and_judge(
         "seconds_sampling": float(training.cost["seconds"].sum()),
         "microseconds_query": query_microseconds(predictor, test),
         "errors": errors,
+        "compliance_constant": constant,
         **facts,
         "history": history,
     }
