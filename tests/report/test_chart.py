@@ -55,6 +55,7 @@ def test_names_are_drawn_as_they_are(name):
 
 def test_ticks_are_plain_numbers_or_powers_of_ten():
     assert [tick(v) for v in (0.05, 20.0, 1e-5, 2e-7, 1.5e-10)] == ["0.05", "20", "10⁻⁵", "2·10⁻⁷", "1.5·10⁻¹⁰"]
+    assert [tick(v) for v in (0.0, -0.5, -2e-5)] == ["0", "−0.5", "−2·10⁻⁵"]
     assert "10⁻⁹" in make().panels[0] and ">1000<" in make().panels[0]
 
 
@@ -65,3 +66,10 @@ def test_pictures_of_other_stages_take_any_name_too(name):
     axis.set(xlabel=name, title=name)
     outside_legend(axis)
     assert png(figure).startswith(b"\x89PNG")
+
+
+def test_a_linear_axis_of_small_numbers_has_no_common_factor_over_its_title():
+    axis = panel("force (N)", "goal")
+    axis.plot([0, 1], [-2e-5, 2e-5])
+    text = chart("small", "", [axis]).panels[0]
+    assert ">−2·10⁻⁵<" in text and "1e" not in text.replace("1em", "")

@@ -74,14 +74,16 @@ def outside_legend(axis, columns: int = 4) -> None:
 
 
 def plain_powers(axis) -> None:
-    """Ticks of logarithmic axes: numbers such as 20, 50, 100 along a short axis, powers of ten along a long one; plain
-    text, as matplotlib's mathematical text is off."""
+    """Ticks as text. Logarithmic axes: numbers such as 20, 50, 100 along a short axis, powers of ten along a long one.
+    Matplotlib's mathematical text is off."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     for line in (axis.xaxis, axis.yaxis):
-        if line.get_scale() != "log":
-            continue
         low, high = line.get_view_interval()
+        if line.get_scale() != "log":
+            if 0 < max(abs(low), abs(high)) < 1e-3:  # matplotlib would put 1e-5 where the title stands
+                line.set_major_formatter(FuncFormatter(lambda value, _: tick(value)))
+            continue
         decades = np.log10(max(high, 1e-300) / max(low, 1e-300))
         if isinstance(line.get_major_locator(), LogLocator):
             if decades < 1:
@@ -95,8 +97,10 @@ def plain_powers(axis) -> None:
 
 def tick(value: float, plain: bool | None = None) -> str:
     """0.05, or 10⁻⁵; plain: the former, where it is not left to the value."""
-    plain = value >= 1e-3 if plain is None else plain
-    return f"{value:g}" if plain or value <= 0 else power_of_ten(value, 2).replace(".0·", "·").removeprefix("1·")
+    plain = abs(value) >= 1e-3 if plain is None else plain
+    if plain or value == 0:
+        return f"{value:g}".replace("-", "−")
+    return ("−" if value < 0 else "") + power_of_ten(abs(value), 2).replace(".0·", "·").removeprefix("1·")
 
 
 def power_of_ten(value: float, digits: int) -> str:
