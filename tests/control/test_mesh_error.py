@@ -46,10 +46,16 @@ def test_the_estimate_is_the_error_to_a_factor_of_two_and_a_half(element, size):
 def test_errors_of_the_stated_order_are_extrapolated_exactly():
     h, smaller = 2.0, 1.4
     at, finer = 0.03 * h**ORDER, 0.03 * (h / smaller) ** ORDER
-    both = [Difference(at - finer, 0.0, 0.1), Difference(0.0, (at - finer) / 10, 0.0)]
+    both = [Difference(at - finer, 0.0, 0.1, 5.0, 2.0), Difference(0.0, at - finer, 0.0, 10.0, 1.0)]
     found = extrapolated(both, smaller, 60.0)
     assert found["tip_mm"] == pytest.approx(at) and found["tip_percent"] == pytest.approx(100 * at / 60)
     assert found["reach_percent"] == pytest.approx(10 * at)
+
+
+def test_a_state_at_rest_does_not_swell_the_shares():
+    pulled, resting = Difference(0.1, 0.1, 0.2, 10.0, 4.0), Difference(0.1, 0.1, 0.2, 1e-9, 1e-12)
+    found = extrapolated([pulled, resting], 2.0, 60.0)
+    assert found == extrapolated([pulled], 2.0, 60.0) and found["force_percent"] == pytest.approx(100 * 0.05 * 4 / 3)
 
 
 def test_states_are_far_from_rest_and_from_each_other():

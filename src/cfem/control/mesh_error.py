@@ -34,12 +34,14 @@ ORDER = 2.0
 class Difference:
     """Between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
 
-    tip: mm, largest distance of an effector point; reach: change of how far the effectors are from rest, relative;
-    force: largest change of an actuator force, relative to the largest force"""
+    tip: mm, largest distance of an effector point; reach: mm, change of how far the effectors are from rest, of `moved`
+    mm; force: largest change of an actuator force, the largest of which is `carried`"""
 
     tip: float
     reach: float
     force: float
+    moved: float
+    carried: float
 
 
 def states_to_refine(goals: Mapping[str, np.ndarray], spec: ControlSpec, rest_e: np.ndarray) -> set[tuple[str, int]]:
@@ -123,15 +125,19 @@ def mesh_error(
 
 
 def extrapolated(found: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
-    """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small."""
+    """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small. Shares are of
+    the largest of all states: near rest there is next to nothing to take a share of."""
     gain = smaller**ORDER
     factor = gain / (gain - 1)
-    tip, reach, force = (factor * max(getattr(one, key) for one in found) for key in ("tip", "reach", "force"))
+    tip, reach, force, moved, carried = (
+        max(getattr(one, key) for one in found) for key in ("tip", "reach", "force", "moved", "carried")
+    )
+    tip, moved, carried = factor * tip, max(moved, np.finfo(float).tiny), max(carried, np.finfo(float).tiny)
     return {
         "tip_mm": tip,
         "tip_percent": 100 * tip / length,
-        "reach_percent": 100 * reach,
-        "force_percent": 100 * force,
+        "reach_percent": 100 * factor * reach / moved,
+        "force_percent": 100 * factor * force / carried,
     }
 
 
@@ -139,10 +145,10 @@ def _difference(robot: Robot, here: Equilibrium, finer: Equilibrium) -> Differen
     """Orientations of effectors are left out: they are no lengths."""
     places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
     moved, differently = here.delta_e[places], finer.delta_e[places]
-    distance = max(float(np.linalg.norm(moved)), np.finfo(float).tiny)
-    largest = max(float(np.abs(here.lambda_a).max()), np.finfo(float).tiny)
     return Difference(
         tip=float(np.linalg.norm(differently - moved)),
-        reach=float(abs(np.linalg.norm(differently) - np.linalg.norm(moved)) / distance),
-        force=float(np.abs(finer.lambda_a - here.lambda_a).max() / largest),
+        reach=float(abs(np.linalg.norm(differently) - np.linalg.norm(moved))),
+        force=float(np.abs(finer.lambda_a - here.lambda_a).max()),
+        moved=float(np.linalg.norm(moved)),
+        carried=float(np.abs(here.lambda_a).max()),
     )
