@@ -125,8 +125,8 @@ def mesh_error(
 
 
 def extrapolated(found: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
-    """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small. Shares are of
-    the largest of all states: near rest there is next to nothing to take a share of."""
+    """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small. Percentages
+    are of the largest of all states: near rest there is next to nothing to compare with."""
     gain = smaller**ORDER
     factor = gain / (gain - 1)
     tip, reach, force, moved, carried = (
