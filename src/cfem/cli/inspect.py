@@ -14,10 +14,10 @@ def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
     manifest = read_manifest(artefact)
     if as_json:
         return manifest
+    version = manifest["versions"].get("cfem", "of unknown version")
     lines = [
         *sentences(manifest["results"]),
-        f"{artefact}: made by cfem {manifest['stage']} {manifest['versions']['cfem']}, "
-        f"in {duration(manifest['seconds'])}",
+        f"{artefact}: made by cfem {manifest['stage']} {version}, in {duration(manifest['seconds'])}",
         f"  content   {manifest['content']}",
         f"  made from {manifest['made_from']}",
         *(f"  input     {name}: {path}" for name, path in manifest["inputs"].items()),

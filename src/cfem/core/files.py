@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -88,17 +88,24 @@ def sync_tree(folder: Path) -> None:
             sync(path)
 
 
-def file_sha256(path: Path) -> str:
-    """Hex digest of a file's bytes; InputError where it cannot be read."""
+@contextmanager
+def open_regular(path: Path) -> Iterator[BinaryIO]:
+    """The file's bytes; InputError where it cannot be read, or is no regular file: a device or a pipe may never end."""
     try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # a device or a pipe may never end
+        if not stat.S_ISREG(os.stat(path).st_mode):
             raise InputError("is no file", where=str(path), do="check the path")
         with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+            yield file
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+
+
+def file_sha256(path: Path) -> str:
+    """Hex digest of a file's bytes; InputError where it cannot be read."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def content_sha256(value: Any) -> str:
@@ -124,10 +131,9 @@ def plain(value: Any) -> Any:
 def read_json(path: Path) -> dict:
     """A JSON object; InputError where the file is missing or damaged."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
-    except (OSError, ValueError) as error:
+        with open_regular(path) as file:
+            data = json.loads(file.read())
+    except (ValueError, RecursionError) as error:
         raise InputError(f"is damaged: {error}", where=str(path), do="make it anew with --force") from error
     if not isinstance(data, dict):
         raise InputError("is damaged: not a JSON object", where=str(path), do="make it anew with --force")

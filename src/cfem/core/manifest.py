@@ -6,12 +6,36 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cfem.core.errors import InputError
-from cfem.core.files import plain, write_whole
+from cfem.core.files import open_regular, plain, write_whole
+from cfem.core.reading import Data, checked
 
 MANIFEST = "manifest.json"
 FORMAT = 1
 _SEAL = b',\n  "checksum": "'
 _END = b'"\n}\n'
+_AGAIN = "regenerate it with --force"
+
+
+class _Results(Data):
+    headline: list[str] = []
+    page: str = ""
+
+
+class _Manifest(Data):
+    """What those who read a manifest count on, and what stands for what is not there."""
+
+    content: str
+    stage: str = ""
+    made_from: str = ""
+    inputs: dict[str, str] = {}
+    spec: dict[str, Any] = {}
+    files: dict[str, str] = {}
+    results: _Results = _Results()
+    versions: dict[str, str] = {}
+    seconds: float = 0.0
+
+
+_ABSENT = _Manifest(content="").model_dump() | {"results": {}}
 
 
 def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:
@@ -31,12 +55,13 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         do = "give the folder that a command made, which a spec names as `out`"
         raise InputError("is a file, and an artefact is a folder", where=str(folder), do=do)
     path = folder / MANIFEST
+    if not path.exists():
+        raise InputError("holds no manifest.json: no command of cfem made it", where=str(folder))
     try:
-        data = path.read_bytes()
+        with open_regular(path) as file:
+            data = file.read()
         manifest = json.loads(data)
-    except FileNotFoundError:
-        raise InputError("holds no manifest.json: no command of cfem made it", where=str(folder)) from None
-    except (OSError, ValueError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise _damaged(path, str(error)) from None
     if not isinstance(manifest, dict):
         raise _damaged(path, "not a JSON object")
@@ -53,7 +78,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     for name in files:
         if not is_inside(name):
             raise _damaged(path, f"names a file outside its folder, {name!r}")
-    return manifest
+    checked(_Manifest, manifest, str(path), _AGAIN)
+    return manifest | {key: value for key, value in _ABSENT.items() if key not in manifest}
 
 
 def is_inside(name: str) -> bool:
@@ -63,4 +89,4 @@ def is_inside(name: str) -> bool:
 
 
 def _damaged(path: Path, why: str) -> InputError:
-    return InputError(f"is damaged: {why}", where=str(path), do="make it anew with --force")
+    return InputError(f"is damaged: {why}", where=str(path), do=_AGAIN)
