@@ -6,6 +6,7 @@ import json
 import math
 import zipfile
 import zlib
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -45,9 +46,9 @@ def checked(model: type[D], data: Any, where: str, do: str) -> D:
         raise InputError("is damaged: its parts are nested too deeply", where=where, do=do) from None
 
 
-def read_npz(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a .npz file: finite real numbers, or True and False. InputError where there is anything else, or
-    where the file claims more than it holds."""
+def read_npz(path: Path, unbounded: Collection[str] = ()) -> dict[str, np.ndarray]:
+    """The arrays of a .npz file: finite real numbers, or True and False; those in `unbounded` may be infinite.
+    InputError where there is anything else, or where the file claims more than it holds."""
     do = "regenerate it with --force"
     try:
         with zipfile.ZipFile(path) as archive:
@@ -65,7 +66,7 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     for name, values in arrays.items():
         if values.dtype.kind not in "fiub":
             raise InputError(f"'{name}': is of type {values.dtype}, not of real numbers", where=str(path), do=do)
-        if not np.isfinite(values).all():
+        if np.isnan(values).any() or (name not in unbounded and np.isinf(values).any()):
             raise InputError(f"'{name}': holds numbers that are not finite", where=str(path), do=do)
     return arrays
 

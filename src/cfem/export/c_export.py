@@ -78,7 +78,9 @@ def _data(
         f"typedef {scalar} cfem_real;\n\n",
         c_text.defines({f"CFEM_OBSERVER_{name.upper()}": i for i, name in enumerate(OBSERVERS)}),
         c_text.defines({**defines, **model.defines}),
-        c_text.defines({f"CFEM_{name.upper()}": c_text.string(" ".join(meta["rows"][name])) for name in meta["rows"]}),
+        c_text.defines(
+            {f"CFEM_{name.upper()}": c_text.string(" ".join(meta["rows"][name])) for name in ("effectors", "actuators")}
+        ),
         "\n",
     ]
     body = ['#include "cfem_data.h"\n\n#include <math.h>\n\n']

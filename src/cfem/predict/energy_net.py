@@ -6,7 +6,8 @@ derivatives are polynomials as well: one product with `polynomial` gives those o
 
 import numpy as np
 
-from cfem.predict.energy import Parts, Splitter
+from cfem.core.reading import take
+from cfem.predict.energy import Parts, Splitter, layout
 from cfem.predict.potential import PotentialPredictor
 
 # quantity: highest order of its derivatives by s in `cfem.predict.energy.layout`
@@ -21,11 +22,14 @@ class EnergyNetPredictor(PotentialPredictor, kind="energy_net"):
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
-        n_a = self.rows.n_a
-        self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
-        self._polynomial = arrays["polynomial"]
+        n_a, n_e, n = self.rows.n_a, self.rows.n_e, self.n_inputs
+        outputs = layout(n_a, n_e)["effector_compliance"].stop
+        self._to_box_T = np.ascontiguousarray(take(arrays, "to_box", (n, n)).T)
+        self._offset = take(arrays, "offset", (n,))
+        self._polynomial = take(arrays, "polynomial", (1 + n + n * (n + 1) // 2, outputs))
         self._products = np.triu_indices(len(self._offset))
-        self._networks = [SineNetwork(name, arrays, order, n_a) for name, order in ORDERS.items()]
+        sizes = {"potential": 1, "effector": n_e, "effector_compliance": n_e * (n_e + 1) // 2}
+        self._networks = [SineNetwork(name, arrays, order, n_a, sizes[name]) for name, order in ORDERS.items()]
         self._split = Splitter(n_a, self.rows.n_e)
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
@@ -41,14 +45,17 @@ class EnergyNetPredictor(PotentialPredictor, kind="energy_net"):
 class SineNetwork:
     """The part of one quantity that its hidden units make, with its derivatives by s up to an order."""
 
-    def __init__(self, name: str, arrays: dict[str, np.ndarray], order: int, n_a: int):
+    def __init__(self, name: str, arrays: dict[str, np.ndarray], order: int, n_a: int, outputs: int):
         self._n, self._order = (n_a if order else 0), order
         self._first, self._second = np.triu_indices(n_a if order == 2 else 0)
-        depth = sum(key.startswith(f"{name}_weight_") for key in arrays)
-        weights = [arrays[f"{name}_weight_{i}"] for i in range(depth)]
-        self._biases = [arrays[f"{name}_bias_{i}"] for i in range(depth)]
+        depth = max(sum(key.startswith(f"{name}_weight_") for key in arrays), 1)
+        weights, width = [], len(arrays["to_box"])
+        for i in range(depth):
+            weights.append(take(arrays, f"{name}_weight_{i}", (None, width)))
+            width = len(weights[-1])
+        self._biases = [take(arrays, f"{name}_bias_{i}", (len(weight),)) for i, weight in enumerate(weights)]
         self._inner_T = [np.ascontiguousarray(weight.T) for weight in weights]
-        self._output = arrays[f"{name}_output"]
+        self._output = take(arrays, f"{name}_output", (width, outputs))
         self._slopes = (weights[0] @ arrays["to_box"][:, : self._n]).T.copy()  # (n, width) d a_1 / d s_i
         self._slope_products = self._slopes[self._first] * self._slopes[self._second]
 

@@ -7,6 +7,7 @@ another model (the paper's G) gives of the parameters."""
 import numpy as np
 
 from cfem.condensed import entries, unpack_upper
+from cfem.core.reading import take
 from cfem.predict.protocol import ArrayPredictor, build
 
 
@@ -37,14 +38,22 @@ class MlpPredictor(ArrayPredictor, kind="mlp"):
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
-        self._at_rest = build(meta["at_rest"], rest_arrays(arrays)) if "at_rest" in meta else None
+        self._at_rest = build(meta["at_rest"], rest_arrays(arrays)) if meta.get("at_rest") else None
         self._activation = ACTIVATIONS[meta["activation"]]
+        n, n_q = self.rows.n, len(self._learned)
+        outputs = n * (n + 3) // 2
+        beside = outputs if self._at_rest else n_q
         self._in, self._out = (
-            (arrays[f"{side}_mean"].astype(float), arrays[f"{side}_scale"].astype(float)) for side in ("in", "out")
+            tuple(take(arrays, f"{side}_{name}", (size,)).astype(float) for name in ("mean", "scale"))
+            for side, size in (("in", self.rows.n_a + beside), ("out", outputs))
         )
-        depth = sum(name.startswith("weight_") for name in arrays)
-        # Transposed and contiguous: a row-vector product then streams each weight once.
-        self._layers = [(np.ascontiguousarray(arrays[f"weight_{i}"].T), arrays[f"bias_{i}"]) for i in range(depth)]
+        depth = max(sum(name.startswith("weight_") for name in arrays), 1)
+        self._layers, inputs = [], self.rows.n_a + beside
+        for i in range(depth):
+            weight = take(arrays, f"weight_{i}", (outputs if i == depth - 1 else None, inputs))
+            inputs = len(weight)
+            # Transposed and contiguous: a row-vector product then streams each weight once.
+            self._layers.append((np.ascontiguousarray(weight.T), take(arrays, f"bias_{i}", (inputs,))))
 
     def beside(self, q: np.ndarray) -> np.ndarray:
         """(..., n_q) coordinates of the learned parameters -> (..., k) inputs beside s."""

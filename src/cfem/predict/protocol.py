@@ -38,6 +38,11 @@ class Predictor(ABC):
         self._learned = [i for i, one in enumerate(self.parameters) if not one.exact]
         self._exact = [i for i, one in enumerate(self.parameters) if one.exact]
 
+    @property
+    def n_inputs(self) -> int:
+        """Of what is learned: actuators, and coordinates of the parameters that are not exact."""
+        return self.rows.n_a + len(self._learned)
+
     @abstractmethod
     def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(..., n_a) mm or N by the form, (..., n_p) -> W (..., n, n), delta_free (..., n)."""

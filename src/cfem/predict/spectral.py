@@ -8,9 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from cfem.core.errors import InputError
+from cfem.core.reading import take
 from cfem.predict.chebyshev import Basis
 from cfem.predict.energy import Parts, Splitter, layout, unpacking
 from cfem.predict.potential import PotentialPredictor
+
+LARGEST_DEGREE = 255  # what a byte of the C export holds
 
 
 class SpectralPredictor(PotentialPredictor, kind="spectral"):
@@ -20,8 +24,15 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
-        self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
-        self._basis, self._series_T = Basis(arrays["indices"]), np.ascontiguousarray(arrays["series"].T)
+        n_a, n_e, n = self.rows.n_a, self.rows.n_e, self.n_inputs
+        indices = take(arrays, "indices", (None, n), "iu")
+        if indices.min() < 0 or indices.max() > LARGEST_DEGREE:
+            raise InputError(f"array 'indices' holds degrees that are not between 0 and {LARGEST_DEGREE}")
+        outputs = layout(n_a, n_e)["effector_compliance"].stop
+        self._to_box_T = np.ascontiguousarray(take(arrays, "to_box", (n, n)).T)
+        self._offset = take(arrays, "offset", (n,))
+        self._basis = Basis(indices)
+        self._series_T = np.ascontiguousarray(take(arrays, "series", (outputs, len(indices))).T)
         self._split = Splitter(self.rows.n_a, self.rows.n_e)
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:

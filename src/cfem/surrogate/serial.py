@@ -36,4 +36,4 @@ def compose(
             where=str(folder),
         )
     facts = {"form": "displacement", "module": meta, "softer": list(spec.softer)}
-    return arrays, {**facts, "samples": meta["dataset"]["samples"]}, history
+    return arrays, {**facts, "samples": meta["dataset"].get("samples", 0)}, history

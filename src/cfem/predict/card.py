@@ -1,0 +1,145 @@
+"""What model.json must say before a model is built from it; see surrogate/model_card.py, which writes it."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from cfem.condensed.parameters import Coordinate
+from cfem.core.names import Name
+from cfem.core.reading import Data
+from cfem.predict.energy import Form
+from cfem.predict.protocol import KINDS
+
+FORMAT = 3
+Units = tuple[Literal["mm", "mm^3", "rad"], Literal["N", "MPa", "N mm"]]
+Pair = tuple[float, float]
+MOST = 1000  # rows of W
+
+
+class RowsCard(Data, extra="forbid"):
+    """Names of the rows of W."""
+
+    effectors: list[Name] = Field(min_length=1, max_length=MOST)
+    actuators: list[Name] = Field(min_length=1, max_length=MOST)
+
+
+class ParameterCard(Data, extra="forbid"):
+    """See `cfem.condensed.parameters.Parameter`."""
+
+    name: Name
+    key: str
+    unit: Literal["1", "mm", "N", "MPa", "rad", "mm^3", "mm/s^2", "t/mm^3"]
+    low: float
+    high: float
+    reference: float
+    coordinate: Coordinate
+    exact: bool
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ParameterCard":
+        if not self.low < self.high:
+            raise ValueError("low is not below high")
+        limits = {"linear": (-float("inf"), float("inf")), "log": (0.0, float("inf")), "log(1-2p)": (-1e300, 0.5)}
+        least, most = limits["log" if self.exact else self.coordinate]
+        if not all(least < value < most for value in (self.low, self.high, self.reference)):
+            raise ValueError(f"its values leave the range of its coordinate {self.coordinate}")
+        return self
+
+
+class DomainCard(Data):
+    """See `cfem.predict.domain.Domain`."""
+
+    delta_a: tuple[list[float], list[float]]
+    lambda_a: tuple[list[float], list[float]]
+    p: tuple[list[float], list[float]]
+    states: list[list[float]] = Field(min_length=1, max_length=10_000)
+
+
+class DatasetCard(Data):
+    """What it was trained on."""
+
+    content: str = ""
+    samples: int = Field(0, ge=0)
+
+
+ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
+
+
+class ModelCard(Data):
+    """softer, module: of modules in a row; activation, at_rest: of a network of entries."""
+
+    format: Literal[FORMAT]
+    kind: str
+    form: Form
+    scene: Name
+    rows: RowsCard
+    n_c: int = Field(ge=0)
+    row_units: list[Units]
+    units: dict[str, Any]
+    rest_e: list[float]
+    reach: list[Pair]
+    length: float = Field(gt=0)
+    parameters: list[ParameterCard] = Field(max_length=MOST)
+    domain: DomainCard
+    errors: dict[str, Any] = {}
+    history: list[Any] = []
+    versions: dict[str, str] = {}
+    dataset: DatasetCard = DatasetCard()
+    activation: Literal["relu", "tanh", "silu"] | None = None
+    softer: list[Annotated[float, Field(gt=0)]] | None = Field(None, min_length=1, max_length=100)
+    module: "ModelCard | None" = None
+    at_rest: "ModelCard | None" = None
+
+    @property
+    def learned(self) -> list[tuple[str, str]]:
+        """Keys and coordinates of the parameters that are inputs."""
+        return [(one.key, one.coordinate) for one in self.parameters if not one.exact]
+
+    @model_validator(mode="after")
+    def _sizes(self) -> "ModelCard":
+        n_e, n_a = len(self.rows.effectors), len(self.rows.actuators)
+        n_q = len(self.learned)
+        domain = self.domain
+        for what, found, expected in (
+            ("n_c", [self.n_c], {min(self.n_c, n_a - 1)}),
+            ("row_units", [len(self.row_units)], {n_e + n_a}),
+            ("rest_e", [len(self.rest_e)], {n_e}),
+            ("reach", [len(self.reach)], {n_a, n_a - self.n_c}),
+            ("domain.delta_a", map(len, domain.delta_a), {n_a}),
+            ("domain.lambda_a", map(len, domain.lambda_a), {n_a}),
+            ("domain.p", map(len, domain.p), {n_q}),
+            ("domain.states", map(len, domain.states), {2 * n_a + n_q}),
+        ):
+            if not set(found) <= expected:
+                raise ValueError(f"{what} does not have the numbers that the rows ask for")
+        if any(not low < high for low, high in self.reach):
+            raise ValueError("reach: the smaller number comes first")
+        if len(set(self.rows.effectors)) < n_e or len(set(self.rows.actuators)) < n_a:
+            raise ValueError("rows: names differ")
+        return self
+
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in KINDS:
+            raise ValueError(f"expected one of {', '.join(KINDS)}")
+        return kind
+
+    @model_validator(mode="after")
+    def _kinds(self) -> "ModelCard":
+        if (self.kind == "mlp") != (self.activation is not None):
+            raise ValueError("activation belongs to kind mlp")
+        rest = self.at_rest
+        if rest is not None and (self.kind != "mlp" or rest.rows != self.rows or rest.learned != self.learned):
+            raise ValueError("at_rest belongs to kind mlp, with the same rows and parameters")
+        serial = self.kind == "serial"
+        if serial != (self.softer is not None) or serial != (self.module is not None):
+            raise ValueError("softer and module belong to kind serial")
+        if serial:
+            whole, module = len(self.rows.actuators), len(self.module.rows.actuators)
+            ends = len(self.rows.effectors), len(self.module.rows.effectors)
+            if whole != len(self.softer) * module or ends != (3, 6) or self.parameters or self.module.parameters:
+                raise ValueError("its modules do not make up the whole")
+            if {self.form, self.module.form} != {"displacement"}:
+                raise ValueError("modules in a row are of form displacement")
+        return self
