@@ -34,12 +34,18 @@ HARMS = {
     "metadata that is a list": (lambda t: meta(t, lambda data: [data]), "its metadata is no JSON object"),
     "metadata that is no JSON": (lambda t: t.replace_schema_metadata({KEY: b"{"}), "is damaged"),
     "another format": (lambda t: meta(t, lambda data: data | {"format": 99}), "has format 99"),
-    "rows without names": (lambda t: meta(t, lambda data: data | {"rows": {}}), "its columns or its metadata differ"),
-    "no units": (lambda t: meta(t, lambda data: {k: data[k] for k in data if k != "units"}), "metadata differ"),
-    "a column too few": (lambda t: t.drop_columns(["W"]), "its columns or its metadata differ"),
-    "lists of any length": (lambda t: column(t, "W", pa.array(t["W"].to_pylist())), "its columns"),
-    "text for numbers": (lambda t: column(t, "energy", pa.array(["1"] * len(t))), "its columns"),
-    "a matrix that is none": (lambda t: column(t, "W", lists(t, 7)), "is damaged: 7 entries are no upper triangle"),
+    "rows without names": (
+        lambda t: meta(t, lambda data: data | {"rows": {}}),
+        "rows.effectors: Field required",
+    ),
+    "no units": (lambda t: meta(t, lambda data: {k: data[k] for k in data if k != "units"}), "units: Field required"),
+    "a column too few": (lambda t: t.drop_columns(["W"]), "column 'W' is missing"),
+    "lists of any length": (lambda t: column(t, "W", pa.array(t["W"].to_pylist())), "column 'W' is of type list"),
+    "text for numbers": (lambda t: column(t, "energy", pa.array(["1"] * len(t))), "column 'energy' is of type string"),
+    "a matrix that is none": (
+        lambda t: column(t, "W", lists(t, 7)),
+        r"'W' is of type \S+ double>\[7\]",
+    ),
 }
 
 
@@ -58,7 +64,7 @@ def test_derivatives_by_parameters_come_together(tmp_path):
     pq.write_table(whole, tmp_path / "x.parquet")
     assert read_dataset(tmp_path / "x.parquet").dlambda_dp is not None
     pq.write_table(whole.drop_columns(["dlambda_dp", "ddelta_e_dp"]), tmp_path / "x.parquet")
-    with pytest.raises(InputError, match="its columns"):
+    with pytest.raises(InputError, match="column 'dlambda_dp' is missing"):
         read_dataset(tmp_path / "x.parquet")
 
 

@@ -48,7 +48,7 @@ def record(i: int, converged: bool = True, seconds: float = 0.1) -> dict:
 def full_record(i: int, converged: bool = True) -> dict:
     """With third order and two sampled parameters."""
     rng = np.random.default_rng(100 + i)
-    row = record(i, converged) | {"u": rng.random(4), "p": rng.random(2)}
+    row = record(i, converged) | {"u": rng.random(4), "p": rng.uniform([0.4, 1.0], [0.49, 3.0])}
     if converged:
         dW = rng.random((2, 5, 5))
         row |= {"dW": pack_upper(dW + dW.transpose(0, 2, 1)).ravel(), "dpsi_dp": rng.random(2)}

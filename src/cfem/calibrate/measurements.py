@@ -164,13 +164,9 @@ def _read_csv(path: Path, units: Units) -> dict[str, np.ndarray]:
 
 
 def _read_parquet(path: Path, units: Units) -> dict[str, np.ndarray]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    from cfem.dataset.parquet import read_parquet
 
-    try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(f"is damaged: {str(error).splitlines()[0]}", where=str(path)) from None
+    table = read_parquet(path, do="write the table again")
     return _with_units(path, units, table.column_names, [table[name].to_pylist() for name in table.column_names])
 
 

@@ -7,14 +7,18 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from cfem.condensed import Rows, unpack_upper
 from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import InputError
-from cfem.dataset.schema import BY_PARAMETERS, COLUMNS, FORMAT, REQUIRED, metadata, parameters_of, rows_of
+from cfem.core.reading import checked
+from cfem.dataset.card import DatasetCard
+from cfem.dataset.parquet import damaged, open_parquet
+from cfem.dataset.schema import COLUMNS, FORMAT, metadata, metadata_of, parameters_of, rows_of, schema
 
 CONVERGED = "converged"
+LARGEST = 1e100  # of any number of a converged state: products of it still are numbers
+_AGAIN = "sample it again with cfem simulate-sample --force"
 
 
 COST = ("iterations", "factorizations", "steps", "residual", "tolerance", "seconds")
@@ -74,14 +78,32 @@ class Dataset:
 
 
 def read_dataset(path: Path) -> Dataset:
-    """Raises InputError naming the file where it is missing, damaged, or no dataset of cfem."""
+    """Raises InputError naming the file where it is missing, damaged, or no dataset of cfem, and the column and the row
+    where a converged state has no number or one beyond all sense."""
     table = read_table(path)
-    try:
-        return as_dataset(table)
-    except (KeyError, TypeError, ValueError, IndexError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        do = "make it anew with cfem simulate-sample --force"
-        raise InputError(f"is damaged: {reason}", where=str(path), do=do) from None
+    _demand_numbers(table, path)
+    return as_dataset(table)
+
+
+def _demand_numbers(table: pa.Table, path: Path) -> None:
+    solved = table.filter(pc.equal(table["status"], CONVERGED))
+    for column in COLUMNS:
+        if column.name not in solved.column_names or pa.types.is_string(column.kind):
+            continue
+        stored = solved[column.name].combine_chunks()
+        flat = stored.flatten() if column.size is not None else stored
+        values = np.nan_to_num(flat.cast(pa.float64()).to_numpy(zero_copy_only=False), nan=np.inf, posinf=np.inf)
+        wrong = np.flatnonzero(~(np.abs(values) <= LARGEST))
+        if stored.null_count or flat.null_count or len(wrong):
+            row = int(wrong[0]) // (stored.type.list_size if column.size is not None else 1) if len(wrong) else 0
+            what = f"is damaged: column '{column.name}', converged row {row}: is no number of at most {LARGEST:g}"
+            raise InputError(what, where=str(path), do=_AGAIN)
+    for index, one in enumerate(sampled(parameters_of(metadata(table)))):
+        p = column_array(solved, "p")[:, index]
+        slack = 1e-6 * (one.high - one.low)
+        if len(p) and not (one.low - slack <= p.min() and p.max() <= one.high + slack):
+            what = f"is damaged: column 'p': parameter '{one.name}' leaves its range {one.low:g} to {one.high:g}"
+            raise InputError(what, where=str(path), do=_AGAIN)
 
 
 def as_dataset(table: pa.Table) -> Dataset:
@@ -124,49 +146,36 @@ def as_dataset(table: pa.Table) -> Dataset:
 
 def read_table(path: Path) -> pa.Table:
     """The file as it is, its page checksums verified. Raises InputError."""
+    file = open_parquet(path, _AGAIN)
     try:
-        table = pq.ParquetFile(path, page_checksum_verification=True).read()
-        meta = metadata(table)
+        meta = metadata_of(file.schema_arrow)
         if not isinstance(meta, dict):
             raise ValueError("its metadata is no JSON object")
-    except FileNotFoundError:
-        raise InputError("no such file", where=str(path), do="run cfem simulate-sample") from None
-    except (OSError, ValueError, pa.ArrowException) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        do = "make it anew with cfem simulate-sample --force"
-        raise InputError(f"is damaged: {reason}", where=str(path), do=do) from None
+    except (ValueError, RecursionError) as error:
+        raise damaged(path, error, _AGAIN) from None
+    if not meta:
+        raise InputError("is no dataset of cfem: it has no metadata of one", where=str(path))
     if meta.get("format", FORMAT) != FORMAT:
-        do = "make it anew with cfem simulate-sample --force"
-        raise InputError(f"has format {meta['format']}; this cfem reads {FORMAT}", where=str(path), do=do)
-    columns = set(table.column_names)
-    known = REQUIRED <= columns <= {column.name for column in COLUMNS} and _typed(table.schema)
-    whole = not columns & BY_PARAMETERS or columns >= BY_PARAMETERS
-    if not known or not whole or not _speaks(meta):
-        raise InputError("is no dataset of cfem: its columns or its metadata differ", where=str(path))
-    return table
-
-
-def _typed(found: pa.Schema) -> bool:
-    """Whether the columns are numbers and lists of a fixed size as `schema` has them."""
-    for column in COLUMNS:
-        if column.name in found.names:
-            kind = found.field(column.name).type
-            if column.size is not None:
-                if not pa.types.is_fixed_size_list(kind):
-                    return False
-                kind = kind.value_type
-            if kind != column.kind:
-                return False
-    return True
-
-
-def _speaks(meta: dict[str, Any]) -> bool:
-    """Whether the metadata says all that reading needs."""
+        what = f"has format {str(meta['format'])[:50]}; this cfem reads {FORMAT}"
+        raise InputError(what, where=str(path), do=_AGAIN)
+    card = checked(DatasetCard, meta, f"{path}: metadata", _AGAIN)
+    there = set(file.schema_arrow.names)
+    units = [tuple(pair) for pair in card.row_units]
+    expected = schema(rows_of(meta), {}, parameters_of(meta), "dW" in there, units)
+    for field in expected:
+        if field.name not in there:
+            raise InputError(f"is damaged: column '{field.name}' is missing", where=str(path), do=_AGAIN)
+        found = file.schema_arrow.field(field.name).type
+        if found != field.type:
+            what = f"is damaged: column '{field.name}' is of type {found}, expected {field.type}"
+            raise InputError(what, where=str(path), do=_AGAIN)
+    if len(file.schema_arrow.names) != len(expected.names):
+        strange = sorted(there - set(expected.names)) or ["twice"]
+        raise InputError(f"is damaged: unknown column '{strange[0]}'", where=str(path), do=_AGAIN)
     try:
-        rows_of(meta), parameters_of(meta)
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return False
-    return {"format", "rows", "units", "parameters"} <= set(meta)
+        return file.read().replace_schema_metadata(file.schema_arrow.metadata)
+    except (OSError, ValueError, MemoryError, pa.ArrowException) as error:
+        raise damaged(path, error, _AGAIN) from None
 
 
 def column_array(table: pa.Table, name: str) -> np.ndarray:

@@ -20,15 +20,13 @@ _PROVENANCE = ("versions", "made_from")
 @dataclass(frozen=True)
 class Column:
     """unit: of every number in it, '' for text and counts, '1' for ratios; of rows, that of a cable's, see `_units`;
-    size: which numbers, None for a scalar; state: True where a row whose solve failed has no value; optional: True
-    where not every dataset has it."""
+    size: which numbers, None for a scalar; state: True where a row whose solve failed has no value."""
 
     name: str
     kind: pa.DataType
     unit: str = ""
     size: str | None = None
     state: bool = False
-    optional: bool = False
 
 
 _F, _N, _S = pa.float64(), pa.int64(), pa.string()
@@ -38,19 +36,19 @@ COLUMNS = (
     Column("status", _S),
     Column("reason", _S),
     Column("u", _F, "1", "plan"),
-    Column("p", _F, "", "parameters", optional=True),
+    Column("p", _F, "", "parameters"),
     Column("delta_a", _F, "mm", "actuators", state=True),
     Column("delta_e", _F, "mm", "effectors", state=True),
     Column("lambda_a", _F, "N", "actuators", state=True),
-    Column("delta_c", _F, "mm", "contacts", state=True, optional=True),
-    Column("lambda_c", _F, "N", "contacts", state=True, optional=True),
+    Column("delta_c", _F, "mm", "contacts", state=True),
+    Column("lambda_c", _F, "N", "contacts", state=True),
     Column("W", _F, "mm/N", "upper triangle", state=True),
     Column("delta_free", _F, "mm", "rows", state=True),
     Column("energy", _F, "N mm", state=True),
-    Column("dW", _F, "mm/N^2", "active x upper triangle", state=True, optional=True),
-    Column("dpsi_dp", _F, "N mm", "parameters", state=True, optional=True),
-    Column("dlambda_dp", _F, "N", "actuators x parameters", state=True, optional=True),
-    Column("ddelta_e_dp", _F, "mm", "effectors x parameters", state=True, optional=True),
+    Column("dW", _F, "mm/N^2", "active x upper triangle", state=True),
+    Column("dpsi_dp", _F, "N mm", "parameters", state=True),
+    Column("dlambda_dp", _F, "N", "actuators x parameters", state=True),
+    Column("ddelta_e_dp", _F, "mm", "effectors x parameters", state=True),
     Column("slack", pa.bool_(), "", "actuators", state=True),
     Column("iterations", _N),
     Column("factorizations", _N),
@@ -60,7 +58,6 @@ COLUMNS = (
     Column("seconds", _F, "s"),
 )
 BY_PARAMETERS = frozenset(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))  # all or none
-REQUIRED = frozenset(column.name for column in COLUMNS if not column.optional)
 
 
 def schema(
@@ -152,7 +149,12 @@ def _factor(unit: str) -> str:
 
 def metadata(table: pa.Table) -> dict[str, Any]:
     """What `schema` put into a file; empty in a file of others. Raises ValueError where it is damaged."""
-    return json.loads((table.schema.metadata or {}).get(KEY, b"{}"))
+    return metadata_of(table.schema)
+
+
+def metadata_of(schema: pa.Schema) -> dict[str, Any]:
+    """See `metadata`."""
+    return json.loads((schema.metadata or {}).get(KEY, b"{}"))
 
 
 def rows_of(meta: dict[str, Any]) -> Rows:

@@ -4,46 +4,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from cfem.condensed.parameters import Coordinate
+from cfem.condensed.card import MOST, Pair, ParameterCard, RowsCard, Units
 from cfem.core.names import Name
 from cfem.core.reading import Data
 from cfem.predict.energy import Form
 from cfem.predict.protocol import KINDS
 
 FORMAT = 3
-Units = tuple[Literal["mm", "mm^3", "rad"], Literal["N", "MPa", "N mm"]]
-Pair = tuple[float, float]
-MOST = 1000  # rows of W
-
-
-class RowsCard(Data, extra="forbid"):
-    """Names of the rows of W."""
-
-    effectors: list[Name] = Field(min_length=1, max_length=MOST)
-    actuators: list[Name] = Field(min_length=1, max_length=MOST)
-
-
-class ParameterCard(Data, extra="forbid"):
-    """See `cfem.condensed.parameters.Parameter`."""
-
-    name: Name
-    key: str
-    unit: Literal["1", "mm", "N", "MPa", "rad", "mm^3", "mm/s^2", "t/mm^3"]
-    low: float
-    high: float
-    reference: float
-    coordinate: Coordinate
-    exact: bool
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "ParameterCard":
-        if not self.low < self.high:
-            raise ValueError("low is not below high")
-        limits = {"linear": (-float("inf"), float("inf")), "log": (0.0, float("inf")), "log(1-2p)": (-1e300, 0.5)}
-        least, most = limits["log" if self.exact else self.coordinate]
-        if not all(least < value < most for value in (self.low, self.high, self.reference)):
-            raise ValueError(f"its values leave the range of its coordinate {self.coordinate}")
-        return self
 
 
 class DomainCard(Data):
@@ -114,8 +81,8 @@ class ModelCard(Data):
                 raise ValueError(f"{what} does not have the numbers that the rows ask for")
         if any(not low < high for low, high in self.reach):
             raise ValueError("reach: the smaller number comes first")
-        if len(set(self.rows.effectors)) < n_e or len(set(self.rows.actuators)) < n_a:
-            raise ValueError("rows: names differ")
+        if self.rows.contacts:
+            raise ValueError("rows: the pose of a held patch belongs to the actuators")
         return self
 
     @field_validator("kind")

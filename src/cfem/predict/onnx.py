@@ -1,43 +1,118 @@
 """Any exported model through ONNX Runtime, on one thread."""
 
+import math
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.core.files import open_regular
 from cfem.predict.protocol import Predictor
 
 MAX_BYTES = 2**31 - 1  # protobuf's own limit
+LARGEST = 2**24  # numbers in one tensor of a graph: a constant, or what its shapes make for one state
+# What `cfem export` writes. None of them loops, branches or holds a graph of its own.
+OPERATORS = frozenset(
+    [
+        "Abs",
+        "Add",
+        "Cast",
+        "Concat",
+        "Constant",
+        "ConstantOfShape",
+        "Cos",
+        "Div",
+        "Equal",
+        "Exp",
+        "Expand",
+        "Flatten",
+        "Gather",
+        "Gemm",
+        "Identity",
+        "Less",
+        "Log",
+        "MatMul",
+        "Mul",
+        "Neg",
+        "Pow",
+        "Range",
+        "Reciprocal",
+        "ReduceSum",
+        "Relu",
+        "Reshape",
+        "Shape",
+        "Sigmoid",
+        "Sin",
+        "Slice",
+        "Split",
+        "Sqrt",
+        "Squeeze",
+        "Sub",
+        "Tanh",
+        "Transpose",
+        "Unsqueeze",
+        "Where",
+    ]
+)
 
 
 def checked_graph(path: Path) -> bytes:
-    """The file, where it is a valid graph of standard operators, whole in itself: other domains are code of others, and
-    tensors outside would be read from wherever the file says. Raises InputError."""
+    """The file, where it is a valid graph of the operators that cfem writes, whole in itself, its tensors of a size
+    that a model has: other domains are code of others, and tensors outside would be read from wherever the file says.
+    Raises InputError."""
     import onnx
 
-    where, do = str(path), "export it anew with --force"
-    if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"is larger than {MAX_BYTES} bytes, which no ONNX file can be", where=where)
-    data = path.read_bytes()
+    where, do = str(path), "export it again with --force"
+    with open_regular(path) as file:
+        if os.fstat(file.fileno()).st_size > MAX_BYTES:
+            raise InputError(f"is larger than {MAX_BYTES} bytes, which no ONNX file can be", where=where)
+        data = file.read()
     try:
         model = onnx.load_model_from_string(data)
-        domains = {node.domain for node in model.graph.node} | {one.domain for one in model.opset_import}
-        tensors = [*model.graph.initializer, *(a.t for node in model.graph.node for a in node.attribute)]
-        if model.functions or domains - {"", "ai.onnx"} or any(_is_outside(tensor) for tensor in tensors):
-            what = "is not of standard operators and its own numbers alone"
-            raise InputError(what, where=where, do=do)
-        onnx.checker.check_model(model)
-    except InputError:
-        raise
+        reason = _foreign(model)
+        if not reason:
+            onnx.checker.check_model(model)
+            reason = _oversized(onnx.shape_inference.infer_shapes(model, check_type=True, data_prop=True))
     except Exception as error:  # protobuf's and the checker's, which share no base class
-        reason = str(error).strip().splitlines()
-        raise InputError(f"is no valid ONNX graph: {reason[0] if reason else error!r}", where=where, do=do) from None
+        text = str(error).strip().splitlines()
+        reason = f"is no valid ONNX graph: {text[0][:300] if text else error!r}"
+    if reason:
+        raise InputError(reason, where=where, do=do)
     return data
 
 
-def _is_outside(tensor: Any) -> bool:
-    return bool(tensor.external_data) or tensor.data_location != 0
+def _foreign(model: Any) -> str:
+    """What in a graph cfem would not have written, or empty."""
+    graph = model.graph
+    strange = sorted({node.op_type for node in graph.node} - OPERATORS)
+    domains = {node.domain for node in graph.node} | {one.domain for one in model.opset_import}
+    if strange or domains - {"", "ai.onnx"} or model.functions or model.training_info:
+        return f"has operators that cfem does not write: {', '.join(strange[:3]) or 'of other domains'}"
+    attributes = [one for node in graph.node for one in node.attribute]
+    nested = ("g", "graphs", "sparse_tensor", "sparse_tensors", "tensors", "ref_attr_name")
+    if (
+        graph.sparse_initializer
+        or any(getattr(one, name) for one in attributes for name in nested[1:])
+        or any(one.HasField("g") or one.HasField("sparse_tensor") for one in attributes)
+    ):
+        return "has graphs or sparse tensors inside, which cfem does not write"
+    tensors = [*graph.initializer, *(one.t for one in attributes)]
+    if any(tensor.external_data or tensor.data_location != 0 for tensor in tensors):
+        return "reads its numbers from other files"
+    if any(math.prod(tensor.dims) > LARGEST for tensor in tensors):
+        return f"has a tensor of more than {LARGEST} numbers"
+    return ""
+
+
+def _oversized(model: Any) -> str:
+    """Which of the tensors whose size follows from the graph is too large, or empty."""
+    for value in [*model.graph.value_info, *model.graph.output]:
+        dims = [one.dim_value for one in value.type.tensor_type.shape.dim if one.HasField("dim_value")]
+        if math.prod(dims) > LARGEST or any(size < 0 for size in dims):
+            return f"makes a tensor of {math.prod(dims)} numbers, '{value.name[:50]}'"
+    return ""
 
 
 class OnnxPredictor(Predictor):
@@ -70,5 +145,15 @@ class OnnxPredictor(Predictor):
         if self.parameters:
             p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
             inputs[self._inputs[1]] = np.ascontiguousarray(p.reshape(-1, p.shape[-1]))
-        W, delta_free = self._session.run(["W", "delta_free"], inputs)
+        try:
+            W, delta_free = self._session.run(["W", "delta_free"], inputs)
+        except Exception as error:  # see above
+            reason = next(iter(str(error).splitlines()), repr(error))
+            raise InputError(
+                f"ONNX Runtime cannot run it: {reason[:300]}", do="export it again with --force"
+            ) from error
+        n, m = self.rows.n, len(inputs[self._inputs[0]])
+        if W.shape != (m, n, n) or delta_free.shape != (m, n) or W.dtype != float or delta_free.dtype != float:
+            what = f"gives W {W.shape} and delta_free {delta_free.shape} for {n} rows and {m} states"
+            raise InputError(what, do="export it again with --force")
         return W.reshape(*s.shape[:-1], *W.shape[1:]), delta_free.reshape(*s.shape[:-1], -1)

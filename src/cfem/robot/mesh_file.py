@@ -74,8 +74,6 @@ def read_own(path: Path, unit: float) -> Mesh:
         )
     used, numbered = np.unique(cells, return_inverse=True)
     X = np.asarray(data.points, dtype=float)[used] * unit
-    if X.shape[1] != 3 or not np.isfinite(X).all():
-        raise InputError("has coordinates that are not finite numbers in three dimensions", where=str(path))
     cells = _upright(X, numbered.reshape(cells.shape), path)
     facets = boundary_facets(cells)
     return Mesh(X, cells, facets, *named_sets(data, solid, used, facets))
@@ -98,13 +96,23 @@ def _read(path: Path) -> meshio.Mesh:
         raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it")
     try:
         with contextlib.redirect_stderr(io.StringIO()):  # meshio also prints what it raises
-            return meshio.read(path)
+            data = meshio.read(path)
     except SystemExit as error:  # meshio exits the process on formats that it does not know
         raise InputError("is of no mesh format that can be read", where=str(path)) from error
     except Exception as error:  # a parser of damaged bytes may raise anything
         # meshio's own limit: a .msh 4 with Mesh.SaveAll
         do = "save it from gmsh without Mesh.SaveAll: what is in groups only" if "gmsh:physical" in str(error) else None
         raise InputError(f"cannot be read as a mesh: {type(error).__name__} {error}", where=str(path), do=do) from error
+    X = np.asarray(data.points)
+    if X.ndim != 2 or X.shape[1] != 3 or X.dtype.kind not in "fiu" or not np.isfinite(X).all():
+        raise InputError("has coordinates that are not finite numbers in three dimensions", where=str(path))
+    for block in data.cells:
+        nodes = np.asarray(block.data)
+        strange = nodes[(nodes < 0) | (nodes >= len(X))]
+        if len(strange):
+            what = f"its {block.type} cells name node {strange[0]}, but its nodes are 0 to {len(X) - 1}"
+            raise InputError(what, where=str(path), do="write the file again")
+    return data
 
 
 def _flags(size: int, members) -> np.ndarray:

@@ -26,6 +26,7 @@ from cfem.predict.protocol import Predictor
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 
 PARTS = ("module", "at_rest")  # models that this one is made of
+_ROBOT = ("scene", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
 QUERIES = 100_000  # at which W has to be positive definite
 
 
@@ -66,6 +67,10 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
         raise InputError(what, where=str(dataset_folder), do="sample it again")
     if not len(test):
         raise InputError("has no converged test rows", where=str(dataset_folder), do="sample it with more test rows")
+    differs = next((key for key in _ROBOT if training.meta.get(key) != test.meta.get(key)), None)
+    if differs:
+        what = f"its training and test rows are of different robots: their '{differs}' differs"
+        raise InputError(what, where=str(dataset_folder), do="sample it again")
     if training.meta.get("plan", {}).get("space") == "rest" and not isinstance(spec.model, MlpSpec):
         what = f"its rows are at rest, of which kind {spec.model.kind} learns no energy"
         raise InputError(what, where=str(dataset_folder), do="train kind: mlp, or use rows of another space")

@@ -1,0 +1,44 @@
+"""What the metadata of a dataset must say before its rows are read; `schema.py` writes it."""
+
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from cfem.condensed.card import Pair, ParameterCard, RowsCard, Units
+from cfem.core.names import Name
+from cfem.core.reading import Data
+
+
+class DatasetCard(Data):
+    """plan: what sample.yaml says of the draws; compliance: at rest, of all rows that carry a multiplier."""
+
+    scene: Name
+    rows: RowsCard
+    row_units: list[Units]
+    units: dict[str, str | list[str]]
+    parameters: list[ParameterCard] = Field(max_length=100)
+    rest_e: list[float]
+    reach: list[Pair]
+    length: float = Field(gt=0)
+    plan: dict[str, Any] = {}
+    compliance: list[list[float]] | None = None
+
+    @model_validator(mode="after")
+    def _sizes(self) -> "DatasetCard":
+        rows = self.rows
+        n_e, n_a, n_c = len(rows.effectors), len(rows.actuators), len(rows.contacts)
+        for what, found, expected in (
+            ("row_units", len(self.row_units), n_e + n_a + n_c),
+            ("rest_e", len(self.rest_e), n_e),
+            ("reach", len(self.reach), n_a),
+            ("compliance", len(self.compliance or []), n_a + n_c if self.compliance else 0),
+        ):
+            if found != expected:
+                raise ValueError(f"{what} has {found} entries for {expected} rows")
+        if any(len(row) != n_a + n_c for row in self.compliance or []):
+            raise ValueError("compliance is no square matrix")
+        if any(not low < high for low, high in self.reach):
+            raise ValueError("reach: the smaller number comes first")
+        if n_c and (self.compliance is None or not isinstance(self.plan.get("contact"), dict)):
+            raise ValueError("rows of a held patch need its plan and the compliance at rest")
+        return self
