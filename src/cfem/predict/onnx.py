@@ -2,6 +2,7 @@
 
 import math
 import os
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,50 +13,16 @@ from cfem.core.files import open_regular
 from cfem.predict.protocol import Predictor
 
 MAX_BYTES = 2**31 - 1  # protobuf's own limit
+BATCH = 512  # states at once
+MEMORY = 2**31  # bytes that graphs may take while they run
 LARGEST = 2**24  # numbers in one tensor of a graph: a constant, or what its shapes make for one state
 # What `cfem export` writes. None of them loops, branches or holds a graph of its own.
-OPERATORS = frozenset(
-    [
-        "Abs",
-        "Add",
-        "Cast",
-        "Concat",
-        "Constant",
-        "ConstantOfShape",
-        "Cos",
-        "Div",
-        "Equal",
-        "Exp",
-        "Expand",
-        "Flatten",
-        "Gather",
-        "Gemm",
-        "Identity",
-        "Less",
-        "Log",
-        "MatMul",
-        "Mul",
-        "Neg",
-        "Pow",
-        "Range",
-        "Reciprocal",
-        "ReduceSum",
-        "Relu",
-        "Reshape",
-        "Shape",
-        "Sigmoid",
-        "Sin",
-        "Slice",
-        "Split",
-        "Sqrt",
-        "Squeeze",
-        "Sub",
-        "Tanh",
-        "Transpose",
-        "Unsqueeze",
-        "Where",
-    ]
-)
+OPERATORS = frozenset((
+    "Abs", "Add", "Cast", "Concat", "Constant", "ConstantOfShape", "Cos", "Div", "Equal", "Exp", "Expand", "Flatten",
+    "Gather", "Gemm", "Identity", "Less", "Log", "MatMul", "Mul", "Neg", "Pow", "Range", "Reciprocal", "ReduceSum",
+    "Relu", "Reshape", "Shape", "Sigmoid", "Sin", "Slice", "Split", "Sqrt", "Squeeze", "Sub", "Tanh", "Transpose",
+    "Unsqueeze", "Where",
+))  # fmt: skip
 
 
 def checked_graph(path: Path) -> bytes:
@@ -91,10 +58,10 @@ def _foreign(model: Any) -> str:
     if strange or domains - {"", "ai.onnx"} or model.functions or model.training_info:
         return f"has operators that cfem does not write: {', '.join(strange[:3]) or 'of other domains'}"
     attributes = [one for node in graph.node for one in node.attribute]
-    nested = ("g", "graphs", "sparse_tensor", "sparse_tensors", "tensors", "ref_attr_name")
+    lists = any(one.graphs or one.tensors or one.sparse_tensors for one in attributes)
     if (
-        graph.sparse_initializer
-        or any(getattr(one, name) for one in attributes for name in nested[1:])
+        lists
+        or graph.sparse_initializer
         or any(one.HasField("g") or one.HasField("sparse_tensor") for one in attributes)
     ):
         return "has graphs or sparse tensors inside, which cfem does not write"
@@ -115,6 +82,15 @@ def _oversized(model: Any) -> str:
     return ""
 
 
+@cache
+def _limit_memory() -> None:
+    """Of all graphs of this process together: sizes that follow from the input are known when it runs, no sooner."""
+    import onnxruntime as ort
+
+    where = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
+    ort.create_and_register_allocator(where, ort.OrtArenaCfg({"max_mem": MEMORY}))
+
+
 class OnnxPredictor(Predictor):
     """Inputs and outputs of the graph: delta_a or lambda_a (B, n_a) by the form, p (B, n_p) where it has parameters ->
     W (B, n, n), delta_free (B, n), float64."""
@@ -124,7 +100,9 @@ class OnnxPredictor(Predictor):
 
         super().__init__(meta)
         data = checked_graph(path)
+        _limit_memory()
         options = ort.SessionOptions()
+        options.add_session_config_entry("session.use_env_allocators", "1")
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
         try:
@@ -145,15 +123,21 @@ class OnnxPredictor(Predictor):
         if self.parameters:
             p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
             inputs[self._inputs[1]] = np.ascontiguousarray(p.reshape(-1, p.shape[-1]))
+        m, n = len(inputs[self._inputs[0]]), self.rows.n
+        W, delta_free = np.empty((m, n, n)), np.empty((m, n))
+        for first in range(0, m, BATCH):
+            some = slice(first, first + BATCH)
+            W[some], delta_free[some] = self._run({name: values[some] for name, values in inputs.items()})
+        return W.reshape(*s.shape[:-1], n, n), delta_free.reshape(*s.shape[:-1], n)
+
+    def _run(self, inputs: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        m, n, do = len(inputs[self._inputs[0]]), self.rows.n, "export it again with --force"
         try:
             W, delta_free = self._session.run(["W", "delta_free"], inputs)
         except Exception as error:  # see above
             reason = next(iter(str(error).splitlines()), repr(error))
-            raise InputError(
-                f"ONNX Runtime cannot run it: {reason[:300]}", do="export it again with --force"
-            ) from error
-        n, m = self.rows.n, len(inputs[self._inputs[0]])
+            raise InputError(f"ONNX Runtime cannot run it: {reason[:300]}", do=do) from error
         if W.shape != (m, n, n) or delta_free.shape != (m, n) or W.dtype != float or delta_free.dtype != float:
-            what = f"gives W {W.shape} and delta_free {delta_free.shape} for {n} rows and {m} states"
-            raise InputError(what, do="export it again with --force")
-        return W.reshape(*s.shape[:-1], *W.shape[1:]), delta_free.reshape(*s.shape[:-1], -1)
+            what = f"gives W {W.shape} and delta_free {delta_free.shape} for {m} states of {n} rows"
+            raise InputError(what, do=do)
+        return W, delta_free
