@@ -4,6 +4,7 @@ import errno
 import glob
 import hashlib
 import json
+import math
 import os
 import shutil
 import socket
@@ -132,12 +133,26 @@ def read_json(path: Path) -> dict:
     """A JSON object; InputError where the file is missing or damaged."""
     try:
         with open_regular(path) as file:
-            data = json.loads(file.read())
+            data = parse_json(file.read())
     except (ValueError, RecursionError) as error:
         raise InputError(f"is damaged: {error}", where=str(path), do="make it anew with --force") from error
     if not isinstance(data, dict):
         raise InputError("is damaged: not a JSON object", where=str(path), do="make it anew with --force")
     return data
+
+
+def parse_json(text: bytes) -> Any:
+    """ValueError for anything but JSON, of which NaN and numbers beyond the largest are none."""
+    return json.loads(text, parse_constant=_refuse, parse_float=_finite)
+
+
+def _refuse(text: str) -> Any:
+    raise ValueError(f"{text} is no number")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _refuse(text)
 
 
 def write_json(path: Path, data: dict) -> None:

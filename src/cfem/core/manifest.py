@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cfem.core.errors import InputError
-from cfem.core.files import open_regular, plain, write_whole
+from cfem.core.files import open_regular, parse_json, plain, write_whole
 from cfem.core.reading import Data, checked
 
 MANIFEST = "manifest.json"
@@ -60,7 +60,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         with open_regular(path) as file:
             data = file.read()
-        manifest = json.loads(data)
+        manifest = parse_json(data)
     except (ValueError, RecursionError) as error:
         raise _damaged(path, str(error)) from None
     if not isinstance(manifest, dict):

@@ -10,12 +10,10 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.export.embedding import embedding, write_embedded
 from cfem.export.spec import CSpec
-from cfem.predict.load import read_arrays, read_meta
+from cfem.predict.load import read_model, read_vectors
 from cfem.robot.meshing import CATALOGUE, write_cad
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import with_values
-
-VECTORS = "test_vectors.npz"
 
 
 def file_name(design: str) -> str:
@@ -45,7 +43,8 @@ def write_controllers(
     scene: SceneSpec | None,
 ) -> dict[str, dict[str, Any]]:
     """`<name>-controller` of each design p (n_p,), the C code of `cfem export`; bytes and parity of each."""
-    meta, arrays, s = read_meta(model), read_arrays(model), read_arrays(model, VECTORS)["s"]
+    meta, arrays = read_model(model)
+    s = read_vectors(model, meta)["s"]
     low, high = np.array([(one.low, one.high) for one in parameters]).T  # a share of 1 may round to beyond
     found = {}
     for name, p in designs.items():

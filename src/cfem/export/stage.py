@@ -16,12 +16,11 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.spec import ExportSpec
-from cfem.predict.load import build, read_arrays, read_meta
+from cfem.predict.load import VECTORS, build, read_meta, read_model, read_vectors
 from cfem.robot.spec import SceneSpec
 
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c"}
 PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
-VECTORS = "test_vectors.npz"
 NOTHING = Embedding()
 
 
@@ -69,13 +68,13 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     """Writes every format, runs each from its file, compares."""
     for name in spec.formats:
         demand(*PACKAGES.get(name, ()), where=f"formats: {name}")
-    meta, arrays = read_meta(model_folder), read_arrays(model_folder)
+    meta, arrays = read_model(model_folder)
     if "arrays" in spec.formats:
         copy(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
     if {"onnx", "torchscript"} & set(spec.formats):
         write_graphs(folder, spec, meta, arrays)
     copy(artefact_file(model_folder, VECTORS), folder / VECTORS)
-    vectors = read_arrays(model_folder, VECTORS)
+    vectors = read_vectors(model_folder, meta)
     reference = vectors["W"], vectors["delta_free"]
     parity = {
         name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))

@@ -1,5 +1,7 @@
 """From a model folder to a predictor."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -8,39 +10,59 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.core.files import read_json
 from cfem.core.optional import demand
-from cfem.core.reading import checked, read_npz
+from cfem.core.reading import checked, read_npz, take
 from cfem.core.stage import artefact_file
 from cfem.predict import energy_net, mlp, serial, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
 from cfem.predict.protocol import Predictor, build
 
-WEIGHTS = "weights.npz"
+WEIGHTS, VECTORS = "weights.npz", "test_vectors.npz"
 UNBOUNDED = ("in_scale", mlp.AT_REST + "in_scale")  # infinite for inputs that did not vary
 Runtime = Literal["arrays", "onnx"]
 
 
 def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
     """The model of a folder that `cfem train` or `cfem export` made. InputError where a file is missing or damaged."""
-    meta = read_meta(folder)
-    if runtime == "onnx":
-        demand("onnx", "onnxruntime", where="runtime: onnx")
-        from cfem.predict.onnx import OnnxPredictor
+    if runtime == "arrays":
+        return build(*read_model(folder))
+    demand("onnx", "onnxruntime", where="runtime: onnx")
+    from cfem.predict.onnx import OnnxPredictor
 
-        path = artefact_file(folder, "model.onnx")
-        predictor = OnnxPredictor(meta, path)
-        try:
-            demand_finite(predictor)
-        except InputError as error:
-            raise InputError(error.what, where=str(path), do="export it again") from None
-        return predictor
-    try:
-        predictor = build(meta, read_arrays(folder))
+    path = artefact_file(folder, "model.onnx")
+    predictor = OnnxPredictor(read_meta(folder), path)
+    with _blaming(path):
         demand_finite(predictor)
-    except InputError as error:
-        if error.where:
-            raise
-        raise InputError(error.what, where=str(folder / WEIGHTS), do="train it again") from None
     return predictor
+
+
+def read_model(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
+    """What model.json says and the arrays, of which a predictor can be built. InputError where they are missing or
+    damaged, or do not fit each other."""
+    meta, arrays = read_meta(folder), read_arrays(folder)
+    with _blaming(folder / WEIGHTS):
+        demand_finite(build(meta, arrays))
+    return meta, arrays
+
+
+def read_vectors(folder: Path, meta: dict) -> dict[str, np.ndarray]:
+    """The test inputs s and p of a model folder, W and delta_free that the model gave there. InputError where they are
+    not of a model like `meta`."""
+    arrays = read_arrays(folder, VECTORS)
+    n_a = len(meta["rows"]["actuators"])
+    n = len(meta["rows"]["effectors"]) + n_a
+    with _blaming(folder / VECTORS):
+        m = len(take(arrays, "s", (None, n_a)))
+        sizes = {"s": (m, n_a), "p": (m, len(meta["parameters"])), "W": (m, n, n), "delta_free": (m, n)}
+        return {name: take(arrays, name, size) for name, size in sizes.items()}
+
+
+@contextmanager
+def _blaming(path: Path) -> Iterator[None]:
+    """Adds the file to what is wrong with its content."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.what, where=error.where or str(path), do=error.do or "train it again") from None
 
 
 def demand_finite(predictor: Predictor) -> None:

@@ -24,7 +24,7 @@ from cfem.condensed.parameters import sampled
 from cfem.core.errors import InputError
 from cfem.core.spec import meaning
 from cfem.predict.domain import MARGIN
-from cfem.predict.load import build, read_arrays, read_meta
+from cfem.predict.load import build, read_model
 from cfem.predict.mlp import AT_REST, rest_entries
 from cfem.surrogate.descent import descend
 from cfem.surrogate.error_measures import CONSTANT, SIZE, sizes
@@ -114,7 +114,7 @@ def network_inputs(dataset: Any, spec: MlpSpec) -> tuple[np.ndarray, np.ndarray]
 
 def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """model.json and arrays of the model at rest. InputError where it is of other robots or does not know rest."""
-    meta, arrays = read_meta(folder), read_arrays(folder)
+    meta, arrays = read_model(folder)
     meta.pop("history", None)
     model = build(meta, arrays)
     own, asked = ([(one.key, one.coordinate) for one in sampled(given.parameters)] for given in (model, dataset))

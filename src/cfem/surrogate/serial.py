@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.predict.load import build, read_arrays, read_meta
+from cfem.predict.load import build, read_model
 from cfem.surrogate.spec import SerialSpec
 
 _END = ("x", "y", "z", "rx", "ry", "rz")
@@ -17,7 +17,7 @@ def compose(
 ) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
     """Arrays, what model.json says of them, and how the module's model learned. folder: of the module's model.
     InputError where it does not fit the whole: other effectors, or another number of actuators."""
-    meta, arrays = read_meta(folder), read_arrays(folder)
+    meta, arrays = read_model(folder)
     history = meta.pop("history")
     module = build(meta, arrays)
     axes = tuple(name.rsplit(".", 1)[-1] for name in module.rows.effectors)
