@@ -11,6 +11,7 @@ from mkdocs.structure.files import File
 
 OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./([^)]+)\)")
 
+KIND = re.compile(r"(.*?)(?: \(([^()]*e\.g\. [^()]*)\))?")  # a description, and the quantity that it is
 WORDS = {"string": "text", "integer": "whole number", "boolean": "true or false"}
 
 
@@ -107,11 +108,14 @@ def _table(schema: dict[str, Any]) -> Iterator[str]:
     if "properties" not in schema:
         yield f"`{', '.join(map(str, schema.get('enum', [])))}`"
         return
-    yield from ("| key | type | default | what it is |", "|---|---|---|---|")
+    yield from ("| key | what it is |", "|---|---|")
     required = schema.get("required", [])
     for key, field in schema["properties"].items():
-        default = "required" if key in required else "" if field.get("default") is None else _code(field["default"])
-        yield f"| `{key}` | {_type(field)} | {default} | {_cell(field.get('description', ''))} |"
+        text, kind = KIND.fullmatch(" ".join(field.get("description", "").split())).groups()
+        default = field.get("default")
+        about = "required" if key in required else "" if default in (None, [], {}, "") else f"default {_code(default)}"
+        about = "; ".join(part for part in (kind or _type(field), about) if part)
+        yield f"| `{key}` | {_cell(text)}<br><small>{_cell(about)}</small> |"
 
 
 def _type(field: dict[str, Any]) -> str:

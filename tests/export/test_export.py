@@ -1,6 +1,9 @@
 """Exported files equal the trained model, describe themselves and take any batch."""
 
 import json
+import re
+import warnings
+from pathlib import Path
 
 import numpy as np
 import onnx
@@ -8,6 +11,7 @@ import onnxruntime
 import pytest
 from surrogate.stored import train_folder
 
+import cfem
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
 from cfem.export.stage import run
@@ -39,6 +43,26 @@ def test_the_batch_axis_is_free(exported):
         W, delta_free = session.run(["W", "delta_free"], {"delta_a": np.ones((batch, n_a))})
         assert W.shape == (batch, 3 + n_a, 3 + n_a) and delta_free.shape == (batch, 3 + n_a)
         assert W.dtype == delta_free.dtype == np.float64
+
+
+def test_the_programs_that_the_site_shows_run_and_agree(exported, monkeypatch):
+    folder, _, n_a = exported
+    if n_a != 2:
+        return
+    monkeypatch.chdir(folder)
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "models.md").read_text()
+    shown = []
+    for program in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # torch calls its script format so
+            exec(program, names := {})
+        shown.append((np.asarray(names["W"])[0], np.asarray(names["delta_free"])[0]))
+    model = cfem.load_model(folder)
+    expected = model.at_displacement([5.0, 0.0])
+    for W, delta_free in shown:
+        np.testing.assert_allclose(W, expected.W, rtol=1e-5, atol=1e-8)
+        np.testing.assert_allclose(delta_free, expected.delta_free, rtol=1e-5, atol=1e-6)
+    assert len(shown) == 2
 
 
 def test_onnx_carries_its_meaning(exported):
