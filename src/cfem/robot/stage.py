@@ -65,12 +65,14 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     from cfem.robot.passage import demand_inside
     from cfem.robot.plausible import doubts
     from cfem.robot.quality import quality
+    from cfem.robot.soundness import demand_held, demand_independent, demand_unfolded
 
     mesh, volume = scene_mesh(scene, folder)
     figures = quality(mesh, volume)
-    if figures.inverted:
-        raise InputError(f"{figures.inverted} cells are inverted", where=scene.name, do="mesh it anew")
+    demand_unfolded(mesh, scene.name)
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
+    demand_held(robot)
+    demand_independent(robot)
     demand_inside(scene, mesh)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
     judgement = [poor(each) for each in doubts(scene, robot)]
