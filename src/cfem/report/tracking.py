@@ -89,8 +89,8 @@ def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> S
     )
     if found.plant == "model":
         text = (
-            "Each controller turns a goal into actuator displacements. The first model carries them out; no FE robot is "
-            "involved. "
+            "Each controller turns a goal into actuator displacements. The first model carries them out; no FE robot "
+            "is involved. "
         )
     cut = next((who for one in found.summaries.values() for who in one if "@" in who), None)
     if cut:
