@@ -38,8 +38,8 @@ notebooks: .venv/dev
 	$(PYTHON) -m pytest -m slow tests/test_notebooks.py
 
 lint: .venv/dev
-	.venv/bin/ruff check src tests benchmarks scripts
-	.venv/bin/ruff format --check src tests benchmarks scripts
+	.venv/bin/ruff check src tests benchmarks scripts examples
+	.venv/bin/ruff format --check src tests benchmarks scripts examples
 	.venv/bin/lint-imports
 	$(CFEM) schema --check
 

@@ -74,11 +74,13 @@ def _command(command: Any) -> Iterator[str]:
     options = [one for one in command.params if one.param_type_name == "option" and not one.hidden]
     usage = " ".join(one.name.upper() if one.required else f"[{one.name.upper()}]" for one in arguments)
     yield from (f"## cfem {command.name}", "", command.help or "", "", f"    cfem {command.name} [OPTIONS] {usage}", "")
-    yield from ("| argument or option | default | what it is |", "|---|---|---|")
+    yield from ("| argument or option | what it is |", "|---|---|")
     for one in (*arguments, *options):
         name = ", ".join(f"`{flag}`" for flag in one.opts) if one in options else f"`{one.name.upper()}`"
-        default = "required" if one.required else "" if one.default in (None, False) else f"`{one.default}`"
-        yield f"| {name} | {default} | {_cell(one.help)} |"
+        about = (
+            "required" if one.required else "" if one.default in (None, False) else f"default {_code(str(one.default))}"
+        )
+        yield f"| {name} | {_cell(one.help)}{f'<br><small>{about}</small>' if about else ''} |"
 
 
 def spec_page(name: str, schema: dict[str, Any]) -> str:
@@ -139,6 +141,8 @@ def _type(field: dict[str, Any]) -> str:
         return f"mapping of names to {_type(field['additionalProperties'])}"
     if "e.g. '" in field.get("description", ""):
         return "quantity"
+    if field.get("format") == "path":
+        return "path"
     kinds = field.get("type", "any value")
     return " or ".join(WORDS.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
 
