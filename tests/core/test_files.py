@@ -4,6 +4,7 @@ import errno
 import os
 import resource
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
@@ -143,3 +144,21 @@ def test_who_holds_the_lock_is_said(tmp_path):
     other.communicate()
     with locked(tmp_path / "out"):
         pass
+
+
+def test_bytes_reach_the_disk_before_the_name_and_the_name_after(tmp_path, monkeypatch):
+    done = []
+    real_fsync, real_replace = os.fsync, os.replace
+
+    def fsync(handle):
+        done.append("folder" if stat.S_ISDIR(os.fstat(handle).st_mode) else "file")
+        real_fsync(handle)
+
+    def rename(*names):
+        done.append("rename")
+        real_replace(*names)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(os, "replace", rename)
+    write_whole(tmp_path / "a", b"1")
+    assert done == ["file", "rename", "folder"]

@@ -10,13 +10,14 @@ from support.blocks import bar, box_body
 from cfem.condensed import Rows
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
+from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
-from cfem.equilibrium.newton import Settings
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.newton import Settings, judged, newton
+from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import rest_state, solve
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 
@@ -181,11 +182,10 @@ def test_slender_cantilever_against_the_elastica():
     assert np.abs(fine - expected).max() < np.abs(coarse - expected).max()
 
 
-def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight():
-    """A cable along the axis of a slender column, to its foot: Euler's load is pi^2 E I / L^2 for a force that always
-    points to the foot (Timoshenko and Gere, Theory of Elastic Stability, 2nd ed., section 2.8)."""
+def column(divisions: int) -> tuple[Robot, float]:
+    """A slender column with a cable along its axis to its foot, its end a contact point, and Euler's load."""
     length, side, young = 100.0, 4.0, 1.0
-    body = box_body((length, side, side), (16, 1, 1), young=young, poisson=0.0)
+    body = box_body((length, side, side), (divisions, 1, 1), young=young, poisson=0.0)
     middle = side / 2
     end = attach(body.mesh, np.array([length - 1.0, middle, middle]), 1.5, "end")
     robot = Robot(
@@ -194,12 +194,33 @@ def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight
         fixed=np.flatnonzero(body.mesh.X[:, 0] < 1e-9),
         actuators=(make_cable([end], np.array([0.0, middle, middle]), "axis"),),
         effectors=(make_effector(body.mesh, end.point, 1.5, 5.0, "tip"),),
-        rows=Rows(("x", "y", "z"), ("axis",)),
+        rows=Rows(("x", "y", "z"), ("axis",), ("end.x", "end.y", "end.z")),
         reach=np.array([[0.0, 10.0]]),
         unilateral=np.array([True]),
         length=length,
+        contacts=(make_contact(body.mesh, end.point, 1.5, "end"),),
     )
-    euler = np.pi**2 * young * side**4 / 12 / length**2
+    return robot, np.pi**2 * young * side**4 / 12 / length**2
+
+
+def test_a_column_that_is_held_sideways_is_stable_beyond_its_buckling_load():
+    """Its end guided, it buckles at 2.05 times that load (Timoshenko and Gere, section 2.4): the two negative
+    eigenvalues of its stiffness belong to what the actuation holds."""
+    robot, euler = column(8)
+    problem = Problem(robot)
+    guided = actuation.Actuation(np.eye(4)[2:], np.zeros(2), np.array([1.4 * euler, 0.0, 0.0, 0.0]))
+    found = newton(problem, rest_state(problem), guided, Settings(), Cost())
+    assert found.status is Status.CONVERGED
+    assert problem.factor(found.at, found.lam, Cost()).factor.negative == 2
+    assert judged(problem, found, guided, Cost()).beyond == 0
+    solved = solve(problem, guided)
+    assert solved.converged and solved.path == 1.0
+
+
+def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight():
+    """A cable along the axis of a slender column, to its foot: Euler's load is pi^2 E I / L^2 for a force that always
+    points to the foot (Timoshenko and Gere, Theory of Elastic Stability, 2nd ed., section 2.8)."""
+    robot, euler = column(16)
     problem = Problem(robot)
     below, above = (solve(problem, actuation.force([factor * euler])) for factor in (0.9, 1.2))
     assert below.converged and np.abs(below.delta_e[1:]).max() < 1.0
