@@ -7,10 +7,10 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test smoke test-slow bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
 
+# The soft finger through all its stages, three numbers and a page.
+demo: export CFEM_STEP := 1/7
 demo: .venv/all
-	@$(MAKE) --no-print-directory soft-finger
-	@$(CFEM) summary data/soft-finger/mesh data/soft-finger/samples models/soft-finger/spectral \
-	  models/soft-finger/spectral-export data/soft-finger/control data/soft-finger/report
+	@$(CFEM) demo soft-finger
 
 test: .venv/dev
 	$(PYTHON) -m pytest -n auto --dist loadfile -r s

@@ -50,7 +50,8 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
 
-    robot = build_robot(*load_scene_and_mesh(ROOT / "pipelines/soft-finger/scene.yaml", ROOT / "data/soft-finger/mesh"))
+    scene = ROOT / "pipelines/soft-finger/scene-large.yaml"
+    robot = build_robot(*load_scene_and_mesh(scene, ROOT / "data/soft-finger/mesh-large"))
     plant = FemPlant(robot)
     goals = np.array([plant.pull(share).x_e for share in loop_of_shares([0.45, 0.45], [0.25, 0.25], goals_count)])
     model, compiled = load_model(MODEL), CompiledController(FOLDER)

@@ -1,6 +1,6 @@
 """Samples a second against workers, and what more samples and more workers would take; prints Markdown.
 
-Usage: throughput.py [SAMPLE_YAML] [--rows 600], e.g. throughput.py pipelines/soft-finger/sample.yaml
+Usage: throughput.py [SAMPLE_YAML] [--rows 600], e.g. throughput.py pipelines/soft-finger/sample-large.yaml
 
 Measured: one and two local workers, a task of a Dask cluster that does nothing, the writing of a shard, planning and
 the end of a run. Estimated from these: start + skeleton + n planning + the largest of
@@ -45,7 +45,7 @@ ROOT = Path(__file__).parents[1]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("spec", type=Path, nargs="?", default=ROOT / "pipelines/soft-finger/sample.yaml")
+    parser.add_argument("spec", type=Path, nargs="?", default=ROOT / "pipelines/soft-finger/sample-large.yaml")
     parser.add_argument("--rows", type=int, default=600)
     chosen = parser.parse_args()
     spec = load_spec(chosen.spec, SampleSpec, [f"splits={{train: {{rows: {chosen.rows}, method: random}}}}"])

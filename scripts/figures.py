@@ -27,7 +27,7 @@ def measure_finger() -> dict:
     reach = control["closed-curve"]
     arc = control["quarter-circle"]
     return {
-        "verification": run("benchmarks/verification.py", "pipelines/soft-finger/scene.yaml"),
+        "verification": run("benchmarks/verification.py", "pipelines/soft-finger/scene-large.yaml"),
         "samples": {key: samples[key] for key in ("rows", "failed", "residual_max", "factorizations_per_sample")},
         "tet4": {key: tet4[key] for key in ("samples_per_second_per_core", "factorizations_per_sample")},
         "tet4_cells": results("data/soft-finger-tet4/mesh")["cells"],
@@ -101,7 +101,7 @@ def surrogate_point(point: dict) -> dict:
 
 def measure_tours() -> dict:
     """Of the paper's meshes and of the scene's own, by both solvers; some fifteen minutes of one core."""
-    finger, tet4 = (f"pipelines/{name}/scene.yaml" for name in ("soft-finger", "soft-finger-tet4"))
+    finger, tet4 = (f"pipelines/{name}.yaml" for name in ("soft-finger/scene-large", "soft-finger-tet4/scene"))
     return {
         "paper": [tour(tet4, count, solver, f"mesh.size={size}") for size in PAPER for solver, count in TOUR.items()],
         "own": [tour(finger, 100, "rslab"), tour(finger, 300, "rslab", "material.poisson=0.499")],

@@ -7,6 +7,8 @@ METHODS := scrambled-halton grid
 ROWS := 36 100 400
 SIZES := 7.7 2.95 2.2
 STATES-soft-finger := soft-finger/samples-large
+# Of the finger, the scene of the measured tables.
+SIZE-soft-finger := -large
 STATES-diamond := diamond/samples
 STATES-trunk := trunk/samples
 # Training rows at which every kind is judged, besides all of them.
@@ -35,14 +37,14 @@ surrogates: .venv/all
 	$(CFEM) report $(S)/report.yaml
 
 $(ROBOTS:%=states-%): states-%:
-	$(CFEM) mesh pipelines/$*/scene.yaml
+	$(CFEM) mesh pipelines/$*/scene$(SIZE-$*).yaml
 	$(CFEM) simulate-sample pipelines/$*/sample$(if $(findstring large,$(STATES-$*)),-large).yaml
 
 $(BEYOND:%=data/surrogates/beyond/%): data/surrogates/beyond/%:
 	mkdir -p $@
 	sed 's/reach: {mm: \[0, $(word 1,$(REACH-$*))\]}/reach: {mm: [0, $(word 2,$(REACH-$*))]}/' \
-	  pipelines/$*/scene.yaml > $@/scene.yaml
-	$(CFEM) simulate-sample $(S)/sample.yaml --set scene=../../$@/scene.yaml --set mesh=../../data/$*/mesh \
+	  pipelines/$*/scene$(SIZE-$*).yaml > $@/scene.yaml
+	$(CFEM) simulate-sample $(S)/sample.yaml --set scene=../../$@/scene.yaml --set mesh=../../data/$*/mesh$(SIZE-$*) \
 	  --set 'splits={test: {rows: 40, method: random, seed: 7}}' --out $@/samples
 
 $(MODELS): models/surrogates/%:

@@ -150,7 +150,28 @@ def run_pipeline(
         outcome = run(places, set_ or [], options, until, only)
         return outcome if json else as_text(outcome)
 
-    run_command(work, force, check, json, quiet)
+    run_command(work, force, check, json, quiet, label="run")
+
+
+@app.command()
+def demo(
+    robot: Annotated[
+        str, typer.Argument(help="Robot that comes with cfem, such as soft-finger or bar.")
+    ] = "soft-finger",
+    folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
+    force: Force = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """See a robot mesh, learn and follow a curve: all stages, three numbers and a page."""
+
+    def work(options):
+        from cfem.pipeline.demo import as_text, demo
+
+        outcome = demo(robot, folder, options)
+        return outcome if json else as_text(outcome)
+
+    run_command(work, force, as_json=json, quiet=quiet, label="demo")
 
 
 @app.command()

@@ -66,8 +66,8 @@ class Display:
         self.label, self.text = label, "starting"
         self.counted: list[Counted] = []
         self._write, self._clock, self._width = write, clock, width
-        self._begin = clock()
-        self._next, self._turn = self._begin + FIRST, 0
+        self.begin = clock()
+        self._next, self._turn = self.begin + FIRST, 0
         self._lock = threading.RLock()
 
     def tick(self) -> None:
@@ -93,10 +93,16 @@ class Display:
             inner = self.counted[-1]
             parts.append(f"{inner.count}/{inner.total}")
             left = inner.left(now)
-        parts.append(f"{now - self._begin:.0f} s so far")
-        if left is not None:
+        parts.append(f"{now - self.begin:.0f} s so far")
+        if left is not None and left >= 1:
             parts.append(f"about {left:.0f} s left")
         return ", ".join(parts)
+
+    def relabel(self, label: str) -> tuple[str, str, float]:
+        """Work of its own begins. Returns label, text and beginning of what goes on after it."""
+        before = (self.label, self.text, self.begin)
+        self.label, self.text, self.begin = label, "starting", self._clock()
+        return before
 
     def advance(self, one: Counted, n: int) -> None:
         """n parts more of it are done."""
@@ -160,17 +166,22 @@ def labelled(label: str) -> Iterator[None]:
     if display is None:
         yield
         return
-    before, display.label = (display.label, display.text), label
+    before = display.relabel(label)
     try:
         yield
     finally:
-        display.label, display.text = before
+        display.label, display.text, display.begin = before
 
 
 def doing(text: str) -> None:
     """From now on this is what is being done."""
     if _display is not None:
         _display.text = text
+
+
+def what_is_done() -> str:
+    """The text of the last `doing`."""
+    return "" if _display is None else _display.text
 
 
 def say(text: str) -> None:

@@ -7,6 +7,8 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from cfem.mechanics import compiling  # noqa: F401 - says so where a kernel is compiled
+
 
 @dataclass(frozen=True)
 class Pattern:

@@ -1,14 +1,14 @@
 """`cfem run`: what is stale of a robot's results, and why; each stage that is stale, run in order."""
 
-import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from cfem.core.chain import NOT_MADE, stage_module, stale
 from cfem.core.errors import GateError, SpecError
 from cfem.core.kinds import KINDS
+from cfem.core.progress import say
 from cfem.core.shown import duration, folded
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
@@ -23,22 +23,24 @@ def run(
     options: Options,
     until: str | None = None,
     only: str | None = None,
+    line: Callable[[int, Sequence[Step], Sequence[str]], str] | None = None,
 ) -> dict[str, Any]:
     """places: folders, of which the specs without a suffix are run, and specs. What they read is made first, wherever a
     spec beside them makes it. overrides: 'train.samples=20', by the spec's name. `force` runs nothing that is up to
-    date: it lets samples and hardware's runs of other inputs be moved aside.
+    date: it lets samples and hardware's runs of other inputs be moved aside. line: what to print before a step, by its
+    number, all steps and why it is to be run.
 
     Returns stages (stage, spec, out, status, why, seconds), headline, page of the report, seconds. Raises GateError
     under `check` where a stage is stale."""
     steps = _steps(places, overrides, until, only)
-    begin, width = time.perf_counter(), max(len(step.command) for step in steps)
+    begin, line = time.perf_counter(), line or _line
     done: list[dict[str, Any]] = []
-    for step in steps:
+    for number, step in enumerate(steps):
         before = {one["spec"] for one in done if one["status"] == "stale"}
         why = _why(step, before)
         status = "up to date" if not why else "stale" if options.check else "running"
         if not options.quiet:
-            print(_line(step, width, why), file=sys.stderr, flush=True)
+            say(line(number, steps, why))
         manifest = _run(step, options) if status == "running" else {}
         entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
         done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
@@ -89,7 +91,8 @@ def _why(step: Step, stale_specs: set[str]) -> list[str]:
     return stale(step.stage)
 
 
-def _line(step: Step, width: int, why: Sequence[str]) -> str:
+def _line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
+    step, width = steps[number], max(len(one.command) for one in steps)
     compared = why and why[0] != NOT_MADE and not why[0].startswith(WAITS)
     said = f"stale: {'; '.join(why)}" if compared else why[0] if why else "up to date"
     return f"{step.command:<{width}}  {step.spec}  {said}"

@@ -1,0 +1,82 @@
+"""`cfem demo`: a robot that comes with cfem, through all its stages, and the numbers that matter."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cfem.core.progress import say
+from cfem.core.stage import Options, read_manifest
+from cfem.pipeline.plan import Step
+from cfem.pipeline.robots import copy_robot
+from cfem.pipeline.run import run
+
+FINGER = "soft-finger"
+# What a stage does, and about how long for the finger on a laptop.
+STAGES = {
+    "scene": ("meshing the robot", "10 s"),
+    "sample": ("solving equilibria by finite elements (FE), to learn from", "20 s"),
+    "train": ("fitting a small model to them", "2 s"),
+    "export": ("writing the model for a controller", "5 s"),
+    "control": ("following a curve with the model; the FE robot is the judge", "30 s"),
+    "report": ("drawing the page", "10 s"),
+}
+
+
+def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
+    """Copies the robot's specs to `folder` where they are not there yet, compiles what has to be compiled, and runs
+    what is not up to date. Returns what `cfem run` does and `numbers`, the sentences to read first."""
+    place = folder / robot
+    if not place.is_dir():
+        copy_robot(robot, robot, folder)
+    if not options.quiet:
+        say(f"the robot's specs are in {place}; what is made of them goes to data and models")
+
+    def line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
+        if number == 0:
+            _compile(len(steps), bool(why))
+        what, about = STAGES.get(steps[number].kind, (steps[number].command, ""))
+        left = "up to date" if not why else f"about {about}" if robot == FINGER and about else ""
+        return f"step {number + 2}/{len(steps) + 1}: {what}" + (f" ({left})" if left else "")
+
+    outcome = run([place], [], options, line=None if options.quiet else line)
+    control = next(one["out"] for one in outcome["stages"] if one["stage"] == "control")
+    return outcome | {"numbers": numbers(read_manifest(Path(control))["results"])}
+
+
+def _compile(steps: int, needed: bool) -> None:
+    from cfem.stability.warm_up import is_warm, warm_up
+
+    warm = not needed or is_warm()
+    say(f"step 1/{steps + 1}: compiling the solver ({'up to date' if warm else 'once per installation, about 20 s'})")
+    if not warm:
+        warm_up()
+
+
+def numbers(control: Mapping[str, Any]) -> list[str]:
+    """Goals reached, tracking error beside the discretisation error, and time per control step beside an FE solve, of
+    the first learned controller. control: results of `cfem control`."""
+    name, found = _learned(control["trajectories"])
+    near, mesh, cost = found["distance_to_reachable_goals"], control["discretisation"], control["fe_cost"]
+    error = f"{near['mean']:.2g} mm on average" if near else "none, as no goal is in reach"
+    sure = f"the mesh itself leaves {mesh['tip_mm']:.2g} mm ({mesh['tip_percent']:.2g} % of the length) uncertain"
+    beside = sure if "tip_mm" in mesh else f"the discretisation error is not known: {mesh['left_out']}"
+    step = found["step_us"]["median"] / 1e3
+    against = ""
+    if cost and cost["solves"]:
+        solve = 1e3 * cost["seconds"] / cost["solves"]
+        against = f"; one FE solve takes {solve:.3g} ms, {solve / step:.0f} times as long"
+    return [
+        f"goals reached:      {found['reached']} of {found['goals']} on {name}, judged by the FE robot",
+        f"tracking error:     {error}; {beside}",
+        f"time per step:      {step:.2g} ms{against}",
+    ]
+
+
+def _learned(trajectories: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]]:
+    name, controllers = next(iter(trajectories.items()))
+    return name, next(one for who, one in controllers.items() if who != "fe-based" and "@" not in who)
+
+
+def as_text(outcome: Mapping[str, Any]) -> str:
+    """The three numbers and the page."""
+    return "\n".join([*outcome["numbers"], *(f"report:             {page}" for page in outcome["pages"])])
