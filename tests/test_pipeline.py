@@ -143,6 +143,16 @@ def test_samples_of_another_robot_are_kept_unless_forced(bar, outcomes):
     assert run(bar, "--only", "mesh")[0] == 0 and run(bar, "--check")[0] == 0
 
 
+def test_the_demo_says_each_step_and_ends_with_three_numbers(bar, outcomes):
+    found = CliRunner().invoke(app, ["demo", "bar", "--folder", str(bar.parent)])
+    assert found.exit_code == 0, found.stderr
+    steps = [line.split(":")[0] for line in found.stderr.splitlines() if line.startswith("step ")]
+    assert steps == [f"step {number}/7" for number in range(1, 8)]
+    goals, error, time, page = found.stdout.splitlines()
+    assert "6 of 6" in goals and "of the length) uncertain" in error and "one FE solve" in time
+    assert page.endswith("report.html")
+
+
 def test_a_change_upstream_makes_all_below_stale(bar, outcomes):
     changed = cfem(bar, "mesh", "--check", "--set", "mesh.size=7 mm")
     assert changed.exit_code == 5 and "stale" in changed.stderr

@@ -45,3 +45,14 @@ def test_held_nodes_stay_held_however_many_states_were_solved_before():
 def test_a_displacement_that_is_no_number_is_reported(plant):
     measured = plant.step(np.array([np.nan]))
     assert measured.status != "converged" and np.isnan(measured.x_e).all()
+
+
+def test_a_curve_and_the_commands_along_it_take_about_one_factorisation_each():
+    plant = FemPlant(bar())
+    shares = [0.45 + 0.25 * np.array([np.cos(turn), np.sin(turn)]) for turn in np.arange(12) * np.pi / 6]
+    goals = [plant.pull(share).delta_a for share in shares]
+    first = plant.factorizations
+    for delta_a in goals:
+        plant.step(delta_a + 1e-6)
+    assert plant.solves == 24 and first <= 40
+    assert plant.factorizations - first == 12

@@ -26,7 +26,7 @@ def test_a_folder_is_its_specs_without_a_suffix_in_the_order_of_the_pipeline():
 
 def test_a_variant_brings_what_it_needs():
     assert order("soft-finger/export-c.yaml") == [
-        f"soft-finger/{stem}" for stem in ("scene", "sample-large", "train-large", "export-c")
+        f"soft-finger/{stem}" for stem in ("scene-large", "sample-large", "train-large", "export-c")
     ]
 
 

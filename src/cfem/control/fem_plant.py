@@ -38,14 +38,14 @@ class FemPlant:
     states solved before, which costs about one factorisation where they are near; a step to where the robot
     stands costs nothing.
 
-    solves, seconds: what it has cost; x: (n, 3) mm nodes now"""
+    solves, factorizations, seconds: what it has cost; x: (n, 3) mm nodes now"""
 
     def __init__(self, robot: Robot):
         self._problem = Problem(robot)
         self._last: Equilibrium | None = None
         self._known: deque[Knot] = deque(maxlen=MEMORY)
         self._t = 0
-        self.solves, self.seconds = 0, 0.0
+        self.solves, self.factorizations, self.seconds = 0, 0, 0.0
 
     @property
     def x(self) -> np.ndarray:
@@ -99,6 +99,7 @@ class FemPlant:
         base = None if self._last is None else self._last.state
         found = solve(self._problem, actuation, predict(self._known, near, actuation), base, slack=slack)
         self.solves += 1
+        self.factorizations += found.factorizations
         self.seconds += time.perf_counter() - begin
         if not found.converged:
             raise NumericalError(f"FE robot: {found.status.value}")

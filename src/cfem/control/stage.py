@@ -104,7 +104,8 @@ def _work(
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, robot)
-    cost = {"solves": fem.solves, "seconds": fem.seconds} if fem else None
+    costs = ("solves", "factorizations", "seconds")
+    cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held = headline(results, refined, cost), None
     if spec.object:
         held = {}

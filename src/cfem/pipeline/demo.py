@@ -4,10 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cfem.core.errors import SpecError
 from cfem.core.progress import say
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step
-from cfem.pipeline.robots import copy_robot
+from cfem.pipeline.robots import ROBOTS, copy_robot, robots
 from cfem.pipeline.run import run
 
 FINGER = "soft-finger"
@@ -27,6 +28,9 @@ def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
     what is not up to date. Returns what `cfem run` does and `numbers`, the sentences to read first."""
     place = folder / robot
     if not place.is_dir():
+        if not (ROBOTS / robot / "control.yaml").is_file() and robot in robots():
+            shown = sorted(path.parent.name for path in ROBOTS.glob("*/control.yaml"))
+            raise SpecError(f"{robot} follows no curve", where="demo", do=f"use one of {', '.join(shown)}")
         copy_robot(robot, robot, folder)
     if not options.quiet:
         say(f"the robot's specs are in {place}; what is made of them goes to data and models")
@@ -39,8 +43,8 @@ def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
         return f"step {number + 2}/{len(steps) + 1}: {what}" + (f" ({left})" if left else "")
 
     outcome = run([place], [], options, line=None if options.quiet else line)
-    control = next(one["out"] for one in outcome["stages"] if one["stage"] == "control")
-    return outcome | {"numbers": numbers(read_manifest(Path(control))["results"])}
+    runs = [read_manifest(Path(one["out"]))["results"] for one in outcome["stages"] if one["stage"] == "control"]
+    return outcome | {"numbers": [line for one in runs if "trajectories" in one for line in numbers(one)]}
 
 
 def _compile(steps: int, needed: bool) -> None:
@@ -58,8 +62,12 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
     name, found = _learned(control["trajectories"])
     near, mesh, cost = found["distance_to_reachable_goals"], control["discretisation"], control["fe_cost"]
     error = f"{near['mean']:.2g} mm on average" if near else "none, as no goal is in reach"
-    sure = f"the mesh itself leaves {mesh['tip_mm']:.2g} mm ({mesh['tip_percent']:.2g} % of the length) uncertain"
-    beside = sure if "tip_mm" in mesh else f"the discretisation error is not known: {mesh['left_out']}"
+    if "tip_mm" in mesh:
+        error += (
+            f"; the mesh itself leaves {mesh['tip_mm']:.2g} mm ({mesh['tip_percent']:.2g} % of the length) uncertain"
+        )
+    else:
+        error += f"; the discretisation error is not known: {mesh['left_out']}"
     step = found["step_us"]["median"] / 1e3
     against = ""
     if cost and cost["solves"]:
@@ -67,7 +75,7 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
         against = f"; one FE solve takes {solve:.3g} ms, {solve / step:.0f} times as long"
     return [
         f"goals reached:      {found['reached']} of {found['goals']} on {name}, judged by the FE robot",
-        f"tracking error:     {error}; {beside}",
+        f"tracking error:     {error}",
         f"time per step:      {step:.2g} ms{against}",
     ]
 
