@@ -1,6 +1,6 @@
 import pytest
 
-from cfem.core.shown import duration, length, size
+from cfem.core.shown import duration, folded, length, size
 
 
 @pytest.mark.parametrize(
@@ -24,3 +24,12 @@ def test_a_length_has_the_unit_that_suits_it(mm, text):
 @pytest.mark.parametrize("count, text", [(2168, "2.17 kB"), (14, "14 bytes"), (1.9e9, "1.9 GB"), (999_999, "1000 kB")])
 def test_a_size_has_the_unit_that_suits_it(count, text):
     assert size(count) == text
+
+
+def test_a_long_line_is_folded_between_words_and_a_number_stays_with_its_unit(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    line = "  the tip moves by at most 1.25 mm in 3 of 40 states, on the model's own mesh"
+    parts = folded(line)
+    assert " ".join(part.strip() for part in parts) == line.strip() and max(map(len, parts)) <= 30
+    assert any("1.25 mm" in part for part in parts) and all(part.startswith("    ") for part in parts[1:])
+    assert folded("short") == ["short"]

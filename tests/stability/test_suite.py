@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.core.errors import NumericalError, SpecError
+from cfem.equilibrium.solution import Status
 from cfem.stability.case import Case, converges, named, refuses
+from cfem.stability.command import built_in
 from cfem.stability.evidence import Evidence
 from cfem.stability.suite import demand_right, run
 from cfem.stability.table import as_data, as_text
@@ -104,3 +107,11 @@ def test_a_misbehaving_case_is_exit_4_after_the_table(monkeypatch):
     assert found.exit_code == 4 and found.stdout.startswith("good ")
     assert found.stderr == "cfem: 1 of 2 cases misbehave: a (the table says how)\n"
     assert json.loads(cfem("--json").stdout)["misbehaving"] == ["a"]
+
+
+def test_every_line_of_the_table_fits_80_columns():
+    longest = max(built_in(), key=lambda case: len(case.name.partition("/")[2]))
+    status = max(Status, key=lambda one: len(one.name)).name
+    result = run(RIGHT)
+    text = as_text([replace(result, case=longest, evidence=replace(result.evidence, status=status))])
+    assert max(map(len, text.splitlines())) <= 80 and longest.name.partition("/")[2] + " " in text

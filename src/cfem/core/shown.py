@@ -1,7 +1,10 @@
 """Numbers as a person reads them: two or three digits, and a unit that suits their size; lines that fit."""
 
+import re
 import shutil
 from textwrap import wrap
+
+HOLD = "\N{NO-BREAK SPACE}"
 
 
 def duration(seconds: float) -> str:
@@ -26,9 +29,10 @@ def size(count: float) -> str:
 
 
 def folded(line: str) -> list[str]:
-    """At the width of the terminal, 80 columns where there is none."""
-    width = shutil.get_terminal_size().columns
-    return wrap(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    """At the width of the terminal, 80 columns where there is none; a number stays with its unit."""
+    width, held = shutil.get_terminal_size().columns, re.sub(r"(?<=\d) (?=[^\s\d])", HOLD, line)
+    parts = wrap(held, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return [part.replace(HOLD, " ") for part in parts]
 
 
 def _scaled(value: float, units: tuple[tuple[str, float], ...], least: float = 1.0) -> str:
