@@ -39,9 +39,9 @@ def own(project, tmp_path):
 
 
 def outcome(*words):
-    """Exit code; one line on stderr wherever it is not 0."""
+    """Exit code; one line of cfem's on stderr wherever it is not 0, beside its progress."""
     result = CliRunner().invoke(app, list(map(str, words)))
-    lines = result.stderr.strip().splitlines()
+    lines = [line for line in result.stderr.splitlines() if line.startswith("cfem: ")]
     if result.exit_code:
         assert len(lines) == 1, result.stderr
         assert "a defect of cfem" not in lines[0]
@@ -290,3 +290,13 @@ def test_a_pipe_in_the_place_of_a_file_is_not_waited_for(own, name):
 def test_what_is_no_manifest(own, text):
     (own / "model" / MANIFEST).write_bytes(text)
     refused(own, ("inspect", own / "model"), "model")
+
+
+def test_what_a_terminal_obeys_is_shown_as_text(own):
+    evil = "\x1b[2J\x1b]0;title\x07\u202e\r\x08"
+    reseal(own / "model", results={"headline": [f"loss {evil}"]}, inputs={evil: evil})
+    (own / "model" / f"{evil}.txt").write_text("")
+    for command in ("inspect", "summary", "verify"):
+        result = CliRunner().invoke(app, [command, str(own / "model")])
+        said = result.stdout + result.stderr
+        assert "\\x1b[2J" in said and said.replace("\n", "").isprintable()

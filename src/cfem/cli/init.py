@@ -7,6 +7,7 @@ from typing import Any
 
 from cfem.cli.schemas import write_schemas
 from cfem.core.errors import SpecError
+from cfem.core.terminal import printable
 from cfem.init.question import Answer, Ask, Question, answer
 
 
@@ -52,7 +53,7 @@ def _asking(given: Mapping[str, str | None], quiet: bool) -> Ask:
         if is_terminal():
             return _from_terminal(question)
         if not quiet:
-            print(f'--{question.flag} "{question.default}"    # guessed: {question.why}', file=sys.stderr)
+            print(printable(f'--{question.flag} "{question.default}"    # guessed: {question.why}'), file=sys.stderr)
         return answer(question, None)
 
     return ask
@@ -66,14 +67,15 @@ def is_terminal() -> bool:
 def _from_terminal(question: Question) -> Answer:
     """Asks until the answer makes sense; nothing typed is the default."""
     while True:
-        print(f"{question.text}\n  [{question.default}: {question.why}] ", end="", file=sys.stderr, flush=True)
+        asked = printable(f"{question.text}\n  [{question.default}: {question.why}] ")
+        print(asked, end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
         if not line:
             raise KeyboardInterrupt
         try:
             return answer(question, line.strip() or None)
         except SpecError as error:
-            print(f"  {error}", file=sys.stderr)
+            print(printable(f"  {error}"), file=sys.stderr)
 
 
 def _text(made: dict[str, Any], first: str = "") -> str:

@@ -15,6 +15,7 @@ from cfem.core.optional import explained
 from cfem.core.progress import shown
 from cfem.core.shown import duration
 from cfem.core.stage import Options
+from cfem.core.terminal import printable
 
 LONGEST = 2000  # characters of an error
 
@@ -74,7 +75,7 @@ def run_command(
         _defect(error)
     else:
         with stdout_errors():
-            print(_json(outcome) if as_json else _text(outcome), flush=True)
+            print(_json(outcome) if as_json else printable(_text(outcome)), flush=True)
         try:
             demand_trust(outcome.get("results", {}) if isinstance(outcome, dict) else {}, strict)
         except CfemError as error:
@@ -104,7 +105,7 @@ def _defect(error: Exception) -> NoReturn:
 
 def _fail(message: str, code: int) -> NoReturn:
     """One line, whatever a spec or a file made of it."""
-    line = "".join(char if char.isprintable() else " " for char in message)
+    line = printable(" ".join(message.splitlines()))
     with suppress(OSError):  # nobody can be told
         print(f"cfem: {line if len(line) <= LONGEST else line[:LONGEST] + ' ...'}", file=sys.stderr)
     sys.exit(code)

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from cfem.core.terminal import printable
+
 FIRST, EVERY = 2.0, 5.0  # s: to the first line, and from line to line, where there is no terminal
 EVENTS = 3  # counted before the time left is estimated
 SPINNER = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
@@ -96,7 +98,7 @@ class Display:
         parts.append(f"{now - self.begin:.0f} s so far")
         if left is not None and left >= 1:
             parts.append(f"about {left:.0f} s left")
-        return ", ".join(parts)
+        return printable(", ".join(parts))
 
     def relabel(self, label: str) -> tuple[str, str, float]:
         """Work of its own begins. Returns label, text and beginning of what goes on after it."""
@@ -111,6 +113,7 @@ class Display:
 
     def say(self, text: str) -> None:
         """A line that stays."""
+        text = printable(text)
         with self._lock:
             self._write(f"\r\x1b[K{text}\n" if self._width else f"{text}\n")
 
@@ -187,7 +190,7 @@ def what_is_done() -> str:
 def say(text: str) -> None:
     """Prints a line to stderr, whether anything is shown or not."""
     if _display is None:
-        print(text, file=sys.stderr, flush=True)
+        print(printable(text), file=sys.stderr, flush=True)
     else:
         _display.say(text)
 

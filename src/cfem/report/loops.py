@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from cfem.core.errors import InputError
 from cfem.core.stage import artefact_file
+from cfem.dataset.parquet import read_parquet
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.page import Section
 from cfem.report.style import GOAL, colour_of
@@ -23,7 +23,7 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
     results = manifest["results"].get("loop")
     if results is None:
         raise InputError("has no loop in it", where=str(folder), do="name it under `control`")
-    table = pq.read_table(artefact_file(folder, "loop.parquet"), columns=COLUMNS, page_checksum_verification=True)
+    table = read_parquet(artefact_file(folder, "loop.parquet"), COLUMNS)
     columns = {key: np.array(table[key].to_pylist()) for key in COLUMNS}
     charts = []
     for trajectory in results:

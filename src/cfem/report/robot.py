@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.reading import read_npz
 from cfem.core.stage import artefact_file
 from cfem.dataset.reader import Dataset
 from cfem.mechanics.mesh import Mesh
@@ -30,8 +31,7 @@ LINES = ("--c3", "--c1", "--c2", "--fe", "--c5", "--c6")
 
 def animation(folder: Path, found: Tracking, scene: SceneSpec) -> Viewer | None:
     """The robot along every trajectory of an artefact of `cfem control`; None without shapes, as without FE."""
-    with np.load(artefact_file(folder, "states.npz"), allow_pickle=False) as file:
-        states = dict(file)
+    states = read_npz(artefact_file(folder, "states.npz"))
     X, objects = states["X"], int(states.get("object_points", 0))
     triangles = flat_triangles(states["facets"])
     kinds = np.where((triangles >= len(X) - objects).all(axis=1), OBJECT, BODY)

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from cfem.control.spec import FE_BASED
 from cfem.core.stage import artefact_file
+from cfem.dataset.parquet import read_parquet
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.page import Section
 from cfem.report.style import GOAL, INK, colour_of, tick
@@ -60,7 +60,7 @@ class Tracking:
 
 def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
     """From an artefact of `cfem control` without a loop."""
-    table = pq.read_table(artefact_file(folder, "trajectories.parquet"), page_checksum_verification=True)
+    table = read_parquet(artefact_file(folder, "trajectories.parquet"))
     results = manifest["results"]
     cost = results.get("fe_cost") or {}
     return Tracking(
