@@ -114,4 +114,4 @@ def test_every_line_of_the_table_fits_80_columns():
     status = max(Status, key=lambda one: len(one.name)).name
     result = run(RIGHT)
     text = as_text([replace(result, case=longest, evidence=replace(result.evidence, status=status))])
-    assert max(map(len, text.splitlines())) <= 80 and longest.name.partition("/")[2] + " " in text
+    assert max(map(len, text.splitlines())) <= 80 and longest.name.partition("/")[2] in text

@@ -22,7 +22,10 @@ def as_text(results: Sequence[Result]) -> str:
         for result in cases:
             name = result.case.name.partition("/")[2]
             residual = _short(getattr(result.evidence, "residual", None))
-            lines.append(f"  {name:<{_NAME - 2}}{result.status:<20}{residual:>9}".rstrip())
+            if len(name) > _NAME - 3:
+                lines.append(f"  {name}")
+                name = ""
+            lines.append(f"  {name:<{_NAME - 2}}{result.status:<20}{residual:>9}")
             lines += [f"    wrong: {sentence}" for sentence in result.wrong]
     seconds = sum(result.seconds for result in results)
     memory = peak_memory()
