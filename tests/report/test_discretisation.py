@@ -22,8 +22,8 @@ discretisation:
     - {{element: tet10p0, size: 8 mm}}
     - {{element: tet10p0, cells: 300}}
     - {{element: tet10p0, cells: 300, radius: 0 mm}}
-    - {{element: hex8, size: 4 mm}}
-  reference: {{element: tet10p0, cells: 1000}}
+    - {{element: hex8, size: 5 mm}}
+  reference: {{element: tet10p0, cells: 700}}
   poisson: [0.3, 0.499]
   tolerances: [1e-2, 1e-8]
   states: [[0.6]]
