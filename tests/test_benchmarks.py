@@ -19,6 +19,16 @@ QUICK = {
     "verification.py": [BAR, "mesh.size=10 mm"],
 }
 
+# What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
+LONG = {
+    "control_process.py": "an exported model",
+    "designs.py": "make parametric-finger",
+    "embedded.py": "make embedded",
+    "stiff_flop_experiments.py": "make stiff-flop-experiments",
+    "stiff_flop_stability.py": "make stiff-flop",
+    "throughput.py": "make soft-finger",
+}
+
 
 def run(script: str, *words: str) -> str:
     command = [sys.executable, f"benchmarks/{script}", *words]
@@ -34,3 +44,8 @@ def test_a_benchmark_runs(named):
     assert "nan" not in printed.lower()
     if script != "stiff_flop.py":
         assert json.loads(printed)
+
+
+def test_every_benchmark_has_a_small_size_or_a_reason():
+    scripts = {path.name for path in (ROOT / "benchmarks").glob("*.py") if not path.name.startswith("test_")}
+    assert scripts == {one.split()[0] for one in QUICK} | set(LONG)
