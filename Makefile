@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test smoke test-slow bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
+.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate $(SCENES)
 
 # The soft finger through all its stages, three numbers and a page.
 demo: export CFEM_STEP := 1/7
@@ -21,6 +21,10 @@ smoke: .venv/dev
 
 test-slow: .venv/dev
 	$(PYTHON) -m pytest -m slow
+
+# Lines of the core changed one at a time: how many of 60 changes some test notices (an hour on two cores).
+mutate: .venv/dev
+	$(PYTHON) scripts/mutate.py
 
 bench: .venv/dev
 	$(PYTHON) -m pytest benchmarks

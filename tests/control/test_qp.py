@@ -5,6 +5,7 @@ import pytest
 from control.programs import KINDS, known, without_a_point
 from scipy.optimize import lsq_linear
 
+from cfem.control import qp
 from cfem.control.qp import QpStatus, residuals, solve_qp
 
 BACKENDS = ("active_set", "osqp")
@@ -229,3 +230,14 @@ def test_numbers_at_the_ends_of_double_precision_are_solved_or_refused(size):
 def test_backends_write_nothing_to_stdout(capfd):
     solve_qp(np.eye(1), np.zeros(1), np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.array([[-1.0, 1.0]]), "osqp")
     assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("away", "status"), [(1e-5, QpStatus.INACCURATE), (1e-11, QpStatus.OPTIMAL)])
+def test_an_answer_that_misses_the_optimum_is_not_called_optimal(monkeypatch, away, status):
+    def misses(program):
+        return program.judged(np.array([0.5, 1.0]) + away, np.zeros(2)), 1
+
+    monkeypatch.setitem(qp._BACKENDS, "active_set", misses)
+    solution = solve_qp(np.eye(2), np.array([1.0, 2.0]), *NO_ROWS, OPEN)
+    assert solution.status is status
+    assert solution.kkt.stationarity == pytest.approx(2 * away * np.sqrt(2), rel=1e-3)

@@ -1,0 +1,138 @@
+"""Changes lines of the core one at a time and counts the changes that no test notices.
+
+python scripts/mutate.py [--count 60] [--seed 0] [--only control/qp.py] [--jobs 2]
+
+A change flips a comparison, an arithmetic operator, a sign, `and` and `or`, a condition or a number, or leaves a
+statement out. It is made in a copy of the package, the tests beside the changed file run against it, and what they let
+pass is printed. The first line of the result is the share that was caught."""
+
+import argparse
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+# Files of the core, and the tests that answer for them.
+CORE = {
+    "condensed/": ["tests/condensed"],
+    "constraint/": ["tests/constraint"],
+    "equilibrium/": ["tests/equilibrium"],
+    "control/active_set.py": ["tests/control/test_qp.py"],
+    "control/qp.py": ["tests/control/test_qp.py"],
+    "control/inverse.py": ["tests/control/test_inverse.py"],
+    "contact/": ["tests/contact"],
+    "core/files.py": ["tests/core/test_files.py"],
+    "robot/soundness.py": ["tests/robot/test_soundness.py"],
+    "calibrate/confidence.py": ["tests/calibrate/test_confidence.py"],
+    "surrogate/semidefinite.py": ["tests/surrogate/test_semidefinite.py"],
+}
+COMPARISONS = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
+OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.MatMult: ast.Mult}
+
+
+def changes(tree: ast.Module) -> list[tuple[ast.AST, str]]:
+    """Places that can be changed, and how."""
+    found: list[tuple[ast.AST, str]] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISONS:
+            found.append((node, "comparison"))
+        elif isinstance(node, ast.BinOp) and type(node.op) in OPERATORS and not _type_hint(node):
+            found.append((node, "operator"))
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
+            found.append((node, "sign"))
+        elif isinstance(node, ast.BoolOp):
+            found.append((node, "and or"))
+        elif isinstance(node, ast.If | ast.While | ast.IfExp):
+            found.append((node, "condition"))
+        elif isinstance(node, ast.Expr | ast.AugAssign) and not _docstring(node):
+            found.append((node, "left out"))
+        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            found.append((node, "number"))
+    return found
+
+
+def _docstring(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant | ast.Yield)
+
+
+def _type_hint(node: ast.BinOp) -> bool:
+    return isinstance(node.op, ast.BitOr)
+
+
+class Change(ast.NodeTransformer):
+    def __init__(self, target: ast.AST, kind: str) -> None:
+        self.target, self.kind = target, kind
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        if node is not self.target:
+            return self.generic_visit(node)
+        if self.kind == "comparison":
+            node.ops[0] = COMPARISONS[type(node.ops[0])]()
+        elif self.kind == "operator":
+            node.op = OPERATORS[type(node.op)]()
+        elif self.kind == "sign":
+            return node.operand
+        elif self.kind == "and or":
+            node.op = ast.Or() if isinstance(node.op, ast.And) else ast.And()
+        elif self.kind == "condition":
+            node.test = ast.UnaryOp(ast.Not(), node.test)
+        elif self.kind == "left out":
+            return ast.copy_location(ast.Pass(), node)
+        else:
+            node.value = node.value + 1 if node.value else 1
+        return node
+
+
+def attempt(file: Path, index: int, timeout: float) -> tuple[str, bool]:
+    """One change of a file below src/cfem: what it is, and whether a test noticed."""
+    source = (ROOT / "src/cfem" / file).read_text()
+    tree = ast.parse(source)
+    node, kind = changes(tree)[index]
+    what = f"{file}:{node.lineno}: {kind}: {source.splitlines()[node.lineno - 1].strip()}"
+    changed = ast.unparse(ast.fix_missing_locations(Change(node, kind).visit(tree)))
+    with tempfile.TemporaryDirectory() as place:
+        package = Path(place, "cfem")
+        shutil.copytree(ROOT / "src/cfem", package, ignore=shutil.ignore_patterns("__pycache__"))
+        (package / file).write_text(changed)
+        tests = next(paths for prefix, paths in CORE.items() if file.as_posix().startswith(prefix))
+        environment = os.environ | {"PYTHONPATH": f"{place}{os.pathsep}{ROOT / 'tests'}", "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+        try:
+            done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=timeout)
+        except subprocess.TimeoutExpired:
+            return what, True
+    return what, done.returncode != 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=60, help="changes to try")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", help="files whose path begins so")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument(
+        "--timeout", type=float, default=600.0, help="seconds a change, after which it counts as caught"
+    )
+    arguments = parser.parse_args()
+    files = [each.relative_to(ROOT / "src/cfem") for each in sorted((ROOT / "src/cfem").rglob("*.py"))]
+    files = [each for each in files if each.as_posix().startswith(tuple(CORE))]
+    files = [each for each in files if each.as_posix().startswith(arguments.only)]
+    every = [
+        (each, i) for each in files for i in range(len(changes(ast.parse((ROOT / "src/cfem" / each).read_text()))))
+    ]
+    chosen = random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        found = list(pool.map(lambda one: attempt(*one, arguments.timeout), chosen))
+    missed = [what for what, caught in found if not caught]
+    print(f"{len(found) - len(missed)} of {len(found)} changes caught, of {len(every)} possible ones")
+    print(*(f"  {what}" for what in missed), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
