@@ -11,7 +11,7 @@ from surrogate.stored import store_dataset, train_folder
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
 from cfem.predict.load import load_model, read_arrays
-from cfem.surrogate.stage import judged, run
+from cfem.surrogate.stage import headline, judged, run
 
 SPEC = "dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 8}\nlearning_curve: [10, 20]\n"
 
@@ -100,3 +100,12 @@ def test_mlp_is_stored_and_loaded(tmp_path):
     stored = read_arrays(folder, "test_vectors.npz")
     W, _ = load_model(folder).evaluate(stored["s"], stored["p"])
     assert np.array_equal(W, stored["W"])
+
+
+def test_the_headline_states_mm_and_N_before_the_loss():
+    errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "loss": 5e-6, "states": 40}
+    results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
+    (line,) = headline({**results, "positive_definite": {"share": 1.0}})
+    assert "largest errors 12 um at the tip and 0.34 N on 40 states; standardised loss 5.00e-06" in line.replace(
+        "µ", "u"
+    )

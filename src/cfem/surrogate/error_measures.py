@@ -57,7 +57,8 @@ def paper_loss(
     W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray
 ) -> dict[str, Any]:
     """Mean squared error of the entries of W (upper triangle) and delta_free, standardised by the mean and standard
-    deviation of the true ones; entries constant to rounding are left out and counted."""
+    deviation of the true ones; entries constant to rounding are left out and counted. It depends on the directions of
+    the scene's axes, which decide what varies: distances in mm and forces in N do not."""
     true, model = entries(W, delta_free), entries(W_model, delta_free_model)
     deviation = true.std(axis=0)
     varies = deviation > CONSTANT * sizes(true, W.shape[-1])

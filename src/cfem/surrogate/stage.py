@@ -98,8 +98,8 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
 def headline(results: dict[str, Any]) -> list[str]:
     errors, definite = results["errors"], results["positive_definite"]
     lines = [
-        f"{results['kind']}, {results['samples']} samples: loss {errors['loss']:.2e} on {errors['states']} states; "
-        f"largest errors {length(errors['tip_mm']['max'])} at the tip and {errors['force_N']['max']:.2g} N; "
+        f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
+        f"and {errors['force_N']['max']:.2g} N on {errors['states']} states; standardised loss {errors['loss']:.2e}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
     if definite["share"] < 1:
