@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from cfem.report.style import GROUND, INK, png
+from cfem.report.style import FE, GROUND, INK, png
 
 BODY, HELD, OBJECT = 0, 1, 2
 COLOURS = np.array([[64, 134, 196], [84, 94, 108], [224, 168, 89]]) / 255  # as in viewer.js
@@ -136,7 +136,8 @@ class Viewer:
         colours = np.vstack([PALE, COLOURS[1:]]) if self.pale else COLOURS
         axis.add_collection(painted(take.x[far], self.triangles, colours[self.kinds], axes))
         for line in take.lines:
-            axis.plot(*(line.frames[min(far, len(line.frames) - 1)] @ axes.T).T[:2], color=INK, lw=2)
+            colour = FE if line.colour == "--fe" else line.colour.replace("--c", "C")
+            axis.plot(*(line.frames[min(far, len(line.frames) - 1)] @ axes.T).T[:2], color=colour, lw=2)
         for point, _ in take.marks:
             axis.plot(*(point @ axes.T)[:2], "o", color=HOT, mec=GROUND)
         if len(take.goals):
