@@ -142,9 +142,15 @@ def test_a_device_is_a_plant(tmp_path, model_folder):
     overrides = ["plant=pipe", "loop.real.stiffer=1", "loop.seeds=[0]", closed, *fast]
     found = control(tmp_path, load(tmp_path, *overrides, f"loop.device={json.dumps(device)}"), model_folder)
     assert found["loop"]["points"]["closed"]["reached"]["min"] == 2
-    with pytest.raises(InputError, match="ended"):
-        dying = json.dumps([*device, "--fail", "die", "--at", "5"])
-        control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
+    assert not list(tmp_path.glob("*.jsonl"))
+    dying = json.dumps([*device, "--fail", "die", "--at", "5"])
+    for run in (1, 2):
+        with pytest.raises(InputError, match=rf"ended.*; the 4 ticks before are kept in \S+interrupted-{run}\.jsonl"):
+            control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
+        kept = [json.loads(line) for line in (tmp_path / f"interrupted-{run}.jsonl").read_text().splitlines()]
+        assert [row["tick"] for row in kept] == [1, 2, 3, 4]
+        assert set(kept[0]) == set(pq.read_table(tmp_path / "loop.parquet").column_names)
+        assert kept[-1]["x_e"] and len(kept[-1]["command"]) == 2
 
 
 @pytest.mark.parametrize(

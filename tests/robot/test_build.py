@@ -116,13 +116,25 @@ def made(folder, **changes):
 
 
 def hollow(path):
-    """A cube of 9 mm with a void of 3 mm in its middle, whose wall is the facet set `wall`, in cells of 3 mm."""
+    """A cube of 9 mm with a void of 3 mm in its middle, facet sets `wall` of the void and `skin`, in cells of 3 mm."""
     full = hexahedra((9, 9, 9), (3, 3, 3))
     cells = np.delete(full.cells, 13, axis=0)
     facets = boundary_facets(cells)
     inner = np.flatnonzero((abs(full.X[facets] - 4.5).max(axis=2) < 2).all(axis=1))
-    write_mesh(path, Mesh(full.X, cells, facets, facet_sets={"wall": inner}))
+    outer = np.setdiff1d(np.arange(len(facets)), inner)
+    write_mesh(path, Mesh(full.X, cells, facets, facet_sets={"wall": inner, "skin": outer}))
     return f"{{kind: mesh-file, path: {path.name}}}"
+
+
+def test_the_outer_skin_is_no_wall_of_a_chamber(tmp_path):
+    with pytest.raises(SpecError, match="'air': 'skin' is the outer skin of the body"):
+        made(
+            tmp_path,
+            geometry=hollow(tmp_path / "own.vtu"),
+            mesh="{size: 3 mm, element: hex8}",
+            actuators=AIR % "surface: skin",
+            effectors="[{name: tip, point: {mm: [9, 4.5, 4.5]}}]",
+        )
 
 
 @pytest.mark.parametrize("where", ["inside: {mm: [4.5, 4, 5]}", "surface: wall"])

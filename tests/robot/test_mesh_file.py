@@ -94,3 +94,16 @@ def test_what_is_no_volume_mesh_is_refused(tmp_path):
         read_own(tmp_path / "flat.vtu", 1.0)
     with pytest.raises(InputError, match="no such file"):
         read_mesh(tmp_path / "none.vtu")
+
+
+@pytest.mark.parametrize("node", [-1, 99])
+def test_cells_name_nodes_that_are_there(tmp_path, node):
+    mesh = box((3, 2, 1), (2, 1, 1), "tet4")
+    cells = mesh.cells.copy()
+    cells[0, 0] = node
+    meshio.write(tmp_path / "own.vtu", meshio.Mesh(mesh.X, [("tetra", cells), ("triangle", mesh.facets)]))
+    for read in (read_mesh, lambda path: read_own(path, 1.0)):
+        with pytest.raises(
+            InputError, match=rf"tetra cells name node {node}, but its nodes are 0 to {len(mesh.X) - 1}"
+        ):
+            read(tmp_path / "own.vtu")

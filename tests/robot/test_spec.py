@@ -99,3 +99,23 @@ def test_names_are_of_letters_that_any_file_and_language_takes(tmp_path, key, na
     first = re.search(r"name: [a-z]+", parts[key])[0]
     with pytest.raises(SpecError, match=rf"{key}\.0(\.\w+)?\.name: a name has letters"):
         scene(tmp_path, **(parts | {key: parts[key].replace(first, f'name: "{name}"')}))
+
+
+@pytest.mark.parametrize(
+    "actuator, why",
+    [
+        ("{kind: cable, name: c, points: {mm: [[5, 0, 0], [25, 0, 0]]}, reach: {mm: [-5, -1]}}", "it only pulls"),
+        (
+            "{kind: cavity, name: c, inside: {mm: [15, 0, 0]}, reach: {ml: [-2, -1]}, unilateral: true}",
+            "it only pushes",
+        ),
+        (
+            "{kind: cavity, name: c, inside: {mm: [15, 0, 0]}, reach: {ml: [0, 1]}, pressure: {kPa: [-2, -1]}, "
+            "unilateral: true}",
+            "its pressure must end above 0; got -0.002 to -0.001",
+        ),
+    ],
+)
+def test_an_actuator_of_one_direction_reaches_that_way(tmp_path, actuator, why):
+    with pytest.raises(SpecError, match=rf"'c': .*{why}"):
+        scene(tmp_path, actuators=f"[{actuator}]")

@@ -88,6 +88,13 @@ def make_cavity(X: np.ndarray, facets: np.ndarray, name: str) -> Cavity:
     return Cavity(nodes, (facets,), place, sign * form, float(sign * volume), np.zeros(1))
 
 
+def is_skin(X: np.ndarray, facets: np.ndarray) -> bool:
+    """Whether closed facets of a body's boundary, their normals out of the material, have the material inside: the
+    outer skin, and no wall of a chamber."""
+    nodes, place = np.unique(facets, return_inverse=True)
+    return _volume(_local(X, nodes, place.reshape(facets.shape)), _form(facets.shape[1])) > 0
+
+
 def enclosed(mesh: Mesh, inside_point: np.ndarray, name: str = "cavity") -> np.ndarray:
     """Indices into mesh.facets of the wall of the void around `inside_point` (3,) mm (an island inside is no part of
     it): the innermost component of the boundary that winds around the point with its normals towards it.

@@ -50,11 +50,11 @@ def run_loop(
     pace: Pace,
     gains: Gains | None = None,
     start: np.ndarray | None = None,
-    after: Callable[[int], None] = lambda index: None,
+    after: Callable[[Moment], None] = lambda moment: None,
 ) -> list[Moment]:
     """goals (m, n_e) mm absolute, one after the other; gains: None for open loop; start: (n_a,) mm where the actuators
     stand, 0 unless given. plant.actual, where a plant has it, is the truth behind its sensors; goals are then reached
-    or missed by it. after(index): called with the goal of each tick."""
+    or missed by it. after(moment): called at the end of each tick."""
     matters = pilot.weights > 0
     controller, measured, moments = Controller(pilot, rest_e, gains, start), None, []
     index = spent = held = 0
@@ -67,7 +67,7 @@ def run_loop(
         actual = getattr(plant, "actual", measured)
         error = float(np.linalg.norm((actual.x_e - goal)[matters]))
         moments.append(Moment(len(moments) + 1, index, goal, controller.aimed, belief, measured, actual, error, cpu))
-        after(index)
+        after(moments[-1])
         spent += 1
         held = held + 1 if error <= pace.radius else 0
         arrived = held >= pace.hold and pace.ticks_a_goal is None

@@ -1,14 +1,15 @@
 """The `loop:` part of `cfem control`: every controller along every trajectory, into the plant that the spec says."""
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.control.closed_loop import Pace, run_loop
+from cfem.control.closed_loop import Moment, Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.controller import Gains
@@ -20,6 +21,7 @@ from cfem.control.pipe_plant import PipePlant
 from cfem.control.plant import ModelPlant, Plant
 from cfem.control.spec import FE_BASED, ControlSpec, SearchSpec
 from cfem.control.tick import Pilot
+from cfem.control.tick_log import tick_log
 from cfem.core.errors import SpecError
 from cfem.core.progress import progress
 from cfem.core.spec import load_spec
@@ -39,12 +41,14 @@ def run_controllers(
     goals: Mapping[str, np.ndarray],
     pilot: tuple[Limits, np.ndarray, Settings],
 ) -> dict[str, Any]:
-    """Writes loop.parquet, a row a tick; returns the results. pilot: limits, weights of effector rows, settings; goals:
+    """Writes loop.parquet, a row a tick; returns the results. Ticks of a device are on disk as they come (`tick_log`).
+    pilot: limits, weights of effector rows, settings; goals:
     (m, n_e) mm absolute by trajectory; base: folder of the spec, where a device starts. InputError where that fails."""
     loop, pace = spec.loop, _pace(spec.loop)
     plant_of = _plants(spec, base, robot, predictors)
     records, results = [], {}
-    with progress("goals of all controllers and seeds", _visits(goals, loop)) as advance:
+    log = tick_log(folder) if spec.plant == "pipe" else nullcontext(lambda row: None)
+    with progress("goals of all controllers and seeds", _visits(goals, loop)) as advance, log as append:
         for trajectory, points in goals.items():
             results[trajectory] = {}
             for name, controller in loop.controllers.items():
@@ -52,14 +56,20 @@ def run_controllers(
                 flown = _pilot(controller, loop, model, robot, *pilot, spec.search)
                 runs = []
                 for seed in _seeds(controller, loop):
+                    tell, count = partial(record, trajectory, name, seed, loop.rate), _Counter(advance)
+
+                    def after(one: Moment, tell=tell, count=count) -> None:
+                        count(one.index)
+                        records.append(tell(one))
+                        append(records[-1])
+
                     with plant_of(seed) as plant:
-                        runs.append(run_loop(points, flown, plant, robot.rest_e, pace, gains, after=_Counter(advance)))
-                    records += [record(trajectory, name, seed, loop.rate, one) for one in runs[-1]]
+                        runs.append(run_loop(points, flown, plant, robot.rest_e, pace, gains, after=after))
                 results[trajectory][name] = {
                     "gains": gains and {"proportional": gains.proportional, "integral": gains.integral},
                     **summarise(runs, len(points), pace, loop.rate),
                 }
-    _write(folder / "loop.parquet", records, robot)
+        _write(folder / "loop.parquet", records, robot)
     return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
 
 

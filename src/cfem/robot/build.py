@@ -9,7 +9,7 @@ import numpy as np
 from cfem.condensed import Rows
 from cfem.constraint.attachment import Attachment, attach
 from cfem.constraint.cable import Cable, make_cable
-from cfem.constraint.cavity import Cavity, enclosed, make_cavity
+from cfem.constraint.cavity import Cavity, enclosed, is_skin, make_cavity
 from cfem.constraint.chambers import RodChambers, make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import make_effector
@@ -169,7 +169,13 @@ def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
         facets = facets_of(mesh, item.surface, "surface")
     else:
         facets = mesh.facets[enclosed(mesh, item.inside, label)]
-    return make_cavity(mesh.X, facets, item.name)
+    cavity = make_cavity(mesh.X, facets, item.name)
+    if is_skin(mesh.X, facets):
+        raise SpecError(
+            f"{label}: '{item.surface}' is the outer skin of the body, not the wall of a chamber",
+            do="name the facets of the chamber's wall, or give a point inside the chamber with `inside`",
+        )
+    return cavity
 
 
 def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:

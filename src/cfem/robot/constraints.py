@@ -52,6 +52,7 @@ class Cable(Spec):
     def _ordered(self):
         _demand_one(f"cable '{self.name}'", points=self.points, route=self.route)
         _demand_order(f"cable '{self.name}'", self.reach)
+        _demand_way(f"cable '{self.name}'", self.unilateral, self.reach, "pulls")
         return self
 
 
@@ -79,6 +80,8 @@ class Cavity(Spec):
         _demand_one(f"cavity '{self.name}'", inside=self.inside, surface=self.surface)
         _demand_order(f"cavity '{self.name}'", self.reach)
         _demand_order(f"cavity '{self.name}'", self.pressure, "pressure")
+        _demand_way(f"cavity '{self.name}'", self.unilateral, self.reach, "pushes")
+        _demand_way(f"cavity '{self.name}'", self.unilateral, self.pressure, "pushes", "pressure")
         return self
 
 
@@ -106,6 +109,8 @@ class Chambers(Spec):
             raise ValueError(f"chambers '{self.name}': a chamber is named twice, of {self.chambers}")
         _demand_order(f"chambers '{self.name}'", self.reach)
         _demand_order(f"chambers '{self.name}'", self.pressure, "pressure")
+        _demand_way(f"chambers '{self.name}'", self.unilateral, self.reach, "push")
+        _demand_way(f"chambers '{self.name}'", self.unilateral, self.pressure, "push", "pressure")
         return self
 
 
@@ -168,6 +173,14 @@ class Load(Spec):
     """Radius of the region through which it acts."""
     body: str | None = None
     """Part, or named group of cells, that the point belongs to."""
+
+
+def _demand_way(what: str, unilateral: bool, ends, does: str, name: str = "reach") -> None:
+    """Of an actuator that works in one direction alone."""
+    if unilateral and ends is not None and not ends[1] > 0:
+        raise ValueError(
+            f"{what}: it only {does} (unilateral), so its {name} must end above 0; got {ends[0]:g} to {ends[1]:g}"
+        )
 
 
 def _demand_order(what: str, ends, name: str = "reach") -> None:
