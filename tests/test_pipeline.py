@@ -5,13 +5,17 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.chain import demand_current
+from cfem.core.errors import InputError
 from cfem.core.stage import read_manifest
+from cfem.robot.load import load_scene_and_mesh
 
 ROOT = Path(__file__).parents[1]
 STAGES = {
@@ -151,6 +155,105 @@ def test_the_demo_says_each_step_and_ends_with_three_numbers(bar, outcomes):
     goals, error, time, page = found.stdout.splitlines()
     assert "6 of 6" in goals and "of the length) uncertain" in error and "one FE solve" in time
     assert page.endswith("report.html")
+
+
+@contextmanager
+def edited(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    try:
+        yield
+    finally:
+        path.write_text(text)
+
+
+def refused(bar, stage, *words):
+    """What a stage says that stops because of its inputs."""
+    done = cfem(bar, stage, *words)
+    assert done.exit_code == 3 and not done.stdout, (stage, done.stdout, done.stderr)
+    return done.stderr
+
+
+def test_no_stage_accepts_a_mesh_of_another_geometry_in_silence(bar, outcomes):
+    with edited(bar / "scene.yaml", "width: 10 mm", "width: 14 mm"):
+        for stage in [one for one in STAGES if one != "mesh"]:
+            said = refused(bar, stage)
+            assert "data/bar/mesh: is stale: geometry.width: 10 mm -> 14 mm" in said, stage
+            assert re.search(r"run cfem mesh \S*pipelines/bar/scene.yaml,", said)
+            assert cfem(bar, stage, "--check").exit_code == 5
+        done = CliRunner().invoke(app, ["stability", str(bar / "scene.yaml"), "--list"])
+        assert done.exit_code == 3 and "geometry.width: 10 mm -> 14 mm" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "spec, old, new, first, below",
+    [
+        ("sample", "rows: 16", "rows: 20", "data/bar/samples: is stale: splits.train.rows: 16 -> 20", 4),
+        ("train", "max_degree: 8", "max_degree: 6", "models/bar/spectral: is stale: model.max_degree: 8 -> 6", 3),
+        ("export", "model:", "formats: [arrays]\nmodel:", "models/bar/spectral-export: is stale: formats: ", 2),
+        ("control", "radii: [0.4]", "radii: [0.3]", "data/bar/control: is stale: trajectories.swing.radii.0: 0.4", 1),
+    ],
+)
+def test_a_stale_input_is_named_with_what_changed_however_far_up_it_is(bar, outcomes, spec, old, new, first, below):
+    stages = list(STAGES)
+    with edited(bar / f"{spec}.yaml", old, new):
+        for stage in stages[len(stages) - below :]:
+            assert first in refused(bar, stage)
+    for stage in stages:
+        assert cfem(bar, stage, "--check").exit_code == 0
+
+
+def test_an_override_of_the_robot_that_only_the_mesh_saw_is_refused(bar, outcomes):
+    scene, mesh = bar / "scene.yaml", bar.parents[1] / "data" / "bar" / "mesh"
+    try:
+        assert cfem(bar, "mesh", "--set", "material.young=5 MPa").exit_code == 0
+        with pytest.raises(InputError, match=r"young was 5 MPa, the scene has 1 MPa .*--set material.young=5 MPa"):
+            load_scene_and_mesh(scene, mesh)
+        said = refused(bar, "simulate-sample", "--out", str(bar / "elsewhere"))
+        assert "material.young was 5 MPa, the scene has 1 MPa" in said and "edit " in said
+        assert cfem(bar, "mesh", "--set", "mesh.size=9 mm").exit_code == 0  # another mesh of the same robot
+        assert load_scene_and_mesh(scene, mesh)[0].mesh.size == 8
+    finally:
+        assert cfem(bar, "mesh").exit_code == 0
+
+
+def test_a_mesh_of_another_element_or_shape_is_refused_whichever_file_says_so(bar, outcomes):
+    mesh, other = bar.parents[1] / "data" / "bar" / "mesh", bar / "other.yaml"
+    text = (bar / "scene.yaml").read_text()
+    changes = {
+        "mesh.element was tet10p0, the scene has tet4": text.replace("size: 8 mm", "size: 8 mm\n  element: tet4"),
+        "geometry.height was 10 mm, the scene has 9 mm": text.replace("height: 10 mm", "height: 9 mm"),
+    }
+    for said, changed in changes.items():
+        other.write_text(changed)
+        with pytest.raises(InputError, match=said):
+            load_scene_and_mesh(other, mesh)
+    other.write_text(
+        text.replace("name: bar", "name: stiff").replace("1 MPa", "2 MPa")
+    )  # a scene of its own, same mesh
+    assert load_scene_and_mesh(other, mesh)[0].material.young == 2
+
+
+def test_a_model_of_another_robot_is_refused(bar, outcomes):
+    (bar / "other.yaml").write_text((bar / "scene.yaml").read_text().replace("young: 1 MPa", "young: 2 MPa"))
+    said = refused(bar, "control", "--set", "scene=other.yaml", "--out", str(bar / "elsewhere"))
+    assert "spectral-export: is not of this robot: material.young was 1 MPa, the scene has 2 MPa" in said
+    said = refused(bar, "report", "--set", "scene=other.yaml", "--out", str(bar / "elsewhere"))
+    assert "samples: is not of this robot: material.young was 1 MPa, the scene has 2 MPa" in said
+    assert not (bar / "elsewhere").exists()
+
+
+def test_a_model_is_used_without_what_it_was_made_from(bar, outcomes, tmp_path):
+    """On a robot there are neither samples nor specs: nothing is known against the model."""
+    root = bar.parents[1]
+    shutil.copytree(root / "models" / "bar" / "spectral-export", tmp_path / "model")
+    demand_current(tmp_path / "model")
+    (root / "data" / "bar" / "samples").rename(root / "gone")
+    try:
+        demand_current(root / "models" / "bar" / "spectral-export")
+    finally:
+        (root / "gone").rename(root / "data" / "bar" / "samples")
 
 
 def test_a_change_upstream_makes_all_below_stale(bar, outcomes):

@@ -55,9 +55,13 @@ def _work(
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
+    from cfem.robot.same import demand_robot
 
     scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
     predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
+    for name, predictor in predictors.items():
+        do = f"train a model of {base / spec.scene}, or name the scene of this one"
+        demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)
     shift = np.zeros(0)
     if spec.design:
         from cfem.control.design import designed

@@ -23,6 +23,10 @@ class InputError(CfemError):
     exit_code = 3
 
 
+class StaleError(InputError):
+    """An input is not what its own command would make now (exit 3)."""
+
+
 class NumericalError(CfemError):
     """A computation failed, or its result should not be trusted; what there is is kept (exit 4)."""
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from cfem.core.errors import GateError, InputError
+from cfem.core.chain import demand_current, stale
+from cfem.core.errors import GateError, InputError, StaleError
 from cfem.core.files import (
     confined,
     content_sha256,
@@ -71,15 +72,19 @@ class Stage:
     spec_path: Path | None = None
     overrides: Sequence[str] = ()
 
-    def origin(self) -> dict[str, Any]:
-        """All that determines the output, as plain data."""
+    def origin(self, gone: Mapping[str, str] | None = None) -> dict[str, Any]:
+        """All that determines the output, as plain data. gone: content hashes of inputs, for those that are not there;
+        InputError where there is none."""
         extra = self.extra() if callable(self.extra) else self.extra
         return plain(
             {
                 "stage": self.name,
                 "version": self.version,
                 "spec": meaning(self.spec, self.paths),
-                "inputs": {name: artefact_content(path) for name, path in self.inputs.items()},
+                "inputs": {
+                    name: gone[name] if gone and name in gone and not path.exists() else artefact_content(path)
+                    for name, path in self.inputs.items()
+                },
                 "extra": dict(extra),
             }
         )
@@ -126,12 +131,15 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
     the output is up to date. The folder takes the output's place only when complete; an error leaves the old one.
 
     Returns the manifest, with 'status' 'up to date' or 'done'.
-    Raises GateError (stale under --check), OutputError (precious output from other inputs, or locked)."""
+    Raises GateError (stale under --check), OutputError (precious output from other inputs, or locked), InputError (an
+    input is stale)."""
+    _demand_inputs_current(stage, options.check)
     made_from = stage.made_from()
     if is_current(stage, made_from) and not (options.force and not options.check):
         return {**read_manifest(stage.out), "status": "up to date"}
     if options.check:
-        raise GateError(f"{stage.name}: stale", where=os.path.normpath(stage.out), do=f"run cfem {stage.name}")
+        what = f"{stage.name}: stale: {'; '.join(stale(stage)) or 'it is to be made again'}"
+        raise GateError(what, where=os.path.normpath(stage.out), do=f"run cfem {stage.name}")
     stage = replace(stage, out=destination(stage.out))
     with locked(stage.out):
         recover_folder(stage.out)
@@ -140,6 +148,18 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
         demand_replaceable(stage.out, stage.name, made_from, stage.precious, options.force)
         with labelled(stage.name):
             return _work(stage, made_from, work)
+
+
+def _demand_inputs_current(stage: Stage, check: bool) -> None:
+    """StaleError where one is stale; GateError under --check."""
+    seen: set[str] = set()
+    try:
+        for path in stage.inputs.values():
+            demand_current(path, seen)
+    except StaleError as error:
+        if check:
+            raise GateError(f"{stage.name}: stale: {error}") from None
+        raise
 
 
 def partial_folder(out: Path) -> Path:

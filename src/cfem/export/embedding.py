@@ -12,7 +12,6 @@ from cfem.core.files import write_json
 from cfem.export.spec import CSpec
 from cfem.predict.load import build
 from cfem.robot.spec import SceneSpec
-from cfem.sample.rest import Rest, moves_effectors
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,11 @@ def embedding(meta: dict, spec: CSpec, scene: SceneSpec | None) -> Embedding:
     """InputError where the scene is of other actuators than the model (meta), or is needed and not there."""
     pressures = None if scene is None else stated_pressures(scene, meta["rows"]["actuators"])
     parameters = from_json(meta["parameters"])
-    if not spec.parameters or not moves_effectors(parameters):
+    if not spec.parameters:
+        return Embedding(pressures)
+    from cfem.sample.rest import Rest, moves_effectors
+
+    if not moves_effectors(parameters):
         return Embedding(pressures)
     if scene is None:
         what = "the model is of several shapes, and does not say where the effectors of this one rest"

@@ -17,6 +17,7 @@ from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.spec import ExportSpec
 from cfem.predict.load import VECTORS, build, read_meta, read_model, read_vectors
+from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec
 
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c"}
@@ -53,8 +54,11 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _embedding(spec: ExportSpec, base: Path) -> Embedding:
     if "c" not in spec.formats:
         return NOTHING
-    scene = None if spec.scene is None else load_spec(base / spec.scene, SceneSpec)
-    return embedding(read_meta(base / spec.model), spec.c, scene)
+    meta, scene = read_meta(base / spec.model), None
+    if spec.scene is not None:
+        scene = load_spec(base / spec.scene, SceneSpec)
+        demand_robot(scene, meta.get("robot"), base / spec.model, "name the scene that the model was trained of")
+    return embedding(meta, spec.c, scene)
 
 
 def _sources() -> dict[str, str]:

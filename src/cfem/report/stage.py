@@ -76,6 +76,8 @@ def _work(
     from cfem.report.parts import compared, learned, over_time, provenance
 
     manifests = {name: (path, read_manifest(path)) for name, path in inputs.items()}
+    if spec.control:
+        _demand_one_robot(scene, scene_path, spec, manifests)
     meshes = study(scene, scene_path.parent, spec.discretisation) if spec.discretisation else {}
     with progress("drawing the page", 4) as advance:
         summary, robot, card, sections = learned(spec, scene, manifests)
@@ -109,6 +111,20 @@ def _work(
         "pictures": sorted(files),
         "discretisation": meshes,
     }
+
+
+def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Manifests) -> None:
+    """InputError where what the page is about is not all of the scene's robot."""
+    from cfem.predict.load import read_meta
+    from cfem.robot.same import demand_mesh_of, demand_robot, recorded_robot
+
+    do = "name results of one robot"
+    demand_mesh_of(scene, scene_path, manifests["mesh"][0])
+    for name in ("samples", "control"):
+        demand_robot(scene, recorded_robot(manifests[name][1]), manifests[name][0], do)
+    for name in spec.models:
+        folder = manifests[f"model {name}"][0]
+        demand_robot(scene, read_meta(folder).get("robot"), folder, do)
 
 
 def _about(spec: ReportSpec) -> str:

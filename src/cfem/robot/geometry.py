@@ -207,3 +207,12 @@ class Assembly(Spec):
 
 
 Geometry = Annotated[Single | Assembly, Field(discriminator="kind")]
+
+
+def files(geometry: Geometry) -> dict[str, Path]:
+    """The files that a geometry is read from, each by the name of what it is an input of."""
+    if isinstance(geometry, Assembly):
+        own = {f"part {part.name}": part.geometry for part in geometry.parts}
+    else:
+        own = {"geometry": geometry}
+    return {name: one.path for name, one in own.items() if isinstance(one, MeshFile | StepFile)}

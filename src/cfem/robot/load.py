@@ -2,15 +2,21 @@
 
 from pathlib import Path
 
+from cfem.core.chain import demand_current
 from cfem.core.spec import load_spec
 from cfem.core.stage import artefact_file
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.mesh_file import read_mesh
+from cfem.robot.same import demand_mesh_of
 from cfem.robot.spec import SceneSpec
 from cfem.robot.stage import MESH
 
 
 def load_scene_and_mesh(scene_path: Path, mesh_folder: Path | None = None) -> tuple[SceneSpec, Mesh]:
-    """The mesh is that of the scene's own `out` unless `mesh_folder` is given. InputError where one is missing."""
+    """The mesh is that of the scene's own `out` unless `mesh_folder` is given. InputError where one is missing, or the
+    mesh is stale or of another robot."""
     scene = load_spec(scene_path, SceneSpec)
-    return scene, read_mesh(artefact_file(mesh_folder or scene_path.parent / scene.out, MESH))
+    folder = mesh_folder or scene_path.parent / scene.out
+    demand_current(folder)
+    demand_mesh_of(scene, scene_path, folder)
+    return scene, read_mesh(artefact_file(folder, MESH))

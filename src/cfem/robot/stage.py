@@ -9,7 +9,7 @@ from cfem.core.errors import InputError
 from cfem.core.judgement import poor
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, StepFile
+from cfem.robot.geometry import Assembly, MeshFile, StepFile, files
 from cfem.robot.spec import SceneSpec
 
 MESH = "mesh.vtu"
@@ -35,15 +35,6 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
         spec_path=spec_path,
         overrides=overrides,
     )
-
-
-def files(geometry: Geometry) -> dict[str, Path]:
-    """The files that a geometry is read from, each by the name of what it is an input of."""
-    if isinstance(geometry, Assembly):
-        own = {f"part {part.name}": part.geometry for part in geometry.parts}
-    else:
-        own = {"geometry": geometry}
-    return {name: one.path for name, one in own.items() if isinstance(one, MeshFile | StepFile)}
 
 
 def _demand_files(scene: SceneSpec, folder: Path) -> None:

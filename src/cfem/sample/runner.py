@@ -112,6 +112,7 @@ def make_job(
     plans = {name: unit_rows(split, columns) for name, split in spec.splits.items()}
     meta = {
         "scene": facts.scene,
+        "robot": facts.robot,
         "rest_e": facts.rest_e.tolist(),
         "reach": facts.reach.tolist(),
         "length": facts.length,

@@ -1,6 +1,6 @@
 """What sampling asks of a robot: its facts and its equilibria. The finite-element robot is one; tests have another."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -13,6 +13,7 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
+from cfem.robot.same import robot_of
 from cfem.robot.spec import SceneSpec
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
@@ -26,7 +27,7 @@ class Facts:
     pose of the patch behind the actuators where there is one; patch: that holds the contact points, None where they are
     free. rows: its pose's coordinates are the contacts, if any; forces: (n_a, 2) smallest and largest multipliers, None
     where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
-    best starts from the nearest."""
+    best starts from the nearest. robot: what the scene says of it, None where there is no scene."""
 
     scene: str
     rows: Rows
@@ -39,6 +40,7 @@ class Facts:
     patch: Patch | None = None
     forces: np.ndarray | None = None
     in_a_row: bool = False
+    robot: Mapping[str, Any] | None = None
 
 
 class Solver(Protocol):
@@ -100,6 +102,7 @@ class FiniteElements:
             patch,
             robot.forces,
             problem.kinematics.row is not None,
+            robot_of(self.scene),
         )
         return _FiniteElementSolver(facts, family, problem, settings, self.third_order)
 

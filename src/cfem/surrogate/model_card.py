@@ -22,6 +22,7 @@ def model_card(kind: str, dataset: Any, form: Form = "displacement", **more: Any
             "kind": kind,
             "form": form,
             "scene": meta["scene"],
+            "robot": meta.get("robot"),
             "rows": {"effectors": dataset.rows.effectors, "actuators": dataset.rows.actuators},
             "n_c": dataset.n_c,
             "patch": meta.get("patch"),

@@ -1,0 +1,72 @@
+"""Whether what was made from a scene is of the robot that another scene describes."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from cfem.core.changes import MOST, differences, in_words
+from cfem.core.errors import InputError
+from cfem.core.files import file_sha256, plain
+from cfem.core.manifest import read_manifest
+from cfem.core.spec import meaning
+from cfem.robot.geometry import files
+from cfem.robot.spec import SceneSpec
+
+NAMES = ("name", "out")
+FINENESS = ("size", "cells", "refine", "mirror")  # keys of `mesh` that make another mesh of the same robot
+
+
+def robot_of(scene: SceneSpec) -> dict[str, Any]:
+    """What a scene says of the robot, as plain data: all but names and the mesh."""
+    return plain(meaning(scene, {*NAMES, "mesh"}))
+
+
+def recorded_robot(manifest: dict[str, Any]) -> dict[str, Any] | None:
+    """What the scene said of the robot when an artefact was made; None where its manifest does not tell."""
+    scene = ((manifest.get("origin") or {}).get("extra") or {}).get("scene")
+    return None if scene is None else {key: value for key, value in scene.items() if key not in (*NAMES, "mesh")}
+
+
+def demand_robot(scene: SceneSpec, recorded: Any, where: Path, do: str) -> None:
+    """InputError where an artefact was made of a robot that differs from the scene's; None is of an unknown robot."""
+    if recorded is not None:
+        _demand_none(list(differences(recorded, robot_of(scene))), scene, where, do)
+
+
+def demand_mesh_of(scene: SceneSpec, scene_path: Path, folder: Path) -> None:
+    """InputError where a mesh is not one of this scene: of the same element, and of the same robot where it was made
+    from the same file; of the same shape where it was made from another file. It may be finer or coarser."""
+    manifest = read_manifest(folder)
+    recorded, source = manifest.get("origin"), manifest.get("source")
+    if not isinstance(recorded, dict):
+        return
+    spec = folder.resolve() / source["spec"] if source else scene_path
+    same_file = spec.exists() and spec.samefile(scene_path)
+    found = [one for one in differences(recorded["spec"], plain(meaning(scene))) if _matters(one[0], same_file)]
+    do = f"mesh this scene: cfem mesh {scene_path}"
+    if same_file and source and source["set"]:
+        do = f"it was made with --set {' '.join(source['set'])}, which nothing after it sees: edit {scene_path} instead"
+    _demand_none(found, scene, folder, do)
+    for name, path in files(scene.geometry).items():
+        if recorded["inputs"].get(name) != file_sha256(scene_path.parent / path):
+            raise InputError(f"was made from another file than {path}", where=os.path.normpath(folder), do=do)
+
+
+def _matters(key: tuple, same_file: bool) -> bool:
+    if key[0] in NAMES or key[-1] == "path" or (key[0] == "mesh" and key[1] in FINENESS):
+        return False
+    return same_file or key[0] in ("geometry", "mesh")
+
+
+def _demand_none(found: list[tuple[tuple, Any, Any]], scene: SceneSpec, where: Path, do: str) -> None:
+    if not found:
+        return
+    said = list(_sentences(found[:MOST], scene)) + ([f"and {len(found) - MOST} more"] if len(found) > MOST else [])
+    raise InputError(f"is not of this robot: {'; '.join(said)}", where=os.path.normpath(where), do=do)
+
+
+def _sentences(found: list[tuple[tuple, Any, Any]], scene: SceneSpec) -> Iterator[str]:
+    for key, old, new in found:
+        name = ".".join(map(str, key))
+        yield f"{name} was {in_words(scene, key, old)}, the scene has {in_words(scene, key, new)}"
