@@ -73,19 +73,20 @@ def run_folder(
         *places: folders of specs, or single specs.
         until: the last stage to run.
         overrides: values in place of the specs', by the spec's name, such as `"train.samples=20"`.
-        force: run even if up to date.
+        force: replace samples and runs of hardware that are stale; the old ones are moved aside.
         check: run nothing; GateError where a stage is stale.
         quiet: no progress on stderr.
 
     Returns:
-        `stages` (of each its `stage`, `spec`, `out`, `status` and `why`), `headline`, `pages`, `seconds`.
+        `status` ("done" or "up to date"), `seconds`, and `results`: `stages` (of each its `stage`, `spec`, `out`,
+        `status` and `why`), `headline`, and `judgement` where a result should not be trusted.
 
     Raises:
         CfemError: the subclass of the exit code that the command would end with.
 
     Examples:
         >>> done = cfem.run_folder("pipelines/bar", until="train")
-        >>> [(one["stage"], one["status"]) for one in done["stages"]]
+        >>> [(one["stage"], one["status"]) for one in done["results"]["stages"]]
     """
     from cfem.core.stage import Options
     from cfem.pipeline.run import run

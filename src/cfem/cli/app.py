@@ -139,18 +139,16 @@ def run_pipeline(
     ] = None,
     force: Force = False,
     check: Check = False,
+    strict: Strict = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Run the stages of a folder that are stale, in order, and what they need; say why each is stale."""
 
     def work(options):
-        from cfem.pipeline.run import as_text, run
+        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only)
 
-        outcome = run(places, set_ or [], options, until, only)
-        return outcome if json else as_text(outcome)
-
-    run_command(work, force, check, json, quiet, label="run")
+    run_command(work, force, check, json, quiet, strict, "run")
 
 
 @app.command()

@@ -2,13 +2,13 @@
 
 import json
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError, OutputError
 from cfem.core.files import disk_errors, write_whole
 from cfem.core.manifest import MANIFEST, read_manifest
+from cfem.core.progress import say
 from cfem.core.terminal import printable
 
 
@@ -89,7 +89,7 @@ def _told(folder: Path, name: Path, why: str) -> Path:
     while os.path.lexists(aside := name.with_name(f"{name.name}.old-{n}")):
         n += 1
     shown = [os.path.normpath(path) for path in (folder, aside)]
-    print(printable(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why}"), file=sys.stderr)
+    say(printable(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why}"))
     return aside
 
 

@@ -134,7 +134,8 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
     Raises GateError (stale under --check), OutputError (precious output from other inputs, or locked), InputError (an
     input is stale)."""
     _demand_inputs_current(stage, options.check)
-    made_from = stage.made_from()
+    origin = stage.origin()
+    made_from = content_sha256(origin)
     if is_current(stage, made_from) and not (options.force and not options.check):
         return {**read_manifest(stage.out), "status": "up to date"}
     if options.check:
@@ -147,7 +148,7 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
             return {**read_manifest(stage.out), "status": "up to date"}
         demand_replaceable(stage.out, stage.name, made_from, stage.precious, options.force)
         with labelled(stage.name):
-            return _work(stage, made_from, work)
+            return _work(stage, origin, work)
 
 
 def _demand_inputs_current(stage: Stage, check: bool) -> None:
@@ -167,7 +168,8 @@ def partial_folder(out: Path) -> Path:
     return out.with_name(f".{out.name}.partial")
 
 
-def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
+def _work(stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
+    made_from = content_sha256(origin)
     partial, mark = partial_folder(stage.out), stage.out.with_name(f".{stage.out.name}.made_from")
     refuse_link(partial)
     with disk_errors(partial):
@@ -189,7 +191,7 @@ def _work(stage: Stage, made_from: str, work: Callable[[Path], Mapping[str, Any]
         "stage": stage.name,
         "precious": stage.precious,
         "made_from": made_from,
-        "origin": stage.origin(),
+        "origin": origin,
         "source": _source(stage),
         "content": results.pop("content", None) or content_sha256(files),
         "inputs": {name: _relative(path, stage.out) for name, path in stage.inputs.items()},

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import SpecError
+from cfem.core.judgement import sentences
 from cfem.core.progress import say
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step
@@ -25,7 +26,7 @@ STAGES = {
 
 def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
     """Copies the robot's specs to `folder` where they are not there yet, compiles what has to be compiled, and runs
-    what is not up to date. Returns what `cfem run` does and `numbers`, the sentences to read first."""
+    what is not up to date. Returns what `cfem run` does; results also: numbers, the sentences to read first."""
     place = folder / robot
     if not place.is_dir():
         if not (ROBOTS / robot / "control.yaml").is_file() and robot in robots():
@@ -43,8 +44,10 @@ def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
         return f"step {number + 2}/{len(steps) + 1}: {what}" + (f" ({left})" if left else "")
 
     outcome = run([place], [], options, line=None if options.quiet else line)
-    runs = [read_manifest(Path(one["out"]))["results"] for one in outcome["stages"] if one["stage"] == "control"]
-    return outcome | {"numbers": [line for one in runs if "trajectories" in one for line in numbers(one)]}
+    results = outcome["results"]
+    runs = [read_manifest(Path(one["out"]))["results"] for one in results["stages"] if one["stage"] == "control"]
+    said = [line for one in runs if "trajectories" in one for line in numbers(one)]
+    return outcome | {"results": results | {"numbers": said}}
 
 
 def _compile(steps: int, needed: bool) -> None:
@@ -86,5 +89,7 @@ def _learned(trajectories: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mappin
 
 
 def as_text(outcome: Mapping[str, Any]) -> str:
-    """The three numbers and the page."""
-    return "\n".join([*outcome["numbers"], *(f"report:             {page}" for page in outcome["pages"])])
+    """What is poor about the results, the three numbers and the page."""
+    results = outcome["results"]
+    pages = [f"report:             {page}" for page in results["pages"]]
+    return "\n".join([*sentences(results), *results["numbers"], *pages])

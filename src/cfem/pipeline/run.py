@@ -7,9 +7,9 @@ from typing import Any
 
 from cfem.core.chain import NOT_MADE, stage_module, stale
 from cfem.core.errors import GateError, SpecError
+from cfem.core.judgement import KEY
 from cfem.core.kinds import KINDS
 from cfem.core.progress import say
-from cfem.core.shown import duration, folded
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
 
@@ -30,8 +30,8 @@ def run(
     date: it lets samples and hardware's runs of other inputs be moved aside. line: what to print before a step, by its
     number, all steps and why it is to be run.
 
-    Returns stages (stage, spec, out, status, why, seconds), headline, page of the report, seconds. Raises GateError
-    under `check` where a stage is stale."""
+    Returns what a stage returns; results: stages (stage, spec, out, status, why, seconds), judgement, headline. Raises
+    GateError under `check` where a stage is stale."""
     steps = _steps(places, overrides, until, only)
     begin, line = time.perf_counter(), line or _line
     done: list[dict[str, Any]] = []
@@ -48,7 +48,9 @@ def run(
     if left:
         what = f"{left} of {len(done)} stages are stale"
         raise GateError(what, do=f"cfem run {' '.join(map(str, places))}")
-    return {"stages": done, **_figures(steps), "seconds": time.perf_counter() - begin}
+    status = "done" if any(one["status"] == "done" for one in done) else "up to date"
+    results = {**_figures(steps), "stages": done}
+    return {"stage": "run", "status": status, "results": results, "seconds": time.perf_counter() - begin}
 
 
 def _steps(places: Sequence[Path], overrides: Sequence[str], until: str | None, only: str | None) -> list[Step]:
@@ -108,21 +110,14 @@ def _run(step: Step, options: Options) -> Mapping[str, Any]:
 
 
 def _figures(steps: Sequence[Step]) -> dict[str, Any]:
-    """headline: of control, calibration and design, or of the last stage that has one; page: of the report."""
+    """judgement: of all stages; headline: of control, calibration and design, or of the last stage that has one, and
+    where the pages are; pages: of reports."""
     results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
     told = [(step.kind in FIGURES, one["headline"]) for step, one in results if one.get("headline")]
     lines = [line for wanted, headline in told if wanted for line in headline] or (told[-1][1] if told else [])
-    pages = [str((step.stage.out / one["page"]).resolve()) for step, one in results if "page" in one]
-    return {"headline": lines, "pages": pages}
-
-
-def as_text(outcome: Mapping[str, Any]) -> str:
-    """The few numbers that matter, the page, and what it took."""
-    ran = sum(one["status"] == "done" for one in outcome["stages"])
-    last = (
-        f"{ran} of {len(outcome['stages'])} stages run in {duration(outcome['seconds'])}"
-        if ran
-        else "nothing to run: all stages are up to date"
-    )
-    lines = [part for line in outcome["headline"] for part in folded(line)]
-    return "\n".join([*lines, *(f"report: {page}" for page in outcome["pages"]), last])
+    pages = [str((step.stage.out / one["page"]).resolve()) for step, one in results if one.get("page")]
+    judged = {judged["what"]: judged for _, one in reversed(results) for judged in reversed(one.get(KEY, []))}
+    return ({KEY: list(reversed(judged.values()))} if judged else {}) | {
+        "headline": [*lines, *(f"report: {page}" for page in pages)],
+        "pages": pages,
+    }

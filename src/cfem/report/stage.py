@@ -1,6 +1,6 @@
 """`cfem report`: reads artefacts, writes report.html, its pictures as files, and results.json."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -113,7 +113,7 @@ def _work(
     }
 
 
-def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Manifests) -> None:
+def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Mapping[str, Any]) -> None:
     """InputError where what the page is about is not all of the scene's robot."""
     from cfem.predict.load import read_meta
     from cfem.robot.same import demand_mesh_of, demand_robot, recorded_robot
