@@ -21,7 +21,7 @@ def test_a_stale_output_is_an_error_where_only_a_check_was_asked(bar):
 
 def test_a_folder_runs_the_stages_that_are_stale(bar):
     done = cfem.run_folder(bar / "pipelines" / "bar", until="train")
-    assert [one["status"] for one in done["stages"]] == 3 * ["up to date"]
+    assert [one["status"] for one in done["results"]["stages"]] == 3 * ["up to date"]
     with pytest.raises(cfem.GateError, match="2 of 3 stages are stale"):
         cfem.run_folder(bar / "pipelines" / "bar", until="train", overrides=["sample.skeleton=5"], check=True)
 
