@@ -43,9 +43,9 @@ def stale(stage: "Stage") -> list[str]:
     missing = [name for name in manifest["files"] if not (stage.out / name).exists()]
     if missing:
         return [f"{missing[0]} is missing"]
-    recorded = manifest.get("origin")
-    now = stage.origin(recorded["inputs"] if isinstance(recorded, dict) else None)
-    if content_sha256(now) == manifest.get("made_from"):
+    recorded = manifest["origin"]
+    now = stage.origin(recorded["inputs"] if recorded else None)
+    if content_sha256(now) == manifest["made_from"]:
         return []
     return changes(recorded, now, _specs(stage))
 
@@ -67,10 +67,10 @@ def demand_current(artefact: Path, seen: set[str] | None = None) -> None:
         return
     seen.add(real)
     manifest = read_manifest(artefact)
-    for path in manifest.get("inputs", {}).values():
+    for path in manifest["inputs"].values():
         if os.path.isdir(above := os.path.join(real, path)):
             demand_current(Path(os.path.relpath(above)), seen)
-    source = manifest.get("source")
+    source = manifest["source"]
     if not source:
         return
     spec, overrides = Path(os.path.relpath(os.path.join(real, source["spec"]))), source["set"]

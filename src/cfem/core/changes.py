@@ -13,7 +13,7 @@ MOST = 3  # that are named
 def changes(old: Any, new: Any, specs: Mapping[str, Spec]) -> list[str]:
     """A few words per difference between two results of `Stage.origin`, at most MOST and a count of the rest. specs:
     'spec' and 'scene' as they are now, for units and defaults."""
-    if not isinstance(old, dict):
+    if old is None:
         return ["made by an older version of cfem"]
     found = list(dict.fromkeys(_words(path, one, other, specs) for path, one, other in differences(old, new)))
     return found[:MOST] + ([f"and {len(found) - MOST} more"] if len(found) > MOST else [])

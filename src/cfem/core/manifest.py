@@ -21,12 +21,30 @@ class _Results(Data):
     page: str = ""
 
 
+class _Origin(Data):
+    """See `Stage.origin`."""
+
+    spec: dict[str, Any]
+    inputs: dict[str, str]
+    extra: dict[str, Any] = {}
+
+
+class _Source(Data):
+    """Where the spec is, from the folder, and what --set changed in it."""
+
+    spec: str
+    set: list[str]
+
+
 class _Manifest(Data):
     """What those who read a manifest count on, and what stands for what is not there."""
 
     content: str
     stage: str = ""
+    precious: bool | None = None
     made_from: str = ""
+    origin: _Origin | None = None
+    source: _Source | None = None
     inputs: dict[str, str] = {}
     spec: dict[str, Any] = {}
     files: dict[str, str] = {}

@@ -40,7 +40,7 @@ def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, fo
     if old.get("stage") != stage:
         what = f"holds results of cfem {old.get('stage')}, which cfem {stage} does not replace"
         raise OutputError(what, where=where, do="choose another --out")
-    if old.get("precious", precious) and old.get("made_from") != made_from and not force:
+    if _dear(old, precious) and old.get("made_from") != made_from and not force:
         what = "holds results from other inputs that cost too much to lose"
         raise OutputError(what, where=where, do="choose another --out, or --force, which moves them aside")
 
@@ -53,7 +53,7 @@ def set_aside(out: Path, precious: bool) -> Path | None:
     try:
         old = read_manifest(out)
         foreign = foreign_files(out, old)
-        if not old.get("precious", precious) and not foreign:
+        if not _dear(old, precious) and not foreign:
             return None
         why = f"cfem did not make {foreign[0]} in it" if foreign else "it cost much to make"
     except InputError:
@@ -91,6 +91,10 @@ def _told(folder: Path, name: Path, why: str) -> Path:
     shown = [os.path.normpath(path) for path in (folder, aside)]
     say(printable(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why}"))
     return aside
+
+
+def _dear(manifest: dict[str, Any], unless_told: bool) -> bool:
+    return unless_told if manifest["precious"] is None else manifest["precious"]
 
 
 def _is_foreign(out: Path) -> bool:

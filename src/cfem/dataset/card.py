@@ -10,9 +10,11 @@ from cfem.core.reading import Data
 
 
 class DatasetCard(Data):
-    """plan: what sample.yaml says of the draws; compliance: at rest, of all rows that carry a multiplier."""
+    """robot: what the scene said of it. plan: what sample.yaml says of the draws.
+    compliance: at rest, of all rows that carry a multiplier."""
 
     scene: Name
+    robot: dict[str, Any] | None = None
     rows: RowsCard
     row_units: list[Units]
     units: dict[str, str | list[str]]

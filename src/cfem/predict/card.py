@@ -33,12 +33,14 @@ ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
 
 
 class ModelCard(Data):
-    """softer, module: of modules in a row; activation, at_rest: of a network of entries."""
+    """robot: what the scene said of it. softer, module: of modules in a row.
+    activation, at_rest: of a network of entries."""
 
     format: Literal[FORMAT]
     kind: str
     form: Form
     scene: Name
+    robot: dict[str, Any] | None = None
     rows: RowsCard
     n_c: int = Field(ge=0)
     row_units: list[Units]

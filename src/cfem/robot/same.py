@@ -24,8 +24,12 @@ def robot_of(scene: SceneSpec) -> dict[str, Any]:
 
 def recorded_robot(manifest: dict[str, Any]) -> dict[str, Any] | None:
     """What the scene said of the robot when an artefact was made; None where its manifest does not tell."""
-    scene = ((manifest.get("origin") or {}).get("extra") or {}).get("scene")
-    return None if scene is None else {key: value for key, value in scene.items() if key not in (*NAMES, "mesh")}
+    scene = manifest["origin"] and manifest["origin"].get("extra", {}).get("scene")
+    return (
+        None
+        if not isinstance(scene, dict)
+        else {key: value for key, value in scene.items() if key not in (*NAMES, "mesh")}
+    )
 
 
 def demand_robot(scene: SceneSpec, recorded: Any, where: Path, do: str) -> None:
@@ -38,8 +42,8 @@ def demand_mesh_of(scene: SceneSpec, scene_path: Path, folder: Path) -> None:
     """InputError where a mesh is not one of this scene: of the same element, and of the same robot where it was made
     from the same file; of the same shape where it was made from another file. It may be finer or coarser."""
     manifest = read_manifest(folder)
-    recorded, source = manifest.get("origin"), manifest.get("source")
-    if not isinstance(recorded, dict):
+    recorded, source = manifest["origin"], manifest["source"]
+    if recorded is None:
         return
     spec = folder.resolve() / source["spec"] if source else scene_path
     same_file = spec.exists() and spec.samefile(scene_path)
