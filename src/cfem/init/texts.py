@@ -168,7 +168,6 @@ trajectories:
     centre: [{", ".join(["0.45"] * n)}]
     radii: [{", ".join(["0.3"] * n)}]
     goals: 24
-fewer_iterations: [1]          # what a shorter control step costs
 """
 
 
