@@ -11,6 +11,7 @@ from cfem.core.judgement import KEY
 from cfem.core.kinds import KINDS
 from cfem.core.progress import say
 from cfem.core.stage import Options, read_manifest
+from cfem.core.terminal import printable
 from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
 
 WAITS = "waits for"
@@ -40,7 +41,7 @@ def run(
         why = _why(step, before)
         status = "up to date" if not why else "stale" if options.check else "running"
         if not options.quiet:
-            say(line(number, steps, why))
+            say(printable(line(number, steps, why)))
         manifest = _run(step, options) if status == "running" else {}
         entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
         done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
