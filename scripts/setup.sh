@@ -28,7 +28,7 @@ watch() {
         if [ "$what" = installing ]; then holds=", $(du -sm "$venv" | cut -f 1) of about $size MB"; fi
         last=$(grep -E '^ *(Collecting|Downloading|Processing|Installing|Get:|Unpacking|Setting up)' "$log" | tail -n 1)
         last=$(printf '%s' "$last" | tr -dc '[:print:]' | sed 's|^ *||; s|/[^ ]*/||' | cut -c 1-40)
-        case $last in Installing*) last=unpacking ;; esac
+        case $last in "Installing collected"*) last=unpacking ;; esac
         say "  $what, $passed s$holds${last:+: $last}"
     done
     trap - INT TERM
