@@ -78,5 +78,5 @@ def test_two_cables_alike_are_named():
 def test_a_cable_on_held_nodes_alone_is_named():
     robot = bar("tet4", divisions=(6, 1, 1))
     held = replace(robot, fixed=np.unique(robot.actuators[1].nodes))
-    with pytest.raises(InputError, match="'cable 1' acts on held nodes alone"):
+    with pytest.raises(InputError, match="'cable-1' acts on held nodes alone"):
         demand_independent(held)

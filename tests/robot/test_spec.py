@@ -58,7 +58,7 @@ def test_editors_and_the_program_accept_the_same(parts):
             {**FULL, "materials": FULL["materials"].replace("density: 1 g/cm^3", "")},
             "materials.0.material: gravity needs the density",
         ),
-        ({"material": "{young: 1 MPa, poisson: 0.3, density: 1070}"}, "density with its unit, such as '1070 kg/m^3'"),
+        ({"material": "{young: 1 MPa, poisson: 0.3, density: 1070}"}, "density with its unit, such as '1 kg/m^3'"),
         ({"loads": "[{point: {mm: [1, 0, 0]}, force: [0, 0, 1]}]"}, "numbers under their unit, such as {N: [...]}"),
         (
             {"actuators": CAVITY.replace("inside: {mm: [15, 0, 0]}, ", "")},

@@ -83,8 +83,8 @@ def bar(
     mesh = body.mesh
     actuators = []
     for index, (y, z) in enumerate([(5.0, 1.0), (3.0, 9.0), (8.0, 8.0)][:cables]):
-        points = [attach(mesh, np.array([x, y, z]), radius, f"cable {index}") for x in (15.0, 35.0, 55.0)]
-        actuators.append(make_cable(points, np.array([0.0, y, z]), f"cable {index}"))
+        points = [attach(mesh, np.array([x, y, z]), radius, f"cable-{index}") for x in (15.0, 35.0, 55.0)]
+        actuators.append(make_cable(points, np.array([0.0, y, z]), f"cable-{index}"))
     effector = make_effector(mesh, np.array([60.0, 5.0, 5.0]), radius, 10.0, "tip")
     return Robot(
         name="bar",
@@ -94,7 +94,7 @@ def bar(
         effectors=(effector,),
         rows=Rows(
             ("tip.x", "tip.y", "tip.z"),
-            tuple(f"cable {i}" for i in range(cables)),
+            tuple(f"cable-{i}" for i in range(cables)),
             ("touch.x", "touch.y", "touch.z") if contact else (),
         ),
         reach=np.tile([0.0, 8.0], (cables, 1)),
