@@ -20,7 +20,7 @@ def test_pipelines_are_valid(scene):
         ("trajectories.swing.radii=[0.6]", "leaves the pulling cube"),
         ("trajectories.swing.radii=[0.1, 0.1]", "one number an actuator"),
         ("trajectories.swing.kind=ark", "arc"),
-        ("search.step=5", "5 mm"),
+        ("search.step=5", "such as '1 mm'; got the bare number 5 .of a chamber: in mm.3"),
         ("plant=model", "fe_based needs plant: fem"),
         ("search.itterations=3", "iterations"),
     ],

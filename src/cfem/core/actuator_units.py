@@ -37,7 +37,8 @@ def _first(read: Any, value: Any, units: tuple[str, str]) -> Any:
         try:
             return read(value, units[1]), units[1]
         except ValueError:
-            raise ValueError(f"{error}, or {units[1]}") from None
+            other = f", or {units[1]}" if "is not a unit" in str(error) else f" (of a chamber: in {units[1]})"
+            raise ValueError(f"{error}{other}") from None
 
 
 def _scalar(units: tuple[str, str]) -> Any:
