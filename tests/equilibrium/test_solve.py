@@ -182,6 +182,28 @@ def test_slender_cantilever_against_the_elastica():
     assert np.abs(fine - expected).max() < np.abs(coarse - expected).max()
 
 
+def test_the_tolerance_that_rounding_allows_is_part_of_the_answer():
+    soft, stiff = (
+        solve(Problem(bar(poisson=poisson, divisions=(3, 1, 1))), actuation.displacement([2.0, 1.0]))
+        for poisson in (0.45, 0.49999999)
+    )
+    assert soft.converged and soft.tolerance == 1e-10
+    # The bulk modulus of the second is 1e7 of its shear modulus: the residual of its positions is no finer.
+    assert stiff.converged and stiff.residual <= 1.5 * stiff.tolerance
+    assert stiff.tolerance == stiff.rounding > 1e-8
+
+
+def test_a_residual_above_what_the_answer_allows_is_not_converged(monkeypatch):
+    problem, true = Problem(bar(divisions=(3, 1, 1))), Problem.relative_residual
+
+    def settled(self, at, lam, tangent=None):
+        return true(self, at, lam, tangent) if tangent else 1e-8
+
+    monkeypatch.setattr(Problem, "relative_residual", settled)
+    found = solve(problem, actuation.displacement([2.0, 1.0]))
+    assert found.status is Status.INACCURATE and found.condensed is None
+
+
 def column(divisions: int) -> tuple[Robot, float]:
     """A slender column with a cable along its axis to its foot, its end a contact point, and Euler's load."""
     length, side, young = 100.0, 4.0, 1.0

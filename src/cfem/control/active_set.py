@@ -117,6 +117,8 @@ def least_length(N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.nda
     """N (m, n), low and high (m,), +-inf where open; terms: (m,) the size of what these are differences of. None where
     the changes allowed were not enough."""
     now, settled = ActiveSet(N, low, high, terms), True
+    if low.max() <= 0.0 <= high.min():  # as most often: nothing holds y
+        return now
     lowest, highest = low - _ROUNDING * (np.abs(low) + terms), high + _ROUNDING * (np.abs(high) + terms)
     passed = np.zeros(len(N), dtype=bool)  # met to rounding, and dependent on others
     while now.changes <= _CHANGES * (len(N) + 1):

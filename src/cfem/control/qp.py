@@ -259,9 +259,10 @@ def _refined(p: Program, found: ActiveSet, x: np.ndarray) -> Answer:
     bound = np.where(sign > 0, p.low[which], p.high[which])
     boxed, best = which < n, None
     for _ in range(_REFINEMENTS + 1):
-        x[which[boxed]] = bound[boxed]
         multipliers = np.zeros(len(p.low))
-        multipliers[which] = -sign * force / p.length[which]
+        if len(which):
+            x[which[boxed]] = bound[boxed]
+            multipliers[which] = -sign * force / p.length[which]
         now = p.judged(np.minimum(np.maximum(x, p.low[:n]), p.high[:n]), multipliers)
         slow = best is not None and not now.error < 0.5 * best.error
         best = now if best is None or now.error < best.error else best
