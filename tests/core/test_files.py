@@ -162,3 +162,16 @@ def test_bytes_reach_the_disk_before_the_name_and_the_name_after(tmp_path, monke
     monkeypatch.setattr(os, "replace", rename)
     write_whole(tmp_path / "a", b"1")
     assert done == ["file", "rename", "folder"]
+
+
+def test_a_folder_s_files_and_both_renames_of_its_place_reach_the_disk(tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(files, "sync", lambda path: synced.append(Path(path).name))
+    for name in ("partial", "out"):
+        (tmp_path / name / "inner").mkdir(parents=True)
+        (tmp_path / name / "inner" / "file").write_bytes(b"1")
+    files.sync_tree(tmp_path / "partial")
+    assert sorted(synced) == ["file", "inner", "partial"]
+    synced.clear()
+    replace_folder(tmp_path / "partial", tmp_path / "out")
+    assert tmp_path.name in synced
