@@ -26,8 +26,11 @@ test-slow: .venv/dev
 mutate: .venv/dev
 	$(PYTHON) scripts/mutate.py
 
+# Benchmarks as multiples of one of their run, beside those of the last release.
 bench: .venv/dev
-	$(PYTHON) -m pytest benchmarks
+	mkdir -p build
+	$(PYTHON) -m pytest benchmarks --benchmark-json build/bench.json
+	$(PYTHON) scripts/bench.py build/bench.json
 
 # The wheel in fresh environments and an empty folder: with every extra, then the base alone (4 minutes, 2 GB).
 wheel: .venv/dev
