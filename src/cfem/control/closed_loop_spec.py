@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.core.actuator_units import Displacement, Effort
+from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, ForceVector, Frequency, Length, Point, Time
 from cfem.robot.selection import Direction
@@ -143,7 +144,7 @@ class LoopSpec(Spec):
     """Control ticks per second."""
     command: Annotated[DisplacementCommandSpec | ForceCommandSpec, Field(discriminator="kind")]
     """What the plant is told."""
-    controllers: dict[str, ControllerSpec] = Field(min_length=1)
+    controllers: dict[Name, ControllerSpec] = Field(min_length=1)
     """Ways to control, by name."""
     settle: SettleSpec
     """When a goal counts as reached."""

@@ -7,6 +7,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.core.actuator_units import Displacement, Effort
+from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, ForceVector, Length, LengthMatrix, LengthVector, Point
 from cfem.robot.geometry import Turn
@@ -155,7 +156,7 @@ class ControlSpec(Spec):
     """The robot's scene.yaml."""
     mesh: Path
     """Folder of its mesh."""
-    models: dict[str, Path] = Field(min_length=1)
+    models: dict[Name, Path] = Field(min_length=1)
     """Export folders by name."""
     out: Path
     """Folder for the result."""
@@ -168,7 +169,7 @@ class ControlSpec(Spec):
     """Whether the same control also runs on FE matrices, for comparison. It takes several FE solves per goal."""
     fe_tolerance: Length = 1e-3
     """Tolerance of that control on FE matrices."""
-    trajectories: dict[str, TrajectorySpec] = Field(min_length=1)
+    trajectories: dict[Name, TrajectorySpec] = Field(min_length=1)
     """Goals to follow, by name."""
     search: SearchSpec = SearchSpec()
     """How the inverse steps approach a goal."""

@@ -279,12 +279,13 @@ def _write_table(path: Path, records: list[dict], robot) -> None:
         else pa.array(values)
         for key, values in columns.items()
     }
+    displacements, forces = zip(*robot.actuator_units, strict=True)
     units = {
         "error": "mm",
         "goal": "mm",
         "x_e": "mm",
-        "delta_a": "mm",
-        "lambda_a": "N",
+        "delta_a": displacements,
+        "lambda_a": forces,
         "contact": "N",
         "predicted_e": "mm",
         "step_us": "us",
