@@ -117,7 +117,7 @@ def test_finite_elements_find_it_to_the_solvers_tolerance(folder, tmp_path):
         (["fixed={nu: 0.4}"], r"fixed: \['nu'\] are both"),
         (["fe=true"], "needs scene and mesh"),
         (["noise={effectors: 0.1 mm}", "use=[effectors, actuators]"], "noise.forces: the noise of"),
-        (["starts=[]"], "needs one at least"),
+        (["starts=[]"], "needs at least one"),
     ],
 )
 def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):

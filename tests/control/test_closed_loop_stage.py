@@ -175,7 +175,7 @@ def test_pipelines_are_valid(pipeline):
         ("loop.command.kind=pressure", "displacement, force"),
         ("loop.controllers.closed.gains={integral: 0.1, phase_margin: 60 deg}", "either integral or phase_margin"),
         ("loop.controllers.closed.gains={phase_margin: 90 deg}", "between 0 and 90 deg"),
-        ("loop.controllers.open.gains={integral: 0.1}", "mode: open has no gains"),
+        ("loop.controllers.open.gains={integral: 0.1}", "mode: open takes none"),
         ("loop.controllers.open.observr=measured", "did you mean 'observer'"),
         ("loop.controllers.open.model=mlp", r"models \['mlp'\] are not among"),
         ("plant=pipe", "needs loop.device"),

@@ -22,8 +22,8 @@ def test_a_judgement_goes_along_the_chain_once(tmp_path):
     made(tmp_path, "train", {"judgement": [poor("loss 4.6")], "answer": 1}, samples=tmp_path / "sample")
     last = made(tmp_path, "control", {"answer": 2}, model=tmp_path / "train", samples=tmp_path / "sample")
     assert sentences(last) == [
-        "POOR, because it was made from a poor train: loss 4.6",
-        "POOR, because it was made from a poor sample: 12 of 24 states failed",
+        "POOR input, by cfem train: loss 4.6",
+        "POOR input, by cfem sample: 12 of 24 states failed",
     ]
     assert next(iter(read_manifest(tmp_path / "control")["results"])) == "judgement"
 

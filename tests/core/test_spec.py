@@ -71,8 +71,8 @@ def test_overrides_reach_nested_keys_and_lists(tmp_path):
         (TEXT + "least: []\n", (), ["spec.yaml:6: least: needs 1 or more, got 0"]),
         (TEXT + "least: [3, 2]\n", (), ["spec.yaml:6: least.1: must be larger"]),
         (TEXT, ("nonsense",), ["--set", "not key.sub=value"]),
-        (TEXT, ("name.sub.x=1",), ["--set", "no place"]),
-        (TEXT, ("parts.7.stiffness=1 mm",), ["--set", "no place"]),
+        (TEXT, ("name.sub.x=1",), ["--set", "the spec has no key"]),
+        (TEXT, ("parts.7.stiffness=1 mm",), ["--set", "the spec has no key"]),
     ],
 )
 def test_each_mistake_gets_a_sentence_that_names_its_place(tmp_path, text, overrides, parts):

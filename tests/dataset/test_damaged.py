@@ -31,7 +31,7 @@ def lists(table, size):
 
 
 HARMS = {
-    "metadata that is a list": (lambda t: meta(t, lambda data: [data]), "its metadata is no JSON object"),
+    "metadata that is a list": (lambda t: meta(t, lambda data: [data]), "its metadata is not a JSON object"),
     "metadata that is no JSON": (lambda t: t.replace_schema_metadata({KEY: b"{"}), "is damaged"),
     "another format": (lambda t: meta(t, lambda data: data | {"format": 99}), "has format 99"),
     "rows without names": (

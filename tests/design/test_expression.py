@@ -25,10 +25,10 @@ def test_slack_is_positive_where_it_holds(text, slack):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("H - JH", "no inequality"),
-        ("H >", "no inequality"),
-        ("1 <= H <= 3", "no inequality"),
-        ("H == 3", "no inequality"),
+        ("H - JH", "not an inequality"),
+        ("H >", "not an inequality"),
+        ("1 <= H <= 3", "not an inequality"),
+        ("H == 3", "not an inequality"),
         ("K >= 3", "unknown name 'K'.*known are H, JH"),
         ("H.real >= 3", "not understood"),
         ("__import__('os') >= 3", "not understood"),

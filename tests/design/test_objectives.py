@@ -64,7 +64,7 @@ def test_a_users_function_in_a_file_or_a_module(tmp_path):
 @pytest.mark.parametrize(
     ("reference", "message"),
     [
-        ("sqrt", "names no function"),
+        ("sqrt", "does not name a function"),
         ("none.py:f", "cannot be loaded"),
         ("math:nothing", "cannot be loaded"),
         ("no_such_module:f", "cannot be loaded"),

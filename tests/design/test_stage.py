@@ -159,9 +159,12 @@ def test_a_changed_function_makes_the_output_stale(folder, done):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["grid=[3]"], "grid: 1 numbers of points for 2 parameters"),
+        (["grid=[3]"], "grid: has 1 numbers of points, and 2 parameters vary"),
         (["vary=[width]"], "vary: unknown parameter 'width'.*known are height, length"),
-        (["actuation={displacement: {mm: [1, 2]}}"], "actuation.displacement: 2 numbers for 1 actuators"),
+        (
+            ["actuation={displacement: {mm: [1, 2]}}"],
+            "actuation.displacement: has 2 numbers, and the robot 1 actuators",
+        ),
         (["actuation={displacement: {mm: [1]}, force: {N: [1]}}"], "one of the two"),
         (["blends={a: {agility: 1}}"], "blends.a: no objective 'agility'"),
         (["constraints={a: 'volume <= depth'}"], "constraints.a: unknown name 'depth'"),
@@ -169,7 +172,7 @@ def test_a_changed_function_makes_the_output_stale(folder, done):
         (["objectives.dexterity.effector=nose"], "objectives.dexterity: no effector 'nose'"),
         (["controller={parameters: {height: 10 mm}}"], "controller.parameters: each design has its own"),
         (["mesh=null"], "verify: fe needs scene and mesh"),
-        (["task.weights=[1]"], "task.weights: 1 numbers for 3"),
+        (["task.weights=[1]"], "task.weights: has 1 numbers, and the robot 3"),
         (["fixed={height: 40 mm}", "front=null"], "fixed.height: 40 is out of the range"),
     ],
 )

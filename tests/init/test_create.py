@@ -117,7 +117,7 @@ def mesh_file(tmp_path):
 
 BAD = {
     "no file": (["--from", "none.step"], 3, "no such file"),
-    "no shape": (["--from", __file__], 3, "no kind of shape"),
+    "no shape": (["--from", __file__], 3, "cannot be read as a shape"),
     "wrong unit": (["--young", "3 mm"], 2, "--young: 'mm' is not a unit of stress"),
     "bare number": (["--reach", "3"], 2, "--reach: expected a length with its unit"),
     "incompressible": (["--poisson", "0.5"], 2, "--poisson: expected a number from 0 to 0.4999"),

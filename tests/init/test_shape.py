@@ -30,10 +30,10 @@ def test_a_mesh_is_taken_as_it_is(tmp_path, element):
     "name, content, part",
     [
         ("none.step", None, "no such file"),
-        ("a.obj", b"v 0 0 0", "'.obj' is no kind of shape that can be read.*one of .step"),
+        ("a.obj", b"v 0 0 0", "'.obj' cannot be read as a shape.*one of .step"),
         ("a.step", b"not a STEP file", "a.step"),
         ("a.stl", b"solid a\nendsolid a\n", "not closed"),
-        ("a.vtu", b"<VTKFile", "a.vtu: is of no mesh format that can be read"),
+        ("a.vtu", b"<VTKFile", "a.vtu: is not in a mesh format that can be read"),
     ],
 )
 def test_what_is_no_body(tmp_path, name, content, part):

@@ -55,7 +55,7 @@ def test_every_law_of_mechanics_can_be_asked_for_and_neo_hookean_needs_no_name()
     [
         (MOONEY | {"c01": "-0.3 MPa"}, r"shear modulus, 2 \(c10 \+ c01\), must be positive, got 0 MPa"),
         (OGDEN | {"alpha": [-1.3, 5.0, -2.0]}, "shear modulus, sum of mu_i alpha_i / 2, must be positive"),
-        (OGDEN | {"alpha": [1.3, 5.0]}, "mu and alpha must be as many, got 3 and 2"),
+        (OGDEN | {"alpha": [1.3, 5.0]}, "mu and alpha must have equally many numbers, got 3 and 2"),
         (OGDEN | {"alpha": [1.3, 0.0, -2.0]}, "not 0"),
         (MOONEY | {"poisson": 0.5}, "use at most 0.4999"),
         (MOONEY | {"poisson": -0.1}, "greater than or equal to 0"),

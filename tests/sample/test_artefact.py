@@ -24,7 +24,7 @@ def rows(failed, solved=24):
 def test_more_than_one_failed_row_in_twenty_is_judged():
     assert results({"train": rows(1), "test": rows(1)})["judgement"] == []
     (judged,) = results({"train": rows(12, 12), "test": rows(0)})["judgement"]
-    assert judged["what"].startswith("12 of 48 states failed (25 %")
+    assert judged["what"].startswith("12 of 48 states failed, 25 %")
     assert "stopped at 60 % of the way" in judged["what"]
 
 

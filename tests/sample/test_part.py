@@ -77,7 +77,7 @@ def test_parts_that_are_missing_doubled_foreign_or_damaged_are_named(spec, data,
 def test_a_part_that_is_none_is_refused(spec):
     assert parse_part("2/8") == Part(2, 8)
     for text in ("0/3", "4/3", "1", "1/0", "a/b", "1/2/3", "-1/2"):
-        with pytest.raises(SpecError, match="no part"):
+        with pytest.raises(SpecError, match="not a part"):
             parse_part(text)
     result = cfem("simulate-sample", spec, *SMALL, "--shard", "1/2", "--until-error", "1mm")
     assert result.exit_code == 2 and "until" in result.stderr

@@ -114,7 +114,7 @@ def test_models_of_other_robots_or_without_rest_are_refused(tmp_path):
         pair(tmp_path / "none", series(), TINY, plain)
     training = dataset(200, 3, **FAMILY)
     bent = training.take(training.delta_a.min(axis=1) > 8)
-    with pytest.raises(InputError, match="has seen no state at rest"):
+    with pytest.raises(InputError, match="was trained on no state at rest"):
         pair(tmp_path / "bent", (model_card("spectral", bent), fit_spectral(bent, max_degree=3).arrays), TINY)
 
 

@@ -112,7 +112,7 @@ def test_a_model_of_something_else_is_refused(project):
     spec = project / "pipelines" / WHOLE / "train-serial.yaml"
     with pytest.raises(InputError, match="one end with its orientation"):
         train(spec, ["model.module=../../models/stiff-flop/serial"], project / "other", QUIET)
-    with pytest.raises(InputError, match="3 modules of 3 actuators make no robot of 6"):
+    with pytest.raises(InputError, match="3 modules of 3 actuators do not make a robot of 6"):
         train(spec, ["model.softer=[1, 1, 1]"], project / "other", QUIET)
 
 

@@ -74,7 +74,10 @@ def best_of(fits: Sequence[Fit]) -> Fit:
     """NumericalError where none came to an answer."""
     good = [one for one in fits if one.failure is None]
     if not good:
-        raise NumericalError(f"no start led to an answer: {fits[0].failure}", do="start nearer, or narrow the ranges")
+        raise NumericalError(
+            f"the fit failed from every start: {fits[0].failure}",
+            do="choose starts nearer to the answer, or narrow the ranges",
+        )
     return min(good, key=lambda one: one.cost)
 
 

@@ -93,7 +93,9 @@ def _units(rows: Rows, actuator_units: Sequence[tuple[str, str]]) -> Units:
 
 def _suffix(path: Path) -> str:
     if path.suffix not in _READERS:
-        raise InputError(f"is no table: expected {', '.join(_READERS)}, or a dataset's folder", where=str(path))
+        raise InputError(
+            f"is not a table that can be read: expected {', '.join(_READERS)}, or a dataset's folder", where=str(path)
+        )
     if not path.exists():
         raise InputError("no such file", where=str(path))
     return path.suffix
@@ -138,7 +140,7 @@ def _read_yaml(path: Path, units: Units) -> dict[str, np.ndarray]:
     try:
         records = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except (YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"is no YAML: {str(error).splitlines()[0]}", where=str(path)) from None
+        raise InputError(f"is not valid YAML: {str(error).splitlines()[0]}", where=str(path)) from None
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
         raise InputError("expected a list of states, such as `- {cable.displacement: 5 mm, ...}`", where=str(path))
     names = list(dict.fromkeys(name for record in records for name in record))
@@ -156,7 +158,7 @@ def _read_csv(path: Path, units: Units) -> dict[str, np.ndarray]:
         with open(path, newline="", encoding="utf-8-sig") as file:  # spreadsheets write a mark first
             header, *records = [record for record in csv.reader(file, skipinitialspace=True) if record]
     except (ValueError, UnicodeDecodeError, csv.Error):
-        raise InputError("is no table of comma-separated values", where=str(path)) from None
+        raise InputError("is not a table of comma-separated values", where=str(path)) from None
     wrong = next((i for i, record in enumerate(records) if len(record) != len(header)), None)
     if wrong is not None:
         raise InputError(f"row {wrong + 1}: {len(records[wrong])} cells, the header has {len(header)}", where=str(path))
@@ -188,7 +190,7 @@ def _with_units(
         name, unit = match.groups()
         _demand_known([name], units, path)
         if name in found:
-            raise InputError(f"column '{name}' is there twice", where=str(path), do="keep one of them")
+            raise InputError(f"column '{name}' appears twice", where=str(path), do="keep one of them")
         empty = [cell is None or cell == "" or cell != cell for cell in cells]
         texts = [None if hole else f"{cell} {unit}" for cell, hole in zip(cells, empty, strict=True)]
         found[name] = np.array(

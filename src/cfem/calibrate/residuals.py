@@ -46,7 +46,9 @@ class Residuals(Varied):
 
     def __post_init__(self) -> None:
         if not len(self.target):
-            raise InputError("nothing was measured of what is used", do="see `use:` and the columns of the table")
+            raise InputError(
+                "holds no measurement of the rows that `use` names", do="compare `use` with the columns of the table"
+            )
 
     def states(self, z: np.ndarray) -> States:
         """(k, n_free) -> of every robot all m states, robot by robot."""

@@ -78,9 +78,9 @@ class CalibrateSpec(Spec):
         if self.fe and self.model is None and not self.parameters:
             raise ValueError("fe: true needs parameters, or a model whose parameters they are")
         if self.model is not None and self.parameters:
-            raise ValueError("parameters are the model's; leave one of the two out")
+            raise ValueError("parameters come from the model; leave out `parameters` or `model`")
         if self.repeats and self.noise is None:
-            raise ValueError("repeats are simulated with a noise: state it")
+            raise ValueError("repeats need a noise: state `noise`")
         if self.starts == []:
-            raise ValueError("starts: needs one at least")
+            raise ValueError("starts: needs at least one")
         return self

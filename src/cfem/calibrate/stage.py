@@ -72,9 +72,9 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
     demand_known(parameters, spec.truth, "truth")
     both = set(wanted) & set(spec.fixed)
     if both:
-        raise SpecError(f"{sorted(both)} are both to find and fixed", where="fixed")
+        raise SpecError(f"parameters {sorted(both)} are both to be found and fixed", where="fixed")
     if not wanted:
-        raise SpecError("all parameters are fixed: nothing is to be found", where="find")
+        raise SpecError("all parameters are fixed, so there is nothing to find", where="find")
     find = [names.index(name) for name in wanted]
     p0 = vector(parameters, spec.fixed, "fixed")
     noise = None
@@ -131,7 +131,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
         named = {name for start in spec.starts for name in start}
         strange = named - {parameters[i].name for i in find}
         if strange:
-            raise SpecError(f"{sorted(strange)} are not among those to find", where="starts")
+            raise SpecError(f"parameters parameters {sorted(strange)} are not among those to find", where="starts")
         return np.array(given)
     starts = np.tile(p0, (spec.starts, 1))
     starts[:, find] = from_shares([parameters[i] for i in find], spread(spec.starts, len(find)))

@@ -32,4 +32,4 @@ def demand_whole(found: Sequence[Verdict]) -> None:
     damaged = [one for one in found if one.damage]
     if damaged:
         what = f"{len(damaged)} of {len(found)} artefacts damaged, {damaged[0].folder} first"
-        raise InputError(what, where="verify", do="make them anew with --force, or restore their files")
+        raise InputError(what, where="verify", do="regenerate them with --force, or restore their files")

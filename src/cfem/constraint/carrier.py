@@ -55,7 +55,9 @@ def make_carrier(mesh: Mesh, points: np.ndarray, radius: float, name: str, cells
     arm = mesh.X[nodes] - centre
     spread = np.linalg.eigvalsh(arm.T @ (weights[:, None] * arm))
     if spread[1] < 1e-8 * spread[2]:
-        raise SpecError(f"{name} is carried by nodes on a line, which fix no rotation", do="enlarge its carrier_radius")
+        raise SpecError(
+            f"{name} is carried by nodes on one line, about which it could turn", do="enlarge its carrier_radius"
+        )
     return Carrier(nodes, weights, centre, arm)
 
 

@@ -173,7 +173,7 @@ def _check_closed(X: np.ndarray, facets: np.ndarray, name: str) -> None:
     middle = show(X[loose[part == 0]].mean(axis=(0, 1)))
     number = len(loose) // (2 if facets.shape[1] == 6 else 1)
     raise SpecError(
-        f"cavity '{name}' is not closed: {number} edges are not shared by two facets of like orientation, "
+        f"cavity '{name}' is not closed: {number} edges do not lie between two facets of the same orientation, "
         + (f"around {middle} mm" if holes == 1 else f"in {holes} places, one of them around {middle} mm"),
         do="close the chamber with material, or select all of its walls and nothing else",
     )

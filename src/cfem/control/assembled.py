@@ -46,7 +46,9 @@ def assembled(
     n_pose = {name: _pose_rows(predictor, robot, models[name]) for name, predictor in predictors.items()}
     turns = spec.object.turns
     if turns and min(n_pose.values()) < 6:
-        raise InputError("was sampled with a patch that cannot turn, the object can", do="set object.turns: false")
+        raise InputError(
+            "was sampled with a patch that cannot turn, but the object can turn", do="set object.turns: false"
+        )
     n = 6 if turns else 3
     force = np.zeros(3) if spec.object.force is None else spec.object.force
     held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]))

@@ -58,7 +58,7 @@ class GainsSpec(Spec):
         if (self.integral is None) == (self.phase_margin is None):
             raise ValueError("give either integral or phase_margin")
         if self.phase_margin is not None and (self.proportional or not 0 < self.phase_margin < np.pi / 2):
-            raise ValueError("phase_margin must be between 0 and 90 deg, and is for proportional: 0")
+            raise ValueError("phase_margin must be between 0 and 90 deg, and needs proportional: 0")
         return self
 
 
@@ -80,7 +80,7 @@ class ControllerSpec(Spec):
     @model_validator(mode="after")
     def _gains_are_closed(self):
         if self.mode == "open" and self.gains is not None:
-            raise ValueError("mode: open has no gains")
+            raise ValueError("gains: mode: open takes none")
         return self
 
 

@@ -92,4 +92,4 @@ class CoupledPlant:
                 K = np.linalg.inv(held.W_aa)
                 moved = lam + K @ (delta - held.delta_a)
                 delta[slack] -= np.linalg.solve(K[np.ix_(slack, slack)], moved[slack])
-        raise NumericalError("which actuators are slack does not settle")
+        raise NumericalError("no consistent set of slack actuators was found")

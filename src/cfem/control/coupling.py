@@ -126,7 +126,7 @@ class Coupled:
                 np.linalg.cholesky(K[n_a:, n_a:])
             except np.linalg.LinAlgError:
                 raise NumericalError(
-                    "the object is held in no stable way: a robot that holds it buckles",
+                    "the object is not held stably: a robot that holds it buckles",
                     do="pull less, or keep it nearer to where the robots rest",
                 ) from None
             step = -np.linalg.solve(K[n_a:, n_a:], g[n_a:])
@@ -139,7 +139,7 @@ class Coupled:
             if self._updates is not None and update == self._updates - 1:
                 return self._condense(delta_a, X + step, parts, g + K[:, n_a:] @ step, K, balance, update + 1)
             X = X + step
-        raise NumericalError(f"the object does not come to rest: its balance is off by {max(balance):.1e}")
+        raise NumericalError(f"the object does not come to rest: a force balance of {max(balance):.1e}")
 
     def inside(self, held: Held) -> bool:
         """Whether every robot's state is like those that its model was trained on."""

@@ -124,4 +124,4 @@ def _nearest(W_aa: np.ndarray, low: np.ndarray, high: np.ndarray, box: np.ndarra
 
 def _demand(qp: QpSolution) -> None:
     if qp.status is not QpStatus.OPTIMAL:
-        raise NumericalError(f"inverse step: {qp.status.value} ({qp.kkt.missed:.1e} mm from the optimum)")
+        raise NumericalError(f"the inverse step failed: {qp.status.value} ({qp.kkt.missed:.1e} mm from the optimum)")

@@ -46,7 +46,7 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
         if trial is None:
             break
         here = trial
-    raise NumericalError(f"the model finds no state under {np.asarray(lambda_a).tolist()} N")
+    raise NumericalError(f"the model has no state under the forces {np.asarray(lambda_a).tolist()} N")
 
 
 def by_force(model: Model, here: Condensed, step: InverseStep, share: float) -> Condensed:

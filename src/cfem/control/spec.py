@@ -77,9 +77,9 @@ class ImageSpec(Spec):
     @model_validator(mode="after")
     def _inside_the_cube(self):
         if len(self.centre) != len(self.radii):
-            raise ValueError("centre and radii need one number an actuator each")
+            raise ValueError("centre and radii need one number per actuator")
         if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in zip(self.centre, self.radii, strict=True)):
-            raise ValueError("the curve leaves the pulling cube [0, 1]")
+            raise ValueError("the curve leaves the range [0, 1] of the shares of reach")
         return self
 
 
@@ -211,7 +211,7 @@ class ControlSpec(Spec):
     @model_validator(mode="after")
     def _fe_needs_fe(self):
         if self.plant == "model" and self.fe_based and not self.loop:
-            raise ValueError("fe_based needs plant: fem; with plant: model set it to false")
+            raise ValueError("fe_based: needs plant: fem; set it to false with plant: model")
         if self.plant != "fem" and any(t.kind == "image" for t in self.trajectories.values()):
             raise ValueError("an image trajectory needs plant: fem")
         return self

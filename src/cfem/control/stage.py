@@ -247,7 +247,9 @@ def _limits(spec: ControlSpec, robot):
 def _weights(spec: ControlSpec, robot) -> np.ndarray:
     weights = np.ones(robot.rows.n_e) if spec.search.weights is None else np.array(spec.search.weights)
     if len(weights) != robot.rows.n_e:
-        raise SpecError(f"{len(weights)} weights for {robot.rows.n_e} effector rows", where="search.weights")
+        raise SpecError(
+            f"has {len(weights)} weights, and the robot {robot.rows.n_e} effector rows", where="search.weights"
+        )
     return weights
 
 

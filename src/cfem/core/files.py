@@ -61,7 +61,7 @@ def write_whole(path: Path, data: bytes) -> None:
     """Temporary file, fsync, rename, fsync of the folder: a reader sees the old file or the new one, never a part."""
     root = _ROOT.get()
     if root is not None and not Path(os.path.abspath(path)).is_relative_to(os.path.abspath(root)):
-        raise SpecError("a name would become a file outside the artefact", where=str(path), do="use plain names")
+        raise SpecError("this name would write a file outside the artefact", where=str(path), do="use plain names")
     with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -135,9 +135,9 @@ def read_json(path: Path) -> dict:
         with open_regular(path) as file:
             data = parse_json(file.read())
     except (ValueError, RecursionError) as error:
-        raise InputError(f"is damaged: {error}", where=str(path), do="make it anew with --force") from error
+        raise InputError(f"is damaged: {error}", where=str(path), do="regenerate it with --force") from error
     if not isinstance(data, dict):
-        raise InputError("is damaged: not a JSON object", where=str(path), do="make it anew with --force")
+        raise InputError("is damaged: not a JSON object", where=str(path), do="regenerate it with --force")
     return data
 
 

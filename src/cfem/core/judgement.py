@@ -71,7 +71,7 @@ def sentences(results: Mapping[str, Any]) -> list[str]:
 
 def _sentence(one: Mapping[str, Any]) -> str:
     if "from" in one:
-        return f"POOR, because it was made from a poor {one['from']}: {one['what']}"
+        return f"POOR input, by cfem {one['from']}: {one['what']}"
     return f"{'WRONG' if one.get('contradicted') else 'POOR'}: {one['what']}"
 
 
@@ -79,5 +79,6 @@ def demand_trust(results: Mapping[str, Any], strict: bool) -> None:
     """NumericalError where something is contradicted or, if `strict`, poor. The results are kept."""
     against = [one for one in _judged(results) if strict or one.get("contradicted")]
     if against:
-        why = "the output is kept" if against[0].get("contradicted") else "the output is kept; --strict"
-        raise NumericalError("; ".join(_sentence(one) for one in against), do=why)
+        more = f"; and {len(against) - 1} more" if len(against) > 1 else ""
+        why = "" if any(one.get("contradicted") for one in against) else "; without --strict the exit code is 0"
+        raise NumericalError(f"{_sentence(against[0])}{more}", do=f"the output is kept{why}")

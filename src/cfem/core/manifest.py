@@ -89,10 +89,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             raise _damaged(path, "its checksum differs")
         if manifest.get("format") != FORMAT:
             what = f"has manifest format {manifest.get('format')}; this cfem reads {FORMAT}"
-            raise InputError(what, where=str(path), do="update cfem, or make the artefact anew with --force")
+            raise InputError(what, where=str(path), do="update cfem, or regenerate the artefact with --force")
     files = manifest.get("files")
     if "content" not in manifest or not isinstance(files, dict):
-        raise InputError("is no artefact of cfem: its manifest lacks its content hash", where=str(folder))
+        raise InputError("is not an artefact of cfem: its manifest has no content hash", where=str(folder))
     for name in files:
         if not is_inside(name):
             raise _damaged(path, f"names a file outside its folder, {name!r}")

@@ -137,7 +137,7 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
 def _set(data: dict, lines: dict, override: str) -> None:
     key, sign, text = override.partition("=")
     if not sign or not key:
-        raise SpecError(f"'{override}' is not key.sub=value", where="--set")
+        raise SpecError(f"'{override}' is not of the form key.sub=value", where="--set")
     *parents, last = key_path(key)
     node: Any = data
     try:
@@ -145,7 +145,7 @@ def _set(data: dict, lines: dict, override: str) -> None:
             node = node.setdefault(part, {}) if isinstance(node, dict) else node[part]
         node[last] = parse_value(text)
     except (IndexError, TypeError, KeyError):
-        raise SpecError(f"no place '{key}' in the spec", where="--set", do="check the key path") from None
+        raise SpecError(f"the spec has no key '{key}'", where="--set", do="check the key path") from None
     path = (*parents, last)
     for one in [one for one in lines if one[: len(path)] == path]:
         del lines[one]

@@ -112,7 +112,7 @@ def artefact_file(folder: Path, name: str) -> Path:
         raise InputError(
             "is damaged: its SHA-256 differs from the manifest",
             where=str(folder / name),
-            do="make it anew with --force",
+            do="regenerate it with --force",
         )
     return folder / name
 

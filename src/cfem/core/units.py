@@ -108,11 +108,11 @@ def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None)
     except (TypeError, ValueError) as error:
         if "is not a unit" in str(error):
             raise
-        raise ValueError(f"expected {ndim}-dimensional numbers of equal row length under '{unit}'") from error
+        raise ValueError(f"expected numbers under '{unit}'") from error
     if array.ndim != ndim or array.size == 0 or not np.isfinite(array).all():
-        raise ValueError(f"expected finite numbers in {ndim} dimension(s) under '{unit}', got shape {array.shape}")
+        raise ValueError(f"expected {ndim} level(s) of lists of finite numbers under '{unit}', got shape {array.shape}")
     if last is not None and array.shape[-1] != last:
-        raise ValueError(f"expected {last} numbers in a row under '{unit}', got {array.shape[-1]}")
+        raise ValueError(f"expected {last} numbers per row under '{unit}', got {array.shape[-1]}")
     array.setflags(write=False)
     return array
 

@@ -34,7 +34,7 @@ def verify(folders: Sequence[Path] = ()) -> list[Verdict]:
             raise InputError("no such folder", where=str(root))
     found = [judge(folder) for root in roots for folder in artefacts(root)]
     if not found:
-        raise InputError("no artefact found", where=", ".join(map(str, roots or ROOTS)), do="name a folder")
+        raise InputError("found no artefact", where=", ".join(map(str, roots or ROOTS)), do="name a folder")
     return found
 
 

@@ -20,7 +20,7 @@ def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
         with open(path, "rb") as file:
             data = file.read(MAX_BYTES + 1)  # no more, whatever the file
         if len(data) > MAX_BYTES:
-            raise SpecError(f"larger than {MAX_BYTES} bytes, which no spec is", where=str(path))
+            raise SpecError(f"is larger than {MAX_BYTES} bytes, the limit of a spec", where=str(path))
         text = data.decode()
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="check the path") from None
@@ -44,7 +44,7 @@ def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
         problem = (error.problem or "not valid YAML").strip().splitlines()[0]
-        raise SpecError(problem, where=f"{source}{line}", do="mend the YAML there") from None
+        raise SpecError(problem, where=f"{source}{line}", do="correct the YAML there") from None
     except Exception as error:  # besides YAMLError, ruamel stumbles over garbage in many ways
         raise SpecError(
             f"not valid YAML: {str(error).splitlines()[0] if str(error) else error!r}", where=source
@@ -56,7 +56,7 @@ def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]
         return _plain(tree, (), lines, set()), lines
     except _Refused as refused:
         line = f":{lines[refused.path]}" if refused.path in lines else ""
-        raise SpecError(f"{refused}, which no spec has", where=f"{source}{line}") from None
+        raise SpecError(f"a spec must not have {refused}", where=f"{source}{line}") from None
 
 
 class _Refused(Exception):

@@ -150,7 +150,7 @@ def read_table(path: Path) -> pa.Table:
     try:
         meta = metadata_of(file.schema_arrow)
         if not isinstance(meta, dict):
-            raise ValueError("its metadata is no JSON object")
+            raise ValueError("its metadata is not a JSON object")
     except (ValueError, RecursionError) as error:
         raise damaged(path, error, _AGAIN) from None
     if not meta:

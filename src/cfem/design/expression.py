@@ -27,9 +27,9 @@ def inequality(text: str, names: Iterable[str], where: str) -> Callable[[Values]
     try:
         tree = ast.parse(text, mode="eval").body
     except SyntaxError:
-        raise SpecError(f"'{text}' is no inequality", where=where, do="write such as 'H - JH >= 13'") from None
+        raise SpecError(f"'{text}' is not an inequality", where=where, do="write such as 'H - JH >= 13'") from None
     if not isinstance(tree, ast.Compare) or len(tree.ops) != 1 or not isinstance(tree.ops[0], ast.GtE | ast.LtE):
-        raise SpecError(f"'{text}' is no inequality", where=where, do="write one <= or >=, such as 'H - JH >= 13'")
+        raise SpecError(f"'{text}' is not an inequality", where=where, do="write one <= or >=, such as 'H - JH >= 13'")
     _check(tree.left, known, where), _check(tree.comparators[0], known, where)
     sign = 1.0 if isinstance(tree.ops[0], ast.GtE) else -1.0
 
@@ -74,7 +74,7 @@ def _check(node: ast.AST, known: list[str], where: str) -> None:
             _check(one, known, where)
     elif not (isinstance(node, ast.Constant) and type(node.value) in (int, float)):
         known_here = f"numbers, parameters, + - * / **, {', '.join(_FUNCTIONS)}"
-        raise SpecError(f"'{ast.unparse(node)}' is not understood", where=where, do=f"use {known_here}")
+        raise SpecError(f"'{ast.unparse(node)}' is not allowed", where=where, do=f"use {known_here}")
 
 
 def _value(node: ast.AST, scope: Mapping[str, np.ndarray | float]) -> np.ndarray | float:

@@ -28,7 +28,12 @@ def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.nd
     p0 = vector(parameters, spec.fixed, "fixed")
     both = sorted(set(wanted) & set(spec.fixed))
     if both or not wanted:
-        raise SpecError(f"{both} both vary and are fixed" if both else "nothing is left to vary", where="vary")
+        raise SpecError(
+            f"{both} are listed both to vary and as fixed"
+            if both
+            else "all parameters are fixed, so there is nothing to vary",
+            where="vary",
+        )
     return [names.index(name) for name in wanted], p0
 
 
@@ -42,7 +47,7 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
         else ("displacement", spec.actuation.displacement)
     )
     if len(u) != family.rows.n_a:
-        raise SpecError(f"{len(u)} numbers for {family.rows.n_a} actuators", where=f"actuation.{kind}")
+        raise SpecError(f"has {len(u)} numbers, and the robot {family.rows.n_a} actuators", where=f"actuation.{kind}")
     objectives = {name: _objective(name, one, family.rows, base) for name, one in spec.objectives.items()}
     constraints = {name: _constraint(name, one, family, volume, base) for name, one in spec.constraints.items()}
     if spec.largest_force is not None:
@@ -57,7 +62,7 @@ def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | No
     if not any("volume" in names_in(text) for text in texts):
         return None
     if scene is None:
-        raise SpecError("a constraint on the volume needs the scene", where="scene")
+        raise SpecError("a constraint on the volume needs the key `scene`", where="scene")
     return Volume(load_spec(scene, SceneSpec), family.parameters)
 
 
@@ -103,5 +108,5 @@ def task_of(spec: DesignSpec, rows: Rows) -> Task:
     force = np.zeros(rows.n_e) if task.force is None else np.asarray(task.force, float)
     for where, given in (("goals", goals[0]), ("weights", weights), ("force", force)):
         if len(given) != rows.n_e:
-            raise SpecError(f"{len(given)} numbers for {rows.n_e} effector rows", where=f"task.{where}")
+            raise SpecError(f"has {len(given)} numbers, and the robot {rows.n_e} effector rows", where=f"task.{where}")
     return Task(goals, task.relative_to == "rest", weights, np.tile(force, (len(goals), 1)))

@@ -94,7 +94,9 @@ def load_function(reference: str, base: Path, where: str) -> Callable:
     """'module:function' or 'path/to/file.py:function', the path from `base`. SpecError where there is none."""
     source, _, name = reference.rpartition(":")
     if not source or not name:
-        raise SpecError(f"'{reference}' names no function", where=where, do="write module:function or file.py:function")
+        raise SpecError(
+            f"'{reference}' does not name a function", where=where, do="write module:function or file.py:function"
+        )
     try:
         if source.endswith(".py"):
             plan = importlib.util.spec_from_file_location(f"cfem_user_{Path(source).stem}", base / source)

@@ -25,9 +25,9 @@ def write_shapes(
 ) -> None:
     """`<name>.step` and `<name>.stl` of each design p (n_p,)."""
     if scene is None:
-        raise SpecError("the shapes of designs need the scene", where="cad", do="name it under `scene`")
+        raise SpecError("the shapes of designs need the key `scene`", where="cad", do="name it under `scene`")
     if type(scene.geometry) not in CATALOGUE:
-        raise SpecError(f"geometry of kind {scene.geometry.kind} has no designs", where="cad")
+        raise SpecError(f"a geometry of kind {scene.geometry.kind} cannot be varied", where="cad")
     for name, p in designs.items():
         geometry = with_values(scene, [one.key for one in parameters], p).geometry
         files = [folder / f"{file_name(name)}{suffix}" for suffix in (".step", ".stl")]

@@ -75,7 +75,9 @@ def evaluate_grid(problem: Problem, shape: Sequence[int]) -> Grid:
         names = [name for name, one in zip(problem.constraints, least, strict=True) if one < 0] or [
             *problem.constraints
         ]
-        raise NumericalError(f"no design of the grid satisfies the constraints {', '.join(names)}", do="loosen them")
+        raise NumericalError(
+            f"no design on the grid satisfies the constraints {', '.join(names)}", do="relax them, or refine the grid"
+        )
     width = good.max(axis=0) - good.min(axis=0)
     return Grid(tuple(shape), z, scores, good.min(axis=0), np.where(width > 0, width, 1.0))
 

@@ -102,7 +102,7 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
     n, seconds = len(problem.free), {}
     shape = [spec.grid] * n if isinstance(spec.grid, int) else list(spec.grid)
     if len(shape) != n:
-        raise SpecError(f"{len(shape)} numbers of points for {n} parameters that vary", where="grid")
+        raise SpecError(f"has {len(shape)} numbers of points, and {n} parameters vary", where="grid")
     begin = time.process_time()
     grid = evaluate_grid(problem, shape)
     seconds["grid"], begin = time.process_time() - begin, time.process_time()

@@ -106,7 +106,7 @@ def serve(
         if best is None or found.cost < best.cost:
             best = found
     if best is None:
-        raise NumericalError(f"no start of the co-design led to an answer: {failure}")
+        raise NumericalError(f"the co-design failed from every start: {failure}")
     here = states(best.x[None])
     distance = np.linalg.norm((task.reached(here) - task.goals)[:, matter], axis=1)
     u = low + best.x[n:].reshape(k, n_a) * (high - low)

@@ -119,7 +119,7 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
 def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
     """The module's series, and what the modules are beside it."""
     if spec.full:
-        raise SpecError("modules in a row have W_aa, W_ea and delta_free alone", where="c.full")
+        raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
     module = _spectral(predictor.module, arrays, p, spec)
     softer = np.asarray(predictor.meta["softer"], float)
     return replace(
@@ -257,9 +257,9 @@ def controller(
     start = np.zeros(n_a) if spec.start is None else np.asarray(spec.start, float)
     for name, values, size in (("weights", weights, n_e), ("start", start, n_a)):
         if len(values) != size:
-            raise SpecError(f"{len(values)} numbers, the model has {size}", where=f"c.controller.{name}")
+            raise SpecError(f"has {len(values)} numbers, and the model {size}", where=f"c.controller.{name}")
     if not weights.any():
-        raise SpecError("all are 0: nothing would be controlled", where="c.controller.weights")
+        raise SpecError("all weights are 0, so nothing would be controlled", where="c.controller.weights")
     home = start
     if predictor.form == "force":
         home = np.zeros(n_a) if spec.start is None else predictor.at_displacement(start, p if len(p) else None).lambda_a

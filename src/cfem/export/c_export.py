@@ -157,7 +157,7 @@ def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec, box
     if spec.full:
         found["W_ee"] = W[rows.e, rows.e].ravel()
     if not all(np.isfinite(value).all() for value in found.values()):
-        raise NumericalError("the model gives numbers that are not finite at a test state", do="train it anew")
+        raise NumericalError("the model gives numbers that are not finite at a test state", do="train it again")
     return found
 
 

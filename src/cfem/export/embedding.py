@@ -45,7 +45,8 @@ def stated_pressures(scene: SceneSpec, names: list[str]) -> np.ndarray | None:
     found = [item.name for item in scene.actuators]
     if found != names:
         raise InputError(
-            f"its actuators are {', '.join(found)}, the model's {', '.join(names)}", where=f"scene '{scene.name}'"
+            f"its actuators are {', '.join(found)}, and those of the model {', '.join(names)}",
+            where=f"scene '{scene.name}'",
         )
     stated = [getattr(item, "pressure", None) for item in scene.actuators]
     if all(each is None for each in stated):

@@ -94,11 +94,8 @@ def place_cables(
     if fitted:
         what = f"straight cables along {'xyz'[run.axis]} would leave the body near {show(np.round(outside, 1))} mm"
         raise SpecError(f"{what}, as in a body with a corner", where="--cables", do=do)
-    raise SpecError(
-        f"found no room for {count} cables along {'xyz'[run.axis]}, even with an attachment radius of {radius:.2g} mm",
-        where="--cables",
-        do=do,
-    )
+    what = f"there is no room for {count} cables along {'xyz'[run.axis]}"
+    raise SpecError(f"{what}, even with an attachment radius of {radius:.2g} mm", where="--cables", do=do)
 
 
 def _outside(body: Interior, places: np.ndarray, radius: float, axis: int) -> np.ndarray | None:

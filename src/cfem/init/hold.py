@@ -135,7 +135,7 @@ def _read(text: str, shape: Shape) -> Hold:
     axis = AXES.index(match[1])
     level, slack = parse_quantity(match[3], "mm"), 1e-6 * mesh.size
     if not shape.low[axis] - slack <= level <= shape.high[axis] + slack:
-        raise SpecError(f"'{text}' lies beside the body", do=_between(shape, axis))
+        raise SpecError(f"'{text}' lies outside the body", do=_between(shape, axis))
     return Hold(axis, match[2][0] == "<", level)
 
 

@@ -73,7 +73,7 @@ def read_source(path: Path) -> Source:
     suffix = path.suffix.lower()
     if suffix not in STEP + STL + MESH:
         known = " ".join(STEP + STL + MESH)
-        raise InputError(f"'{suffix}' is no kind of shape that can be read", where=str(path), do=f"one of {known}")
+        raise InputError(f"a file of type '{suffix}' cannot be read as a shape", where=str(path), do=f"one of {known}")
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path")
     if suffix in MESH:

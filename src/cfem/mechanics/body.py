@@ -79,7 +79,9 @@ def make_body(
 
     Raises InputError where a cell is inverted or flat, a node is in no cell, or a number is not finite."""
     if not np.isfinite(mesh.X).all():
-        raise InputError("the mesh has nodes whose coordinates are not finite numbers", do="mesh it anew")
+        raise InputError(
+            "the mesh has nodes whose coordinates are not finite numbers", do="mesh it again, with another size"
+        )
     unused = len(mesh.X) - len(np.unique(mesh.cells))
     if unused:
         raise InputError(f"{unused} of {len(mesh.X)} nodes of the mesh belong to no cell", do="drop them")
@@ -99,7 +101,9 @@ def make_body(
     except np.linalg.LinAlgError:
         bad = int((mesh.volumes == 0).sum())
     if bad:
-        raise InputError(f"{bad} of {len(mesh.cells)} cells of the mesh are inverted or flat", do="mesh it anew")
+        raise InputError(
+            f"{bad} of {len(mesh.cells)} cells of the mesh are inverted or flat", do="mesh it again, with another size"
+        )
     return Body(mesh, element, solids)
 
 

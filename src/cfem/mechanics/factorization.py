@@ -57,7 +57,7 @@ def analyze(pattern: Pattern, solver: str | None = None) -> Numeric:
             raise SingularMatrixError(str(error)) from error
         answer = found.solve(probe)
         if not np.isfinite(answer).all() or np.abs(answer).max() * np.abs(data).max() > 1e14:
-            raise SingularMatrixError("the stiffness matrix is singular to rounding")
+            raise SingularMatrixError("the stiffness matrix is singular to within rounding")
         return found
 
     return factor
@@ -67,7 +67,7 @@ def solver_name() -> str:
     """That of the environment, else the fastest on this machine. InputError where CFEM_SOLVER is not one."""
     wanted = os.environ.get("CFEM_SOLVER", "")
     if wanted and wanted not in SOLVERS:
-        raise InputError(f"CFEM_SOLVER={wanted} is no solver", do=f"use one of {sorted(SOLVERS)}")
+        raise InputError(f"CFEM_SOLVER={wanted} is not a known solver", do=f"use one of {sorted(SOLVERS)}")
     if wanted:
         demand(PACKAGES[wanted], where=f"CFEM_SOLVER={wanted}")
     return wanted or fastest(analyze)

@@ -37,7 +37,7 @@ class Learned:
 
     def __init__(self, predictor: Predictor, rest: Callable[[np.ndarray], np.ndarray] | None = None):
         if not predictor.parameters:
-            do = "sample with `parameters:` and train anew"
+            do = "sample with `parameters:` and train again"
             raise InputError("the model has no parameters: it knows one robot only", do=do)
         if rest is None and any(one.key.startswith("geometry") for one in predictor.parameters):
             do = "give the scene in the spec"

@@ -44,7 +44,7 @@ def checked_graph(path: Path) -> bytes:
             reason = _oversized(onnx.shape_inference.infer_shapes(model, check_type=True, data_prop=True))
     except Exception as error:  # protobuf's and the checker's, which share no base class
         text = str(error).strip().splitlines()
-        reason = f"is no valid ONNX graph: {text[0][:300] if text else error!r}"
+        reason = f"is not a valid ONNX graph: {text[0][:300] if text else error!r}"
     if reason:
         raise InputError(reason, where=where, do=do)
     return data
@@ -109,13 +109,13 @@ class OnnxPredictor(Predictor):
             self._session = ort.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # ONNX Runtime's own exceptions share no base class of their own
             raise InputError(
-                f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it anew with --force"
+                f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it again with --force"
             ) from error
         self._inputs = tuple(one.name for one in self._session.get_inputs())
         outputs = [one.name for one in self._session.get_outputs()]
         if len(self._inputs) != 1 + bool(self.parameters) or not {"W", "delta_free"} <= set(outputs):
             what = f"has inputs {', '.join(self._inputs)} and outputs {', '.join(outputs)}, which are not the model's"
-            raise InputError(what, where=str(path), do="export it anew with --force")
+            raise InputError(what, where=str(path), do="export it again with --force")
 
     def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         s = np.asarray(s, float)

@@ -22,7 +22,7 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
     """manifest: of `cfem control` with a loop. InputError where it has none."""
     results = manifest["results"].get("loop")
     if results is None:
-        raise InputError("has no loop in it", where=str(folder), do="name it under `control`")
+        raise InputError("holds no run over time", where=str(folder), do="name it under `control`")
     table = read_parquet(artefact_file(folder, "loop.parquet"), COLUMNS)
     columns = {key: np.array(table[key].to_pylist()) for key in COLUMNS}
     charts = []

@@ -26,7 +26,7 @@ class MeshCase(Spec):
     @model_validator(mode="after")
     def _one(self):
         if (self.size is None) == (self.cells is None):
-            raise ValueError("a mesh case has a size or a number of cells, one of the two")
+            raise ValueError("a mesh case needs either a size or a number of cells")
         return self
 
 

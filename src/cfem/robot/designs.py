@@ -26,17 +26,19 @@ class Designs:
     def __init__(self, scene: SceneSpec, mesh: Mesh):
         kind = scene.geometry.kind
         if type(scene.geometry) not in CATALOGUE or mesh.cells.shape[1] == 8:
-            raise SpecError(f"geometry of kind {kind} has no designs", do="use one of the catalogue, of tetrahedra")
+            raise SpecError(
+                f"a geometry of kind {kind} cannot be varied", do="use a catalogue geometry meshed with tetrahedra"
+            )
         foreign = [name for name in ("materials", "rigid", "contacts", "loads", "gravity") if getattr(scene, name)]
         foreign += [item.name for item in scene.actuators if not isinstance(item, constraints.Cable)]
         if foreign:
-            raise SpecError(f"{', '.join(foreign)} does not move with the geometry's parameters yet", do="leave it out")
+            raise SpecError(f"{', '.join(foreign)} cannot follow a varied geometry yet", do="leave it out")
         self.reference = build_robot(scene, mesh)
         self._mesh = mesh
         cables = [attach(mesh, point, radius, name) for name, radius, point in _places(scene)]
         inside = [one.attachment for one in self.reference.effectors if isinstance(one, PointEffector)]
         if not all(isinstance(one, PointEffector | CarriedEffector) for one in self.reference.effectors):
-            raise SpecError("effectors of several points, or with an orientation, do not move with the geometry yet")
+            raise SpecError("effectors of several points, or with an orientation, cannot follow a varied geometry yet")
         self._points = cables + inside
         watched = zip(scene.effectors, self.reference.effectors, strict=True)
         self._names = [f"cable '{name}'" for name, _, _ in _places(scene)]

@@ -92,7 +92,7 @@ class Ogden(Spec):
     @model_validator(mode="after")
     def _stiff(self):
         if len(self.alpha) != len(self.mu):
-            raise ValueError(f"mu and alpha must be as many, got {len(self.mu)} and {len(self.alpha)}")
+            raise ValueError(f"mu and alpha must have equally many numbers, got {len(self.mu)} and {len(self.alpha)}")
         if not np.isfinite(self.alpha).all() or 0.0 in self.alpha:
             raise ValueError("alpha must be finite and not 0")
         _demand_stiffness("sum of mu_i alpha_i / 2", self.shear)
@@ -141,5 +141,5 @@ class MaterialRegion(Spec):
     @model_validator(mode="after")
     def _solid(self):
         if isinstance(self.region, Box) and not (self.region.high > self.region.low).all():
-            raise ValueError("a box of no volume holds no material")
+            raise ValueError("a box without volume selects no material")
         return self

@@ -40,7 +40,7 @@ def read_mesh(path: Path) -> Mesh:
     blocks = {block.type: index for index, block in enumerate(data.cells)}
     solid, surface = next((pair for pair in _NAMES.values() if pair[0] in blocks), (None, None))
     if solid is None or surface not in blocks:
-        raise InputError("is no mesh of cfem: its cells and their boundary are missing", where=str(path))
+        raise InputError("is not a mesh of cfem: its cells or their boundary are missing", where=str(path))
     solid_block, facet_block = blocks[solid], blocks[surface]
     return Mesh(
         X=np.ascontiguousarray(data.points, dtype=float),
@@ -70,7 +70,7 @@ def read_own(path: Path, unit: float) -> Mesh:
     cells = np.concatenate([data.cells[index].data[:, : max(corners)] for index in solid])
     if len(np.unique(np.sort(cells, axis=1), axis=0)) < len(cells):
         raise InputError(
-            "holds cells twice, as .msh 2 does where groups overlap", where=str(path), do="save it as .msh 4.1"
+            "lists cells twice, as .msh 2 does where groups overlap", where=str(path), do="save it as .msh 4.1"
         )
     used, numbered = np.unique(cells, return_inverse=True)
     X = np.asarray(data.points, dtype=float)[used] * unit
@@ -87,7 +87,7 @@ def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
         else (tet_volumes(X, cells), [0, 2, 1, 3])
     )
     if (np.abs(volumes) < 1e-12 * np.ptp(X, axis=0).max() ** 3).any():
-        raise InputError("has flat cells, of no volume", where=str(path), do="mesh it anew")
+        raise InputError("has flat cells without volume", where=str(path), do="mesh it again, with another size")
     return np.where((volumes < 0)[:, None], cells[:, mirror], cells)
 
 
@@ -98,7 +98,7 @@ def _read(path: Path) -> meshio.Mesh:
         with contextlib.redirect_stderr(io.StringIO()):  # meshio also prints what it raises
             data = meshio.read(path)
     except SystemExit as error:  # meshio exits the process on formats that it does not know
-        raise InputError("is of no mesh format that can be read", where=str(path)) from error
+        raise InputError("is not in a mesh format that can be read", where=str(path)) from error
     except Exception as error:  # a parser of damaged bytes may raise anything
         # meshio's own limit: a .msh 4 with Mesh.SaveAll
         do = "save it from gmsh without Mesh.SaveAll: what is in groups only" if "gmsh:physical" in str(error) else None

@@ -266,6 +266,6 @@ def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
         if code != 0:
             where = solid.path if isinstance(solid, File) else "geometry"
             kind = InputError if isinstance(solid, File) else NumericalError
-            raise kind(f"cannot be meshed: {cause}", where=where, do="mend the geometry or change mesh.size")
+            raise kind(f"cannot be meshed: {cause}", where=where, do="repair the geometry or change mesh.size")
         with np.load(out) as answer:
             return dict(answer)

@@ -148,7 +148,9 @@ def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
             found.append(_Bound(number, np.unique(facets[mine])))
         covered |= mine
     if not covered.all():
-        raise SpecError(f"{(~covered).sum()} of {len(facets)} facets of the mesh lie on no surface of its geometry")
+        raise SpecError(
+            f"{(~covered).sum()} of {len(facets)} facets of the mesh do not lie on a surface of the geometry"
+        )
     return found
 
 

@@ -68,5 +68,5 @@ def failures(failed: pa.Table, rows: int) -> list[dict[str, Any]]:
     if len(failed) <= FAILED_SHARE * rows:
         return []
     why, _ = Counter(failed["reason"].to_pylist()).most_common(1)[0]
-    share = f"{len(failed)} of {rows} states failed ({100 * len(failed) / rows:.0f} %, of which 5 % are usual at most)"
-    return [poor(f"{share}, mostly so: {why}. The reach may be larger than the robot's")]
+    share = f"{len(failed)} of {rows} states failed, {100 * len(failed) / rows:.0f} %"
+    return [poor(f"{share}. The most frequent cause is: {why}. The reach may be more than the robot can do")]

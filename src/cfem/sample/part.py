@@ -46,7 +46,7 @@ def parse_part(text: str) -> Part:
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())
     part = Part(*map(int, found.groups())) if found else None
     if part is None or not 1 <= part.index <= part.count:
-        raise SpecError(f"'{text}' is no part i/n with 1 <= i <= n", where="--shard", do="use e.g. --shard 2/8")
+        raise SpecError(f"'{text}' is not a part i/n with 1 <= i <= n", where="--shard", do="use e.g. --shard 2/8")
     return part
 
 
@@ -85,7 +85,7 @@ def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: st
     tables = merge([skeletons[0], *shards], list(spec.splits))
     for split, table in tables.items():
         if table["id"].to_pylist() != list(range(spec.splits[split].rows)):
-            raise InputError(f"the parts lack rows of '{split}'", where="merge", do="run the parts anew with --force")
+            raise InputError(f"the parts lack rows of '{split}'", where="merge", do="run the parts again with --force")
         write_table(folder / f"{split}.parquet", table)
     wall = max(manifest["results"]["wall_seconds"] for manifest in manifests)
     return {**results(tables), "parts": len(parts), "wall_seconds": wall, "content": content_hash(tables)}
@@ -99,15 +99,15 @@ def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
     for folder, manifest in zip(parts, manifests, strict=True):
         part = manifest.get("results", {}).get("part")
         if not part:
-            raise InputError("is no part of a dataset", where=str(folder), do="make it with simulate-sample --shard")
+            raise InputError("is not a part of a dataset", where=str(folder), do="make it with simulate-sample --shard")
         if part["of"] != whole:
             do = "run simulate-sample --shard with the same spec, scene and mesh everywhere"
             raise InputError("is part of another dataset", where=str(folder), do=do)
         count = count or part["count"]
         if part["count"] != count:
-            raise InputError(f"is one of {part['count']} parts, others are of {count}", where=str(folder))
+            raise InputError(f"is one of {part['count']} parts, but others are of {count}", where=str(folder))
         if part["index"] in seen:
-            raise InputError(f"is part {part['index']}, as is {seen[part['index']]}", where=str(folder))
+            raise InputError(f"is part {part['index']}, and so is {seen[part['index']]}", where=str(folder))
         seen[part["index"]] = folder
     missing = sorted(set(range(1, count + 1)) - set(seen))
     if missing:
@@ -130,7 +130,5 @@ def dataset_parts(whole: Path) -> list[Path]:
     """The folders of parts beside a dataset. Raises InputError where there is none."""
     found = sorted(whole.parent.glob(f"{whole.name}-part-*-of-*"))
     if not found:
-        raise InputError(
-            "no parts found beside it", where=str(whole), do="run simulate-sample --shard i/n, or name them"
-        )
+        raise InputError("has no parts beside it", where=str(whole), do="run simulate-sample --shard i/n, or name them")
     return found

@@ -58,7 +58,7 @@ class Rest:
             point = np.asarray(effector_points(scene, item), float)
             if point.ndim != 1:
                 do = "watch one point"
-                raise SpecError(f"effector '{item.name}' of several points has no place that follows the design", do=do)
+                raise SpecError(f"effector '{item.name}' of several points cannot follow a varied geometry", do=do)
             axes = dict(zip("xyz", point, strict=True))
             places += [axes.get(axis, 0.0) for axis in item.axes]
         return np.array(places)

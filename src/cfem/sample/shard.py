@@ -155,7 +155,9 @@ def _without_contacts(condensed: Condensed) -> Condensed:
 def knots_bytes(knots: Sequence[Knot]) -> bytes:
     """An .npz, one array a field, the knots along its first axis. Raises NumericalError where there is none."""
     if not knots:
-        raise NumericalError("none of the states solved first converged", do="check the scene, its reach first")
+        raise NumericalError(
+            "none of the first states converged", do="check the scene; the usual cause is a reach that is too large"
+        )
     stacked = {name: np.stack([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__}
     buffer = io.BytesIO()
     np.savez(buffer, **stacked)

@@ -86,7 +86,7 @@ class FiniteElements:
         patch, compliance = None, rest.condensed.W_aa
         if self.turns is not None:
             if not robot.contacts:
-                raise SpecError(f"scene '{robot.name}' has no contacts, of which the sample spec makes a patch")
+                raise SpecError(f"scene '{robot.name}' has no contacts, and `contact` needs them for its patch")
             patch = patch_of(contact_points(problem), self.turns)
             at_rest = onto_patch(rest.condensed, patch, np.zeros(patch.n))
             compliance = at_rest.W[at_rest.rows.active, at_rest.rows.active]

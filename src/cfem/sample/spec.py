@@ -128,7 +128,7 @@ class SampleSpec(Spec):
     def _keys_differ(self) -> "SampleSpec":
         keys = [one.key for one in self.parameters.values()]
         if len(set(keys)) < len(keys):
-            raise ValueError(f"two parameters have the same key, of {keys}")
+            raise ValueError(f"two parameters have the same key: {keys}")
         return self
 
     @model_validator(mode="after")
@@ -148,5 +148,7 @@ class SampleSpec(Spec):
         drawn = [(split.method, split.seed) for split in self.splits.values() if split.method != "grid"]
         drawn += [(split.method, 0) for split in self.splits.values() if split.method == "grid"]
         if len(set(drawn)) < len(drawn):
-            raise ValueError("train and test share method and seed, hence rows; give them different seeds")
+            raise ValueError(
+                "train and test have the same method and seed, so they would share rows; give them different seeds"
+            )
         return self

@@ -21,7 +21,7 @@ def select(scene: Path | None = None, only: str | None = None, heavy: bool = Fal
         cases += own.cases(*load_scene_and_mesh(scene))
     left = chosen(cases, only, heavy)
     if not left:
-        raise SpecError(f"no case fits '{only}'", do="cfem stability --list names them")
+        raise SpecError(f"no case matches '{only}'", do="cfem stability --list names them")
     return left
 
 

@@ -82,7 +82,10 @@ def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: R
     device, m = device_of(spec), len(dataset.delta_a)
     validates = np.arange(m) % VALIDATION_STRIDE == VALIDATION_STRIDE - 1
     if not validates.any():
-        raise InputError(f"{m} training rows leave none to validate a network", do=f"use {VALIDATION_STRIDE} or more")
+        raise InputError(
+            f"{m} training rows are too few: none would be left to validate the network",
+            do=f"use {VALIDATION_STRIDE} or more",
+        )
     with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
         torch.manual_seed(spec.seed)
         given, size = network_inputs(dataset, spec)
@@ -98,7 +101,7 @@ def device_of(spec: MlpSpec) -> torch.device:
     """Where to train. InputError where the spec asks for a GPU and there is none."""
     gpu = torch.cuda.is_available()
     if spec.device == "cuda" and not gpu:
-        raise InputError("torch finds no GPU here", where="model.device: cuda", do="set it to auto or cpu")
+        raise InputError("PyTorch finds no GPU on this machine", where="model.device: cuda", do="set it to auto or cpu")
     return torch.device("cuda" if gpu and spec.device != "cpu" else "cpu")
 
 
@@ -128,7 +131,7 @@ def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np
     low, high = model.domain.delta_a if model.form == "displacement" else model.domain.lambda_a
     if (np.maximum(low, -high) > MARGIN * np.maximum(high - low, SIZE)).any():
         do = "train kind: mlp on a dataset with space: rest, in the form force if the scene carries loads"
-        raise InputError("has seen no state at rest", where=str(folder), do=do)
+        raise InputError("was trained on no state at rest", where=str(folder), do=do)
     return meta, arrays
 
 

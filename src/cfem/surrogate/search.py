@@ -35,9 +35,7 @@ def search(judge: Judge, spec: MlpSearch, seed: int, table: Path | None = None) 
             write_whole(table, json.dumps({"seconds": spent, "trials": trials}).encode())
     complete = [trial for trial in trials if trial["state"] == "complete"]
     if not complete:
-        raise NumericalError(
-            f"none of {len(trials)} trials ended well", do="lower the learning rates in model.search.over"
-        )
+        raise NumericalError(f"all {len(trials)} trials failed", do="lower the learning rates in model.search.over")
     best = min(complete, key=lambda trial: trial["loss"])
     shown = [{name: value for name, value in trial.items() if name != "path"} for trial in trials]
     return {"choice": best["choice"], "trials": shown}

@@ -31,8 +31,8 @@ def compose(
     whole = training.rows
     if len(whole.effectors) != 3 or whole.n_a != len(spec.softer) * module.rows.n_a:
         raise InputError(
-            f"{len(spec.softer)} modules of {module.rows.n_a} actuators make no robot of {whole.n_a} actuators and "
-            f"effectors {', '.join(whole.effectors)}",
+            f"{len(spec.softer)} modules of {module.rows.n_a} actuators do not make a robot of {whole.n_a} actuators "
+            f"and effectors {', '.join(whole.effectors)}",
             where=str(folder),
         )
     facts = {"form": "displacement", "module": meta, "softer": list(spec.softer)}

@@ -251,7 +251,7 @@ def first_rows(dataset: Any, samples: int | None) -> Any:
     available = len(dataset)
     if (samples or 4) > available:
         raise InputError(
-            f"holds {available} converged training rows, {samples or 4} are asked for", do="sample more rows"
+            f"holds {available} converged training rows, and {samples or 4} are needed", do="sample more rows"
         )
     return dataset if samples is None else dataset.take(np.arange(samples))
 
