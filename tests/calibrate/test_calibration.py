@@ -144,7 +144,7 @@ def test_starts_that_fail_are_named_and_the_others_serve():
 
 
 def test_nothing_measured_is_an_error():
-    with pytest.raises(InputError, match="nothing was measured"):
+    with pytest.raises(InputError, match="holds no measurement"):
         run(measured(TRUTH, positions=False), [NU])
 
 

@@ -86,12 +86,12 @@ def test_a_dataset_serves_as_measurements(tmp_path):
             "left.displacement [mm],right.displacement [mm],left.displacement [mm]\n1,2,3\n",
             "column 'left.displacement' appears twice",
         ),
-        ("m.csv", "", "no table"),
+        ("m.csv", "", "not a table"),
         ("m.yaml", "left.displacement: 1 mm\n", "a list of states"),
         ("m.yaml", "- {left.displacement: 1, right.displacement: 2 mm}\n", "state 1: 'left.displacement': .*its unit"),
         ("m.yaml", "- {left.displacement: [1\n", "not valid YAML"),
         ("m.parquet", "nothing", "damaged"),
-        ("m.txt", "1 2 3", "no table: expected .yaml"),
+        ("m.txt", "1 2 3", "not a table that can be read: expected .yaml"),
     ],
 )
 def test_bad_tables_say_where(tmp_path, name, text, message):

@@ -178,7 +178,7 @@ def test_other_bad_surfaces_are_named():
     X, facets = icosphere(1)
     turned = np.vstack([facets[:1, ::-1], facets[1:]])
     for bad, x, part in [
-        (turned, X, "3 edges are not shared by two facets of like orientation"),
+        (turned, X, "3 edges do not lie between two facets of the same orientation"),
         (np.vstack([facets, facets]), X, "is not closed"),
         (np.vstack([facets, facets[:1]]), X, "is not closed"),
         (facets, X * [1, 1, 0], "cavity 'ball' has no volume"),

@@ -17,11 +17,11 @@ def test_pipelines_are_valid(scene):
 @pytest.mark.parametrize(
     "override, words",
     [
-        ("trajectories.swing.radii=[0.6]", "leaves the pulling cube"),
-        ("trajectories.swing.radii=[0.1, 0.1]", "one number an actuator"),
+        ("trajectories.swing.radii=[0.6]", "leaves the range"),
+        ("trajectories.swing.radii=[0.1, 0.1]", "one number per actuator"),
         ("trajectories.swing.kind=ark", "arc"),
         ("search.step=5", "such as '1 mm'; got the bare number 5 .of a chamber: in mm.3"),
-        ("plant=model", "fe_based needs plant: fem"),
+        ("plant=model", "fe_based: needs plant: fem"),
         ("search.itterations=3", "iterations"),
     ],
 )

@@ -70,7 +70,7 @@ def test_overrides_reach_nested_keys_and_lists(tmp_path):
         (TEXT, ("count=1.5",), ["--set", "count: expected a whole number, got 1.5"]),
         (TEXT + "least: []\n", (), ["spec.yaml:6: least: needs 1 or more, got 0"]),
         (TEXT + "least: [3, 2]\n", (), ["spec.yaml:6: least.1: must be larger"]),
-        (TEXT, ("nonsense",), ["--set", "not key.sub=value"]),
+        (TEXT, ("nonsense",), ["--set", "not of the form key.sub=value"]),
         (TEXT, ("name.sub.x=1",), ["--set", "the spec has no key"]),
         (TEXT, ("parts.7.stiffness=1 mm",), ["--set", "the spec has no key"]),
     ],

@@ -62,8 +62,8 @@ def test_a_first_artefact_that_cannot_be_put_in_place_leaves_none(tmp_path, monk
     "data, why",
     [
         ([1], "not a JSON object"),
-        ({"files": {}}, "lacks its content hash"),
-        ({"content": "x", "files": []}, "lacks its content hash"),
+        ({"files": {}}, "has no content hash"),
+        ({"content": "x", "files": []}, "has no content hash"),
         ({"content": "x", "files": {"../y": "0"}}, "names a file outside its folder"),
     ],
 )

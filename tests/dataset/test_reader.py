@@ -209,7 +209,7 @@ def test_missing_and_foreign_files_are_errors(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_dataset(tmp_path / "none.parquet")
     pq.write_table(pa.table({"a": [1]}), tmp_path / "foreign.parquet")
-    with pytest.raises(InputError, match="no dataset of cfem"):
+    with pytest.raises(InputError, match="not a dataset of cfem"):
         read_dataset(tmp_path / "foreign.parquet")
 
 

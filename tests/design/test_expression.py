@@ -30,11 +30,11 @@ def test_slack_is_positive_where_it_holds(text, slack):
         ("1 <= H <= 3", "not an inequality"),
         ("H == 3", "not an inequality"),
         ("K >= 3", "unknown name 'K'.*known are H, JH"),
-        ("H.real >= 3", "not understood"),
-        ("__import__('os') >= 3", "not understood"),
-        ("open('x') >= 3", "not understood"),
+        ("H.real >= 3", "is not allowed"),
+        ("__import__('os') >= 3", "is not allowed"),
+        ("open('x') >= 3", "is not allowed"),
         ("min(H) >= 3", "min takes 2 numbers"),
-        ("True >= H", "not understood"),
+        ("True >= H", "is not allowed"),
     ],
 )
 def test_anything_else_is_refused(text, message):

@@ -46,5 +46,5 @@ def test_a_force_moves_the_tip_by_the_locked_compliance():
 
 
 def test_no_answer_is_an_error():
-    with pytest.raises(NumericalError, match="no start of the co-design"):
+    with pytest.raises(NumericalError, match="the co-design failed from every start"):
         serve(Arc(limit=1e-3), Task(places().x_e, False, WHOLE, NONE), [0], REFERENCE)

@@ -74,7 +74,7 @@ def test_as_a_person_writes_it(text, expected, run):
     "text, part",
     [
         ("under", "cannot make sense of 'under'.*write 'z <= 5 mm' or one of left"),
-        ("x <= -3 mm", "beside the body.*x goes from 0 to 60 mm"),
+        ("x <= -3 mm", "outside the body.*x goes from 0 to 60 mm"),
         ("x <= 60 mm", "holds all of the body"),
         ("q <= 5 mm", "cannot make sense"),
         ("line", "holds 2 nodes on one line"),

@@ -72,5 +72,5 @@ def test_what_is_no_material_is_refused(data, part):
 
 def test_a_flat_box_is_no_region():
     flat = {"kind": "box", "corners": {"mm": [[0, 0, 0], [1, 1, 0]]}}
-    with pytest.raises(ValidationError, match="no volume"):
+    with pytest.raises(ValidationError, match="without volume"):
         MaterialRegion.model_validate({"region": flat, "material": {"young": "1 MPa", "poisson": 0.3}})

@@ -98,7 +98,7 @@ def test_a_block_follows_its_walls_affinely():
     grown = morph(Box((0.0, 0.0, 0.0), (2.0, 1.0, 0.5)), np.zeros((0, 3)))
     assert grown.volumes.sum() == pytest.approx(1.0)
     np.testing.assert_allclose(np.ptp(grown.X, axis=0), [2.0, 1.0, 0.5], atol=1e-9)
-    with pytest.raises(SpecError, match="lie on no surface"):
+    with pytest.raises(SpecError, match="do not lie on a surface"):
         Morph(mesh, Box((0.0, 0.0, 0.0), (1.0, 1.0, 3.0)))
 
 

@@ -97,5 +97,5 @@ def test_states_do_not_depend_on_the_design_that_they_are_started_from(solver):
 def test_what_does_not_move_with_a_design_is_refused(solver):
     _, scene, mesh, _, parameters = solver
     loaded = scene.model_copy(update={"loads": [object()]})
-    with pytest.raises(SpecError, match="loads does not move"):
+    with pytest.raises(SpecError, match="loads cannot follow"):
         RobotFamily(loaded, mesh, parameters)

@@ -62,11 +62,11 @@ def test_parts_that_are_missing_doubled_foreign_or_damaged_are_named(spec, data,
 
     one, two, three = parts(data, "1-of-3", "2-of-3", "3-of-3")
     assert "1 of 3 parts missing: 2/3" in merge(one, three).stderr
-    assert "is part 1, as is" in merge(one, two, three, one).stderr
-    assert "is no part" in merge(one, spec.parents[2] / "single").stderr
+    assert "is part 1, and so is" in merge(one, two, three, one).stderr
+    assert "is not a part" in merge(one, spec.parents[2] / "single").stderr
     other = [*SMALL[:-1], "--set=shard=3"]
     assert "part of another dataset" in merge(one, two, three, words=other).stderr
-    assert "no parts found" in merge().stderr
+    assert "has no parts beside it" in merge().stderr
     bad = shutil.copytree(two, tmp_path / "bad")
     shard = next(bad.glob("shard-*.parquet"))
     shard.write_bytes(shard.read_bytes()[:-1])

@@ -33,7 +33,7 @@ def test_failed_rows_stay_with_their_reason_and_without_a_state(tmp_path):
 
 
 def test_nothing_that_converges_is_an_error_and_not_an_empty_dataset(tmp_path):
-    with ThreadPoolExecutor(1) as executor, pytest.raises(NumericalError, match="none of the states"):
+    with ThreadPoolExecutor(1) as executor, pytest.raises(NumericalError, match="none of the first states"):
         sample(SPEC, Factory(fails_beyond=-1.0), tmp_path, executor)
 
 

@@ -236,7 +236,7 @@ def test_it_stops_early_when_validation_stalls(schedule):
 
 
 def test_too_few_rows_and_divergence_are_one_sentence():
-    with pytest.raises(InputError, match="9 training rows leave none to validate"):
+    with pytest.raises(InputError, match="9 training rows are too few"):
         train(dataset(9, 1), TINY)
     with pytest.raises(NumericalError, match="diverges in epoch"):
         train(dataset(40, 1), TINY.model_copy(update={"learning_rate": 1e30}))
