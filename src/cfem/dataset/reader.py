@@ -154,7 +154,7 @@ def read_table(path: Path) -> pa.Table:
     except (ValueError, RecursionError) as error:
         raise damaged(path, error, _AGAIN) from None
     if not meta:
-        raise InputError("is no dataset of cfem: it has no metadata of one", where=str(path))
+        raise InputError("is not a dataset of cfem: it has no metadata of one", where=str(path))
     if meta.get("format", FORMAT) != FORMAT:
         what = f"has format {str(meta['format'])[:50]}; this cfem reads {FORMAT}"
         raise InputError(what, where=str(path), do=_AGAIN)
