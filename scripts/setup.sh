@@ -102,4 +102,5 @@ fi
 
 # The first import of a package writes its bytecode: here rather than in the user's first command
 watch "compiling what is imported" "$venv/bin/python" -c 'import onnx, onnxruntime, matplotlib.pyplot, numba, pyarrow.parquet, scipy.optimize, torch.onnx'
+say "${step}compiling the solver (about 20 s)"
 "$venv/bin/python" -m cfem.stability.warm_up

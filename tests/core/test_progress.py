@@ -44,7 +44,7 @@ def test_a_line_after_two_seconds_and_every_five_from_then_on(display, clock, wr
     wait(display, clock, FIRST - 0.5)
     assert written == []
     wait(display, clock, 0.5)
-    assert written == ["solve: starting, 2 s so far\n"]
+    assert written == ["solve: working, 2 s so far\n"]
     wait(display, clock, 10 * EVERY)
     assert len(written) == 11
 
@@ -62,7 +62,7 @@ def test_lines_say_what_is_done_and_how_far_it_is(display, clock):
         with progress("contacts", 2):
             assert display.line() == "solve: contacts, 0/2, 0 s so far"
         assert "skeleton, 3/16" in display.line()
-    assert display.line() == "solve: starting, 0 s so far"
+    assert display.line() == "solve: working, 0 s so far"
 
 
 def test_no_estimate_before_three_events_and_none_of_the_first(clock):

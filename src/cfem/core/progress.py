@@ -65,7 +65,7 @@ class Display:
     write: takes what is to be printed; clock: s; width: characters of a line that is rewritten, 0 to print lines."""
 
     def __init__(self, label: str, write: Callable[[str], object], clock: Callable[[], float], width: int = 0):
-        self.label, self.text = label, "starting"
+        self.label, self.text = label, ""
         self.counted: list[Counted] = []
         self._write, self._clock, self._width = write, clock, width
         self.begin = clock()
@@ -103,7 +103,7 @@ class Display:
     def relabel(self, label: str) -> tuple[str, str, float]:
         """Work of its own begins. Returns label, text and beginning of what goes on after it."""
         before = (self.label, self.text, self.begin)
-        self.label, self.text, self.begin = label, "starting", self._clock()
+        self.label, self.text, self.begin = label, "", self._clock()
         return before
 
     def advance(self, one: Counted, n: int) -> None:

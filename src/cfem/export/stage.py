@@ -11,6 +11,7 @@ import numpy as np
 
 from cfem.core.files import disk_errors, file_sha256, plain, write_json, write_whole
 from cfem.core.optional import demand
+from cfem.core.progress import doing
 from cfem.core.shown import size
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
@@ -76,10 +77,12 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     if "arrays" in spec.formats:
         copy(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
     if {"onnx", "torchscript"} & set(spec.formats):
+        doing("importing PyTorch, writing ONNX and TorchScript")
         write_graphs(folder, spec, meta, arrays)
     copy(artefact_file(model_folder, VECTORS), folder / VECTORS)
     vectors = read_vectors(model_folder, meta)
     reference = vectors["W"], vectors["delta_free"]
+    doing("running what was written, to compare it with the trained model")
     parity = {
         name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
         for name in spec.formats

@@ -16,7 +16,7 @@ FINGER = "soft-finger"
 # What a stage does, and about how long for the finger on a laptop.
 STAGES = {
     "scene": ("meshing the robot", "10 s"),
-    "sample": ("solving equilibria by finite elements (FE), to learn from", "20 s"),
+    "sample": ("solving equilibria by finite elements (FE), to learn from", "30 s"),
     "train": ("fitting a small model to them", "2 s"),
     "export": ("writing the model for a controller", "5 s"),
     "control": ("following a curve with the model; the FE robot is the judge", "30 s"),

@@ -18,6 +18,7 @@ from cfem.core.errors import InputError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.optional import demand
+from cfem.core.progress import doing
 from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
@@ -75,7 +76,9 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
         what = f"its rows are at rest, of which kind {spec.model.kind} learns no energy"
         raise InputError(what, where=str(dataset_folder), do="train kind: mlp, or use rows of another space")
     checkpoints = folder / "checkpoints"  # from which a killed training goes on
+    doing(f"fitting the model to {len(training)} samples")
     meta, arrays, results = train_and_judge(training, test, spec.model, checkpoints)
+    doing("checking the model")
     predictor = build(meta, arrays)
     results["positive_definite"] = definite = check_definite(predictor, training)
     results["learning_curve"] = [
