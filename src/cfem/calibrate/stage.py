@@ -131,7 +131,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
         named = {name for start in spec.starts for name in start}
         strange = named - {parameters[i].name for i in find}
         if strange:
-            raise SpecError(f"parameters parameters {sorted(strange)} are not among those to find", where="starts")
+            raise SpecError(f"parameters {sorted(strange)} are not among those to find", where="starts")
         return np.array(given)
     starts = np.tile(p0, (spec.starts, 1))
     starts[:, find] = from_shares([parameters[i] for i in find], spread(spec.starts, len(find)))
