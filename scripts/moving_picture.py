@@ -10,7 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
-SIZE = (560, 440)  # pixels
+SIZE = (400, 400)  # pixels
 # Only the first animation stays on the page, stopped at a share of its way.
 SCRIPT = """
 <script>addEventListener("load", () => {
