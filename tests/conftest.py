@@ -1,3 +1,10 @@
+"""What all tests share. One thread per process: pytest-xdist fills the cores, and threads that wait only waste
+them."""
+
+import os
+
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+
 import shutil
 from pathlib import Path
 

@@ -240,3 +240,7 @@ def test_too_few_rows_and_divergence_are_one_sentence():
         train(dataset(9, 1), TINY)
     with pytest.raises(NumericalError, match="diverges in epoch"):
         train(dataset(40, 1), TINY.model_copy(update={"learning_rate": 1e30}))
+
+
+def test_the_tests_compute_on_one_thread():
+    assert torch.get_num_threads() == 1  # more of them wait for each other, at two thirds of the suite's CPU time
