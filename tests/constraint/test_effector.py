@@ -114,7 +114,7 @@ def test_cells_restrict_the_region():
         ),
         (
             lambda: make_carrier(bricks((20, 1e-6, 1e-6), (4, 1, 1)), np.array([[10.0, 0, 0]]), 9.0, "effector 'tip'"),
-            "effector 'tip' is carried by nodes on a line",
+            "effector 'tip' is carried by nodes on one line",
         ),
     ],
 )

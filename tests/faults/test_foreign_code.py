@@ -37,7 +37,13 @@ def test_workers_take_no_module_from_the_working_folder(trapped):
 def test_gmsh_ends_with_the_process_that_waits_for_it(tmp_path):
     """The parent's end, however it comes, closes the pipe to gmsh's process, which has a mesh of hours to make."""
     command = [sys.executable, "-m", "cfem.robot.gmsh_process", tmp_path / "job.json", tmp_path / "mesh.npz"]
-    job = {"solid": as_data(Box((0, 0, 0), (100, 100, 100))), "size": 0.1, "refine": [], "regions": []}
+    job = {
+        "solid": as_data(Box((0, 0, 0), (100, 100, 100))),
+        "size": 0.1,
+        "refine": [],
+        "regions": [],
+        "max_cells": 1e12,
+    }
     (tmp_path / "job.json").write_text(json.dumps(job))
     with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
         with pytest.raises(subprocess.TimeoutExpired):

@@ -83,7 +83,7 @@ def test_a_page_on_nothing_or_on_half_of_a_model_is_refused(tmp_path):
         (
             "scene: s.yaml\nout: o\ndiscretisation: {cases: [{element: tet4}], reference: {element: tet4, size: 1 mm},"
             " states: [[1]]}\n",
-            "one of the two",
+            "either a size or a number of cells",
         ),
     ):
         path.write_text(text)

@@ -58,7 +58,7 @@ def test_volume_of_a_cavity():
     ],
 )
 def test_primitives_and_booleans(solid, volume):
-    assert run_gmsh(solid, COARSE)[2] == pytest.approx(volume, rel=1e-6)
+    assert run_gmsh(solid, COARSE.model_copy(update={"size": 2.0}))[2] == pytest.approx(volume, rel=1e-6)
 
 
 def test_the_same_job_gives_the_same_mesh_and_refinement_refines():
