@@ -48,4 +48,4 @@ def test_observer_by_equilibrium(benchmark, exported):
     benchmark.group = kind
     model = load_model(folder)
     lambda_a = model.at_displacement(QUERY).lambda_a
-    benchmark(model.at_force, lambda_a, QUERY + 0.3)
+    benchmark(model.at_force, lambda_a)

@@ -10,7 +10,7 @@ from pathlib import Path
 from cfem import __version__
 
 RELEASE = Path(__file__).parents[1] / "benchmarks" / "release.json"
-LIMIT = 2.0  # shared machines scatter by less
+LIMIT = 2.5  # shared machines scatter by up to 2
 
 
 def multiples(run: dict) -> dict[str, float]:

@@ -46,6 +46,12 @@ def test_a_benchmark_runs(named):
         assert json.loads(printed)
 
 
+def test_the_timed_benchmarks_run():
+    command = [sys.executable, "-m", "pytest", "-q", "benchmarks", "--benchmark-disable"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
 def test_every_benchmark_has_a_small_size_or_a_reason():
     scripts = {path.name for path in (ROOT / "benchmarks").glob("*.py") if not path.name.startswith("test_")}
     assert scripts == {one.split()[0] for one in QUICK} | set(LONG)
