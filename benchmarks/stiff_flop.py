@@ -4,7 +4,7 @@ rest: compliance of the tip at rest, and CPU seconds of a solve with W from rest
 bending: tips under random pressures up to 200 kPa, hexahedra of several lengths against the rod.
 solid: `mesh.element: hex8`, a 3-D solid of 20 layers a module whose chambers are wound with hoops, one a layer, while
 the rest of a section may deform, and whose modules end in plates: against the rod, and against a rod whose fibres
-contract sideways freely (E in the place of lambda + 2 mu).
+contract sideways freely (E instead of lambda + 2 mu).
 --quick: two layers a module and one state, to see that it runs."""
 
 import sys

@@ -30,7 +30,7 @@ def run_stage(
     Args:
         stage: name of the command.
         spec: its YAML file.
-        out: artefact folder, in the place of the spec's.
+        out: artefact folder, instead of the spec's.
         overrides: values in place of the spec's, such as `"mesh.size=8 mm"`.
         force: run even if up to date.
         check: run nothing; GateError where the output is stale.

@@ -35,7 +35,7 @@ class CalibrateSpec(Spec):
     model: Path | None = None
     """Folder of a model that takes parameters."""
     fe: bool = False
-    """Whether to use finite elements in the place of a model's predictions."""
+    """Whether to use finite elements instead of a model's predictions."""
     scene: Path | None = None
     """Scene of the elements; also needed where a model covers several shapes."""
     mesh: Path | None = None

@@ -25,7 +25,7 @@ app = typer.Typer(
 
 Spec = Annotated[Path, typer.Argument(help="The stage's YAML spec.")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY.SUB=VALUE", help="Override a value of the spec.")]
-Out = Annotated[Path | None, typer.Option("--out", help="Output folder, in the place of the spec's.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Output folder, instead of the spec's.")]
 Force = Annotated[bool, typer.Option("--force", help="Run even if up to date, and replace what is there.")]
 Check = Annotated[bool, typer.Option("--check", help="Run nothing; exit 5 if the output is stale.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit 4 where the result is poor: nobody should trust it.")]

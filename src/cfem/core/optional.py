@@ -68,7 +68,7 @@ def remedy(name: str) -> str:
 
 
 def says_what_is_missing(function: Callable[P, R]) -> Callable[P, R]:
-    """MissingPackageError in the place of ModuleNotFoundError."""
+    """MissingPackageError instead of ModuleNotFoundError."""
 
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:

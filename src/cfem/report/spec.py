@@ -21,7 +21,7 @@ class MeshCase(Spec):
     cells: int | None = Field(default=None, ge=100)
     """About how many tetrahedra, graded."""
     radius: Length | None = Field(default=None, ge=0)
-    """Radius of all attachments in the place of the scene's; 0 attaches to mathematical points."""
+    """Radius of all attachments instead of the scene's; 0 attaches to mathematical points."""
 
     @model_validator(mode="after")
     def _one(self):
