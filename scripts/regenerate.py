@@ -7,7 +7,7 @@
 
 Stale is what other inputs made, or another code: whether a number still comes out is asked of the code as it is. A
 gold file holds mean and standard deviation of every number of the converged rows, and a few whole rows. Tolerances:
-a number may be off by RELATIVE of its column's size, which is far above what machines and solvers round differently
+a number may differ by RELATIVE of its column's size, which is far above what machines and solvers round differently
 and far below what a change of the mechanics does."""
 
 import argparse
@@ -59,7 +59,7 @@ def samples(scene: str) -> Path:
 
 
 def make(scene: str, check: bool) -> int:
-    """Exit code of the two stages; stale ones are made anew, unless `check`."""
+    """Exit code of the two stages; stale ones are regenerated, unless `check`."""
     mark, now = Path("data") / scene / ".code.json", code()
     known = mark.exists() and json.loads(mark.read_text()) == now
     for stage, spec in (("mesh", "scene"), ("simulate-sample", "sample")):
@@ -164,14 +164,14 @@ def table(off: list[Difference], each: bool) -> list[str]:
     for one in off:
         columns.setdefault((one.where, one.column), []).append(one)
     shown = [(one, 1) for one in off] if each else [(max(found, key=size), len(found)) for found in columns.values()]
-    cells = [("dataset", "column", "number", "committed", "found", "off by", "numbers off")]
+    cells = [("dataset", "column", "number", "committed", "found", "difference", "numbers")]
     for one, count in shown:
         place = f"row {one.row}" if one.kind == "gold" else one.kind
         figures = f"{one.committed:.9g}", f"{one.found:.9g}", f"{one.off:.1e}"
         cells.append((one.where, one.column, f"{one.name} {place}".strip(), *figures, "" if each else f"{count}"))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
-    says = f"{len(off)} numbers differ; 'off by' is relative to the column's size, allowed is {RELATIVE:g}"
+    says = f"{len(off)} numbers differ; 'difference' is relative to the column's size, allowed is {RELATIVE:g}"
     return [*lines, says if each else f"{says}; the worst of each column, --each prints all"]
 
 

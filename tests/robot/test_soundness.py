@@ -26,6 +26,7 @@ def through_the_opposite_face(order=1) -> Mesh:
 def test_meshes_of_blocks_are_sound():
     for mesh in (block((3, 2, 1), (3, 2, 1), 1, 0.1), block((3, 2, 1), (3, 2, 1), 2), hexahedra((3, 2, 1), (3, 2, 1))):
         demand_unfolded(mesh, "block")
+        assert not folded(mesh).any()
 
 
 def test_a_node_through_the_opposite_face_is_found_though_every_volume_is_positive():
@@ -33,6 +34,7 @@ def test_a_node_through_the_opposite_face_is_found_though_every_volume_is_positi
     assert (mesh.volumes > 0).all() and folded(mesh).any()
     with pytest.raises(InputError, match=r"cell \d+ at \(.*\) mm is inverted, or folded over a neighbour"):
         demand_unfolded(mesh, "block")
+        assert not folded(mesh).any()
 
 
 def test_an_inverted_cell_is_named_with_its_place():

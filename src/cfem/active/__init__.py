@@ -1,1 +1,1 @@
-"""Sampling that asks the model where it errs: FE states are added there until a stated error is met."""
+"""Sampling until a stated error: FE states are added where the model's error is largest."""

@@ -2,7 +2,7 @@
 
 `equilibrium` solves grad Psi(delta_a) = lambda_a, which a model of the forces answers at once and one of the
 displacements in a few Newton steps, W_aa being the inverse of the Hessian of Psi. The paper's `previous_step` takes
-delta_a = W_aa lambda_a + delta_free_a of the linearisation before, and is off by the square of the step."""
+delta_a = W_aa lambda_a + delta_free_a of the linearisation before, whose error is second order in the step."""
 
 from typing import Literal
 

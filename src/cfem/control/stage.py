@@ -112,16 +112,8 @@ def _work(
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held = headline(results, refined, cost), None
     if spec.object:
-        held = {}
-        if fem.solves:
-            held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
-            lines.append(
-                f"object: forces and moments balance to {held['imbalance']:.1e} in every glued state; "
-                f"the softest direction in which it is held has {held['softest']:.1e} of the stiffest's stiffness"
-            )
-        if touched:
-            held |= touched.account()
-            lines.append(touched.sentence())
+        held, said = _account(fem, touched)
+        lines += said
     return {
         "headline": lines,
         "object": held,
@@ -132,6 +124,21 @@ def _work(
         "fe_cost": cost,
         "nodes": len(robot.X),
     }
+
+
+def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
+    """How well the object is held and touched: figures of the manifest, lines of the headline."""
+    held, lines = {}, []
+    if fem.solves:
+        held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
+        lines.append(
+            f"object: forces and moments balance to {held['imbalance']:.1e} in every glued state; "
+            f"the softest direction in which it is held has {held['softest']:.1e} of the stiffest's stiffness"
+        )
+    if touched:
+        held |= touched.account()
+        lines.append(touched.sentence())
+    return held, lines
 
 
 def _goals(name: str, trajectory: TrajectorySpec, robot, fem, shift: np.ndarray) -> np.ndarray:

@@ -191,7 +191,7 @@ def refuse_link(path: Path) -> None:
 
 
 def replace_folder(new: Path, target: Path, aside: Path | None = None) -> None:
-    """Puts the finished folder `new` in the place of `target`. The old content is moved to `aside`, or deleted where
+    """Replaces `target` by the finished folder `new`. The old content is moved to `aside`, or deleted where
     that is None. A process that is killed between the two renames leaves the old folder under another name, from which
     `recover_folder` puts it back unless that is `aside`."""
     old = aside or target.with_name(f".{target.name}.{os.getpid()}.old")

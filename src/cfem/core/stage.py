@@ -4,7 +4,7 @@ An artefact is a folder with `manifest.json`: which stage made it, the content h
 (`made_from`), the content hash of what it holds (`content`), every file's SHA-256, results, versions and seconds.
 
 It is whole or absent at any moment: the work fills `.<name>.partial` beside it, which takes its place by a rename, all
-bytes on disk. Killed, the next run of the same inputs goes on from what is there; of others, it begins anew."""
+bytes on disk. Killed, the next run of the same inputs goes on from what is there; of others, it starts over."""
 
 import os
 import shutil

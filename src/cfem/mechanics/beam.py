@@ -24,7 +24,7 @@ class Section:
 
     def stiffness(self, young: float, poisson: float) -> np.ndarray:
         """(6,) N and N mm^2 of a section that cannot deform, so that its fibres cannot contract sideways: they resist
-        with lambda + 2 mu in the place of Young's modulus."""
+        with lambda + 2 mu instead of Young's modulus."""
         lam, mu = lame(young, poisson)
         axial = lam + 2 * mu
         return np.array(

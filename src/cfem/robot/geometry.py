@@ -183,7 +183,7 @@ class Part(Spec):
     translate: Point | None = None
     """Movement after the rotation."""
     size: Annotated[Length, Field(gt=0)] | None = None
-    """Largest size of a cell of this part, in the place of mesh.size."""
+    """Largest size of a cell of this part, instead of mesh.size."""
     refine: list[Refinement] = []
     """Boxes of finer tetrahedra, in the part's own coordinates before it is placed."""
 

@@ -9,7 +9,7 @@ reference,
     K u + J^T mu = 0        J u = what is missing,
 
 repeated with the same factor until nothing is missing: planes that only shift are met at once. X is a smooth
-function of the design, so that what is computed on the mesh is too: there is no scatter from meshing anew."""
+function of the design, so that what is computed on the mesh is too: no new mesh scatters it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

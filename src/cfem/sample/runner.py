@@ -211,7 +211,7 @@ def _results(
 
 
 def _holds(job: Job, number: int, piece: np.ndarray) -> bool:
-    """Whether the shard is solved. Rows that were chosen by a model may be others after it was trained anew."""
+    """Whether the shard is solved. Rows that were chosen by a model may be others after it was trained again."""
     try:
         table = read_table(job.shard_rows(number))
     except InputError:  # missing, or damaged since

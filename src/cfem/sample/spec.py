@@ -120,7 +120,7 @@ class SampleSpec(Spec):
     until: Until | None = None
     """Sample until a stated error instead of a stated number of rows."""
     contact: ContactSpec | None = None
-    """Draw the actuators' forces and the pose of the patch that holds the contact points, in the place of a space."""
+    """Draw the actuators' forces and the pose of the patch that holds the contact points, instead of a space."""
     tolerance: float = Field(1e-10, gt=0, le=1e-6)
     """Largest relative residual of a converged state."""
 

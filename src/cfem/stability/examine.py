@@ -18,7 +18,7 @@ from cfem.mechanics.body import response
 from cfem.stability.evidence import Check, Evidence
 from cfem.stability.recompute import force_scale, forces, gradients, motion, strayed
 
-_DENSE = 2500  # unknowns up to which stability is judged anew by dense matrices
+_DENSE = 2500  # unknowns up to which stability is judged again by dense matrices
 _STEP = 1e-5  # of the size of the body: of differences
 
 

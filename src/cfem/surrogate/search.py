@@ -24,7 +24,7 @@ def search(judge: Judge, spec: MlpSearch, seed: int, table: Path | None = None) 
 
     judge(choice, report): the loss of a choice, on validation rows. It calls report(epoch, loss) on its way, which ends
     the trials that are worse than half of the earlier ones were, and raises NumericalError where training diverges.
-    table: a file that keeps the finished trials; the one under way when the search was killed is done anew.
+    table: a file that keeps the finished trials; the one under way when the search was killed is repeated.
     NumericalError where none ended well."""
     trials, spent = _read(table)
     while len(trials) < spec.trials and (spec.seconds is None or spent < spec.seconds):

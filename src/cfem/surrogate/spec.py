@@ -77,7 +77,7 @@ class MlpSpec(Spec):
     form: Literal["displacement", "force"] = "displacement"
     """What the model is a function of: displacements or forces of the actuators."""
     at_rest: Path | None = None
-    """Folder of a model of the same robots. Its W and delta_free at rest are then inputs in the place of the
+    """Folder of a model of the same robots. Its W and delta_free at rest are then inputs instead of the
     parameters."""
     depth: PositiveInt = 3
     """Number of hidden layers."""
