@@ -31,7 +31,6 @@ import pyarrow.parquet as pq
 from cfem.condensed import entries
 from cfem.control.design import designed
 from cfem.control.experiment import Controller, Tracker, follow
-from cfem.control.fem_plant import FemPlant
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.trajectory import arc
@@ -43,6 +42,7 @@ from cfem.design.spec import DesignSpec
 from cfem.parametric.differences import Stencil
 from cfem.parametric.family import shares
 from cfem.parametric.load import finite_elements, learned
+from cfem.plant.fem_plant import FemPlant
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
 from cfem.surrogate.error_measures import CONSTANT, paper_loss, sizes

@@ -40,12 +40,12 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     from cfem.control.closed_loop import Pace, run_loop
     from cfem.control.controller import Gains
     from cfem.control.experiment import Controller, Tracker
-    from cfem.control.fem_plant import FemPlant
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import loop_of_shares
     from cfem.export.compiled import CompiledController
+    from cfem.plant.fem_plant import FemPlant
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
@@ -132,13 +132,13 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     from cfem.control.closed_loop import Pace, run_loop
     from cfem.control.controller import Gains
     from cfem.control.experiment import Controller, Tracker
-    from cfem.control.fem_plant import FemPlant
-    from cfem.control.imperfect_plant import Imperfection, ImperfectPlant
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import arc
     from cfem.core.spec import load_spec
+    from cfem.plant.fem_plant import FemPlant
+    from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh

@@ -21,11 +21,11 @@ import numpy as np
 from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.controller import Gains
 from cfem.control.gains import integral_for
-from cfem.control.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, Settings, reach
-from cfem.control.plant import ModelPlant
 from cfem.control.tick import Pilot
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
+from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import load_model
 
 ROOT = Path(__file__).parents[1]
@@ -40,8 +40,8 @@ def serial(stiffness: np.ndarray):
 
 
 def fem(stiffness: np.ndarray):
-    from cfem.control.fem_plant import FemPlant
     from cfem.core.spec import load_spec
+    from cfem.plant.fem_plant import FemPlant
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
     from cfem.robot.spec import SceneSpec

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control.synthetic import LENGTH, REACH, ArcRobot, tip
+from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.control.loop import Iterate, Settings, reach

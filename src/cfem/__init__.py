@@ -17,8 +17,6 @@ if TYPE_CHECKING:  # for editors and type checkers; the table below says the sam
     from cfem.api.control import make_controller as make_controller
     from cfem.api.robot import load_robot as load_robot
     from cfem.api.robot import solve as solve
-    from cfem.control.fem_plant import FemPlant as FemPlant
-    from cfem.control.plant import ModelPlant as ModelPlant
     from cfem.core.errors import CfemError as CfemError
     from cfem.core.errors import DiskError as DiskError
     from cfem.core.errors import GateError as GateError
@@ -26,13 +24,15 @@ if TYPE_CHECKING:  # for editors and type checkers; the table below says the sam
     from cfem.core.errors import NumericalError as NumericalError
     from cfem.core.errors import OutputError as OutputError
     from cfem.core.errors import SpecError as SpecError
+    from cfem.plant.fem_plant import FemPlant as FemPlant
+    from cfem.plant.model_plant import ModelPlant as ModelPlant
 
 _NAMES = {
     "cfem.api.robot": "load_robot solve",
     "cfem.api.artefacts": "run_stage run_folder read_dataset load_model",
     "cfem.api.control": "inverse_step find_actuation make_controller",
-    "cfem.control.fem_plant": "FemPlant",
-    "cfem.control.plant": "ModelPlant",
+    "cfem.plant.fem_plant": "FemPlant",
+    "cfem.plant.model_plant": "ModelPlant",
     "cfem.core.errors": "CfemError SpecError InputError NumericalError GateError OutputError DiskError",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

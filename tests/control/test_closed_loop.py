@@ -4,29 +4,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control import linear, synthetic
-from control.linear import LinearRobot
-from control.synthetic import ArcRobot, tip
+from support import arc_robot, linear_robot
+from support.arc_robot import ArcRobot, tip
+from support.linear_robot import LinearRobot
 
 from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.controller import Correction, Gains
 from cfem.control.gains import integral_for, poles
-from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
-from cfem.control.plant import ModelPlant
 from cfem.control.tick import Pilot
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.model_plant import ModelPlant
 
-GOAL = linear.REST_E + [4.0, -3.0]
+GOAL = linear_robot.REST_E + [4.0, -3.0]
 TUNED = integral_for(np.deg2rad(60), 1)
 
 
-def pilot(robot=linear, model=None, **changes):
-    unilateral = np.full(2, robot is synthetic)
+def pilot(robot=linear_robot, model=None, **changes):
+    unilateral = np.full(2, robot is arc_robot)
     n_e = len(robot.REST_E)
     length = 120.0
     made = Pilot(
-        model or (LinearRobot() if robot is linear else ArcRobot()),
+        model or (LinearRobot() if robot is linear_robot else ArcRobot()),
         "force",
         "equilibrium",
         Limits.of(robot.REACH, unilateral),
@@ -41,11 +41,11 @@ def errors(moments):
     return np.array([one.error for one in moments])
 
 
-def plant(model, robot=linear, seed=0, **imperfection):
+def plant(model, robot=linear_robot, seed=0, **imperfection):
     return ImperfectPlant(ModelPlant(model, robot.REST_E), Imperfection(**imperfection), seed)
 
 
-def run(pilot, plant, goals=(GOAL,), gains=None, rest_e=linear.REST_E, ticks=40, **pace):
+def run(pilot, plant, goals=(GOAL,), gains=None, rest_e=linear_robot.REST_E, ticks=40, **pace):
     pace = Pace(**({"radius": 0.5, "hold": 5, "ticks_a_goal": ticks} | pace))
     return run_loop(np.array(goals), pilot, plant, np.asarray(rest_e), pace, gains)
 
@@ -54,7 +54,7 @@ def run(pilot, plant, goals=(GOAL,), gains=None, rest_e=linear.REST_E, ticks=40,
 @pytest.mark.parametrize("stiffness", [0.6, 1.0, 1.5])
 def test_the_error_follows_the_recursion_of_the_integrator(delay, stiffness):
     moments = run(pilot(), plant(LinearRobot(stiffness), delay=delay), gains=Gains(0.02, 0.2))
-    m, move = 1 / stiffness, np.linalg.norm(GOAL - linear.REST_E)
+    m, move = 1 / stiffness, np.linalg.norm(GOAL - linear_robot.REST_E)
     x, total = [], 0.0
     for k in range(40):
         error = 1 - x[k - 1 - delay] if k > delay else 0.0
@@ -82,7 +82,7 @@ def test_a_model_of_the_forces_drives_as_one_of_the_displacements():
 
 
 def test_open_loop_misses_by_the_wrong_stiffness_and_closed_does_not():
-    softer, move = LinearRobot(0.8), np.linalg.norm(GOAL - linear.REST_E)
+    softer, move = LinearRobot(0.8), np.linalg.norm(GOAL - linear_robot.REST_E)
     assert errors(run(pilot(), plant(softer)))[-1] == pytest.approx(move / 4, rel=1e-6)
     assert errors(run(pilot(), plant(softer), gains=Gains(0, 0.5)))[-1] < 1e-6
 
@@ -117,8 +117,8 @@ def test_noise_moves_the_robot_as_the_autoregression_says():
 
 def test_integral_does_not_wind_up_behind_a_bound():
     """One goal beyond a force bound for long, then one within: what is left is how wrong the model was at the bound."""
-    held = Limits(np.array([[-3.0, 3.0]] * 2), linear.REACH)
-    far, near = linear.REST_E + [30.0, 0.0], linear.REST_E + [2.0, 1.0]
+    held = Limits(np.array([[-3.0, 3.0]] * 2), linear_robot.REACH)
+    far, near = linear_robot.REST_E + [30.0, 0.0], linear_robot.REST_E + [2.0, 1.0]
     bounded = pilot(limits=held)
     moments = run(bounded, plant(LinearRobot(1.1)), (far, near), Gains(0, 0.3), ticks=60)
     back = errors(moments)[60:]
@@ -126,13 +126,13 @@ def test_integral_does_not_wind_up_behind_a_bound():
 
 
 def test_a_push_that_ends_while_a_bound_holds_is_forgotten_at_the_loop_s_pole():
-    held = pilot(limits=Limits(np.array([[-3.0, 3.0]] * 2), linear.REACH))
-    robot, push = ModelPlant(LinearRobot(), linear.REST_E), np.array([-5.0, 0.0])
-    away = ModelPlant(LinearRobot(), linear.REST_E, push)
+    held = pilot(limits=Limits(np.array([[-3.0, 3.0]] * 2), linear_robot.REACH))
+    robot, push = ModelPlant(LinearRobot(), linear_robot.REST_E), np.array([-5.0, 0.0])
+    away = ModelPlant(LinearRobot(), linear_robot.REST_E, push)
     moments = run(
         held,
         ImperfectPlant(away, Imperfection(), 0, robot, since=40),
-        (linear.REST_E + [3.5, 1.0],),
+        (linear_robot.REST_E + [3.5, 1.0],),
         Gains(0, 0.3),
         ticks=60,
     )
@@ -143,13 +143,13 @@ def test_a_push_that_ends_while_a_bound_holds_is_forgotten_at_the_loop_s_pole():
 
 def test_the_correction_of_what_no_actuator_corrects_is_what_it_is():
     """A goal off the surface that the effector can reach: the correction is the model's error, and stays."""
-    goal = synthetic.REST_E + tip(np.array([8.0, 7.0])) + [0.0, 3.0, 12.0]
+    goal = arc_robot.REST_E + tip(np.array([8.0, 7.0])) + [0.0, 3.0, 12.0]
     moments = run(
-        pilot(synthetic), plant(Stiffer(ArcRobot(), 1.1), synthetic), (goal,), Gains(0, 0.3), synthetic.REST_E, 300
+        pilot(arc_robot), plant(Stiffer(ArcRobot(), 1.1), arc_robot), (goal,), Gains(0, 0.3), arc_robot.REST_E, 300
     )
     moved = np.array([one.aimed - one.goal for one in moments])
     state = moments[-1].belief.iterate.condensed
-    np.testing.assert_allclose(moved[-1], synthetic.REST_E + state.delta_e - moments[-1].actual.x_e, atol=1e-6)
+    np.testing.assert_allclose(moved[-1], arc_robot.REST_E + state.delta_e - moments[-1].actual.x_e, atol=1e-6)
     assert np.linalg.norm(moved[-1]) < 8
 
 
@@ -164,14 +164,14 @@ def test_the_sum_is_bounded():
 @pytest.mark.parametrize("command", ["displacement", "force"])
 def test_commands_keep_their_rate_and_amplitude(command):
     box = np.array([[-2.5, 2.5]] * 2)
-    limits = Limits(box, linear.REACH) if command == "force" else Limits(np.full((2, 2), np.inf) * [-1, 1], box)
+    limits = Limits(box, linear_robot.REACH) if command == "force" else Limits(np.full((2, 2), np.inf) * [-1, 1], box)
     moments = run(pilot(command=command, limits=limits, rate=0.3), plant(LinearRobot(0.7)), gains=Gains(0.01, 0.3))
     u = np.array([np.zeros(2), *(one.belief.u for one in moments)])
     assert np.abs(np.diff(u, axis=0)).max() <= 0.3 + 1e-12 and np.abs(u).max() <= 2.5
 
 
 def test_goals_advance_when_they_were_held():
-    goals = [linear.REST_E + [x, 1.0] for x in (1.0, 2.0, 50.0)]
+    goals = [linear_robot.REST_E + [x, 1.0] for x in (1.0, 2.0, 50.0)]
     moments = run(pilot(), plant(LinearRobot(1.1), delay=1), goals, Gains(0, TUNED), hold=4, radius=0.1, ticks=None)
     of = [[one for one in moments if one.index == index] for index in range(3)]
     for one, ticks in zip(of, (15, 4), strict=False):  # what was learned at the first serves the second
@@ -184,10 +184,10 @@ def test_a_push_is_taken_back_by_the_closed_loop_alone():
     push = np.array([0.5, -0.5])
     pushed = {
         closed: ImperfectPlant(
-            ModelPlant(LinearRobot(), linear.REST_E),
+            ModelPlant(LinearRobot(), linear_robot.REST_E),
             Imperfection(delay=1),
             0,
-            ModelPlant(LinearRobot(), linear.REST_E, push),
+            ModelPlant(LinearRobot(), linear_robot.REST_E, push),
             since=20,
         )
         for closed in (True, False)
@@ -208,9 +208,9 @@ def bent(seeds, delay=1):
         random = np.random.default_rng(seed)
         stiffness, share = random.uniform(0.5, 1.5), random.uniform(2, 8, 2)
         share = share.mean() + 0.2 * (share - share.mean())
-        goal = synthetic.REST_E + tip(share)
-        real = plant(Stiffer(ArcRobot(), stiffness), synthetic, seed, delay=delay, noise=0.01)
-        moments = run(pilot(synthetic), real, (goal,), Gains(0, TUNED), synthetic.REST_E, ticks=50)
+        goal = arc_robot.REST_E + tip(share)
+        real = plant(Stiffer(ArcRobot(), stiffness), arc_robot, seed, delay=delay, noise=0.01)
+        moments = run(pilot(arc_robot), real, (goal,), Gains(0, TUNED), arc_robot.REST_E, ticks=50)
         last.append(errors(moments)[-10:].max())
     return np.array(last)
 
@@ -234,10 +234,10 @@ def test_beyond_the_bound_it_does_not():
 
 
 def test_iterations_within_a_tick_arrive_sooner():
-    goal = synthetic.REST_E + tip(np.array([12.0, 11.0]))
+    goal = arc_robot.REST_E + tip(np.array([12.0, 11.0]))
 
     def first_tick(iterations):
-        now = pilot(synthetic, settings=Settings(iterations=iterations))
-        return errors(run(now, plant(ArcRobot(), synthetic), (goal,), None, synthetic.REST_E, ticks=1))[0]
+        now = pilot(arc_robot, settings=Settings(iterations=iterations))
+        return errors(run(now, plant(ArcRobot(), arc_robot), (goal,), None, arc_robot.REST_E, ticks=1))[0]
 
     assert first_tick(20) < 1e-3 < first_tick(1)

@@ -12,13 +12,13 @@ from support.blocks import bar
 from surrogate.stored import train_folder
 
 from cfem.control.closed_loop_stage import run_controllers
-from cfem.control.fem_plant import FemPlant, pushed
 from cfem.control.gains import integral_for
 from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
+from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.load import load_model
 
 SPEC = """
@@ -136,7 +136,7 @@ def test_a_budget_ends_the_run(tmp_path, model_folder):
 
 
 def test_a_device_is_a_plant(tmp_path, model_folder):
-    device = [sys.executable, "-m", "cfem.control.fake_device", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
+    device = [sys.executable, "-m", "cfem.plant.fake_device", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
     fast = ["loop.rate=1 kHz", "loop.settle.hold=10 ms", "loop.settle.at_most=40 ms"]
     closed = "loop.controllers={closed: {mode: closed}}"
     overrides = ["plant=pipe", "loop.real.stiffer=1", "loop.seeds=[0]", closed, *fast]

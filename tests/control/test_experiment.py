@@ -3,13 +3,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from control.synthetic import LENGTH, REACH, REST_E, ArcRobot, tip
+from support.arc_robot import LENGTH, REACH, REST_E, ArcRobot, tip
 
 from cfem.control.experiment import Controller, Tracker, follow
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
-from cfem.control.plant import ModelPlant
 from cfem.control.summary import record, summarise
+from cfem.plant.model_plant import ModelPlant
 
 FULL = Settings()
 TRUE, SOFTER = ArcRobot(), ArcRobot(stiffness=0.9)

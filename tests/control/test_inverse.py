@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from control.synthetic import LENGTH, REACH, ArcRobot
+from support.arc_robot import LENGTH, REACH, ArcRobot
 
 from cfem.condensed import Condensed, Rows
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from control.synthetic import LENGTH, REACH, ArcRobot, tip
 from scipy.optimize import minimize
+from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from export.embedded import export, needs_compiler, spectral
 
+from cfem.condensed.model import under_force
 from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.controller import Gains
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.control.loop import Settings
-from cfem.control.observer import under_force
-from cfem.control.plant import ModelPlant
 from cfem.control.tick import Belief, Pilot, drive
 from cfem.core.errors import SpecError
 from cfem.export.compiled import CompiledController
+from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import build
 
 pytestmark = needs_compiler

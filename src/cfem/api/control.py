@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from cfem.control.controller import Controller
     from cfem.control.inverse import InverseStep, Limits
     from cfem.control.loop import Reach
-    from cfem.control.observer import Observer
-    from cfem.control.plant import Command
+    from cfem.control.tick import Observer
     from cfem.equilibrium.robot import Robot
+    from cfem.plant.protocol import Command
     from cfem.predict.protocol import Predictor
 
 

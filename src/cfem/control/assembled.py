@@ -8,17 +8,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.condensed import Rows
+from cfem.condensed.coupling import Coupled, Hold, RigidObject
+from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
-from cfem.control.coupled_plant import CoupledPlant
-from cfem.control.coupling import Coupled, Hold, RigidObject
-from cfem.control.fem_patch import FemPatch
-from cfem.control.grip_plant import GripPlant
-from cfem.control.loop import Model
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.grip import Finger, Free
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
+from cfem.plant.coupled_plant import CoupledPlant
+from cfem.plant.fem_patch import FemPatch
+from cfem.plant.grip_plant import GripPlant
 from cfem.predict.protocol import Predictor
 
 

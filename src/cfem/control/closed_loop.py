@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.control.controller import Controller, Gains
-from cfem.control.plant import Measurement, Plant
 from cfem.control.tick import Belief, Pilot
+from cfem.plant.protocol import Measurement, Plant
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.model import Model
 from cfem.control.closed_loop import Moment, Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.controller import Gains
 from cfem.control.gains import integral_for, late_samples
-from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.control.inverse import Limits, ridge_of
-from cfem.control.loop import Model, Settings
-from cfem.control.pipe_plant import PipePlant
-from cfem.control.plant import ModelPlant, Plant
+from cfem.control.loop import Settings
 from cfem.control.spec import FE_BASED, ControlSpec, SearchSpec
 from cfem.control.tick import Pilot
 from cfem.control.tick_log import tick_log
@@ -26,6 +24,10 @@ from cfem.core.errors import SpecError
 from cfem.core.progress import progress
 from cfem.core.spec import load_spec
 from cfem.equilibrium.robot import Robot
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.model_plant import ModelPlant
+from cfem.plant.pipe_plant import PipePlant
+from cfem.plant.protocol import Plant
 from cfem.predict.protocol import Predictor
 from cfem.robot.spec import SceneSpec
 
@@ -98,7 +100,7 @@ def _seeds(controller: ControllerSpec, loop: LoopSpec) -> list[int]:
 def _model(controller: ControllerSpec, predictors: Mapping[str, Predictor], robot: Robot) -> Model:
     """The controller's own: an FE model remembers where it has been."""
     if controller.model == FE_BASED:
-        from cfem.control.fem_plant import FemPlant
+        from cfem.plant.fem_plant import FemPlant
 
         return FemPlant(robot)
     return predictors[controller.model or next(iter(predictors))]
@@ -198,7 +200,7 @@ def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
 
 def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple[Plant, Plant | None]:
     """The real robot in full, and the same under a push (n_e,) N on its effectors."""
-    from cfem.control.fem_plant import FemPlant, pushed
+    from cfem.plant.fem_plant import FemPlant, pushed
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
 
@@ -207,7 +209,7 @@ def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple
     _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
     robot = build_robot(load_spec(scene, SceneSpec, real.scene), nodes)
     if real.wall:
-        from cfem.control.walled_plant import Wall, WalledPlant
+        from cfem.plant.walled_plant import Wall, WalledPlant
 
         normal = np.asarray(real.wall.normal, float)
         wall = Wall(real.wall.point, normal / np.linalg.norm(normal))

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.control.plant import Measurement
 from cfem.control.tick import Belief, Pilot, drive
 from cfem.core.errors import InputError, SpecError
+from cfem.plant.protocol import Measurement
 
 
 @dataclass(frozen=True)

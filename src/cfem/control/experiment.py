@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.model import Model
 from cfem.control.inverse import Aim, Limits
-from cfem.control.loop import Iterate, Model, Reach, Settings, reach
-from cfem.control.plant import Measurement, Plant
+from cfem.control.loop import Iterate, Reach, Settings, reach
+from cfem.plant.protocol import Measurement, Plant
 
 
 @dataclass(frozen=True)

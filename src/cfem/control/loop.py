@@ -16,23 +16,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
 
 import numpy as np
 
 from cfem.condensed import Condensed
+from cfem.condensed.model import Model, under_force
 from cfem.control.inverse import Aim, InverseStep, Limits, inverse_step
 from cfem.control.qp import Backend
 from cfem.core.errors import NumericalError
-
-
-class Model(Protocol):
-    """Whatever can condense the robot where its actuators stand."""
-
-    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
-        """Condensed at delta_a (n_a,) mm, effectors from rest. NumericalError where it has no answer."""
-        ...
-
 
 # The state after a share of an inverse step from a state.
 Place = Callable[[Model, Condensed, InverseStep, float], Condensed]
@@ -41,6 +32,11 @@ Place = Callable[[Model, Condensed, InverseStep, float], Condensed]
 def by_displacement(model: Model, here: Condensed, step: InverseStep, share: float) -> Condensed:
     """Along the step's displacements."""
     return model.at_displacement(here.delta_a + share * (step.delta_a - here.delta_a))
+
+
+def by_force(model: Model, here: Condensed, step: InverseStep, share: float) -> Condensed:
+    """Along the step's forces."""
+    return under_force(model, here.lambda_a + share * (step.lambda_a - here.lambda_a), here)
 
 
 class ReachStatus(Enum):

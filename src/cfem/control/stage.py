@@ -47,11 +47,11 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _work(
     folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
 ) -> dict[str, Any]:
-    from cfem.control.fem_plant import FemPlant
     from cfem.control.mesh_error import discretisation, states_to_refine
-    from cfem.control.plant import ModelPlant
     from cfem.control.summary import headline
     from cfem.core.progress import progress
+    from cfem.plant.fem_plant import FemPlant
+    from cfem.plant.model_plant import ModelPlant
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
@@ -234,7 +234,7 @@ def _follow(
 
 def _updated_once(model):
     """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
-    from cfem.control.coupling import Coupled
+    from cfem.condensed.coupling import Coupled
 
     return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
 

@@ -1,16 +1,23 @@
 """One tick of embedded control, after the paper's Algorithm 2: where the actuators stand, the condensed model there,
-an inverse step or a few towards the goal, a command within its limits."""
+an inverse step or a few towards the goal, a command within its limits.
+
+Where no sensor says where the actuators stand, an observer does. `equilibrium` solves grad Psi(delta_a) = lambda_a,
+which a model of the forces answers at once and one of the displacements in a few Newton steps, W_aa being the inverse
+of the Hessian of Psi. The paper's `previous_step` takes delta_a = W_aa lambda_a + delta_free_a of the linearisation
+before, whose error is second order in the step."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
+from cfem.condensed.model import Model, under_force
 from cfem.control.inverse import Aim, Limits, inverse_step
-from cfem.control.loop import Iterate, Model, Reach, ReachStatus, Settings, by_displacement, reach
-from cfem.control.observer import Observer, by_force, under_force
-from cfem.control.plant import Command, Measurement
+from cfem.control.loop import Iterate, Reach, ReachStatus, Settings, by_displacement, by_force, reach
 from cfem.core.errors import InputError, NumericalError
+from cfem.plant.protocol import Command, Measurement
 
+Observer = Literal["measured", "previous_step", "equilibrium"]
 ONCE = Settings(iterations=1)
 
 

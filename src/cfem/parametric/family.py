@@ -106,11 +106,11 @@ class FiniteElements:
         return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
 
     def _solve(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None) -> tuple[Condensed, np.ndarray]:
-        from cfem.control.fem_plant import pushed
         from cfem.equilibrium import actuation
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solution import State
         from cfem.equilibrium.solve import solve
+        from cfem.plant.fem_plant import pushed
 
         problem = self._problem(p)
         if push is not None:

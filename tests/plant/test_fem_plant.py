@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.control.fem_plant import FemPlant
+from cfem.plant.fem_plant import FemPlant
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_held_nodes_stay_held_however_many_states_were_solved_before():
     rest = robot.body.mesh.X[robot.fixed]
     for turn in np.linspace(0, 2 * np.pi, 24, endpoint=False):
         plant.pull(0.45 + 0.25 * np.array([np.cos(turn), np.sin(turn)]))
-        plant.step(plant._last.delta_a + np.array([0.1, -0.05]))
+        plant.step(plant.state.delta_a + np.array([0.1, -0.05]))
         np.testing.assert_array_equal(plant.x[robot.fixed], rest)
 
 

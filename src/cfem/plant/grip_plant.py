@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfem.contact.problem import Law
-from cfem.control.plant import Command, Measurement
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import Finger, Free, Grip, grip
+from cfem.plant.protocol import Command, Measurement
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
 SHORTEST = 1 / 64  # of a command: a way that is cut further than this ends
@@ -60,8 +60,7 @@ class GripPlant:
             self.failures += 1
         last = self._last
         if last is None or kind != "displacement":
-            nothing = np.full(len(self._at), np.nan)
-            return Measurement(np.full(3, np.nan), nothing, nothing, self._t, status)
+            return Measurement.failed(3, len(self._at), self._t, status)
         self.counts.append(dict(Counter(mode.value for mode in last.modes)))
         self.worst = max(self.worst, last.check.largest)
         delta_a, lambda_a = (

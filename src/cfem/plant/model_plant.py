@@ -1,38 +1,12 @@
-"""What control acts on: a plant takes a command and says what became of it."""
-
-from dataclasses import dataclass
-from typing import Literal, Protocol
+"""A condensed model as the plant."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
-from cfem.control.loop import Model
-from cfem.control.observer import under_force
+from cfem.condensed.model import Model, under_force
 from cfem.core.errors import NumericalError
-
-Command = Literal["displacement", "force"]
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """x_e: (n_e,) mm absolute positions of the effectors; delta_a (n_a,) mm and lambda_a (n_a,) N, None where
-    no sensor gives them; t: number of the step; status: 'converged', or the sentence that says why not
-    (numbers are then NaN)."""
-
-    x_e: np.ndarray
-    delta_a: np.ndarray | None
-    lambda_a: np.ndarray | None
-    t: int
-    status: str
-
-
-class Plant(Protocol):
-    """The robot, or what stands for it."""
-
-    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        """Command the actuators: u (n_a,), displacements in mm or forces in N."""
-        ...
+from cfem.plant.protocol import Command, Measurement
 
 
 class ModelPlant:
@@ -50,8 +24,7 @@ class ModelPlant:
         try:
             state = self._model.at_displacement(u) if kind == "displacement" else self._under(u)
         except NumericalError as error:
-            nothing = np.full(len(u), np.nan)
-            return Measurement(np.full(len(self._rest_e), np.nan), nothing, nothing, self._t, str(error))
+            return Measurement.failed(len(self._rest_e), len(u), self._t, str(error))
         self._last = state
         delta_e, delta_a, lambda_a = state.delta_e, state.delta_a, state.lambda_a
         if self._push is not None:

@@ -8,10 +8,10 @@ import pytest
 from surrogate.stored import train_folder
 
 from cfem.condensed import Rows
-from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
-from cfem.control.pipe_plant import PipePlant
-from cfem.control.plant import ModelPlant
 from cfem.core.errors import InputError
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.model_plant import ModelPlant
+from cfem.plant.pipe_plant import PipePlant
 from cfem.predict.load import load_model
 
 ROWS = Rows(("x", "y"), ("a",))
@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
 
 def fake(folder, *options, **changes):
     model = load_model(folder)
-    command = [sys.executable, "-m", "cfem.control.fake_device", str(folder), *options]
+    command = [sys.executable, "-m", "cfem.plant.fake_device", str(folder), *options]
     return PipePlant(command, model.rows, model.rest_e, **changes)
 
 
@@ -140,7 +140,7 @@ class Clock:
 @pytest.mark.parametrize("takes, slept, late", [(0.02, [0.03] * 3, 0), (0.07, [], 3)])
 def test_the_period_is_kept_and_lateness_counted(tmp_path, monkeypatch, takes, slept, late):
     clock = Clock()
-    monkeypatch.setattr("cfem.control.pipe_plant.time", clock)
+    monkeypatch.setattr("cfem.plant.pipe_plant.time", clock)
     with script(tmp_path, "say({'t': m['t'], 'x_e': [0, 0]})", period=0.05) as plant:
         ask = plant._ask
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cfem.condensed.coupling import Coupled, Held, Hold, RigidObject
 from cfem.condensed.pose import turn
-from cfem.control.coupling import Coupled, Held, Hold, RigidObject
-from cfem.control.fem_patch import FemPatch
-from cfem.control.plant import Command, Measurement
 from cfem.core.errors import NumericalError
+from cfem.plant.fem_patch import FemPatch
+from cfem.plant.protocol import Command, Measurement
 
 PUSH = 1e-7  # N, or 1e-6 of the largest tension: what a cable may seem to push by the search's tolerance
 ITERATIONS = 20
@@ -63,8 +63,7 @@ class CoupledPlant:
                 raise NumericalError("the coupled plant takes displacements")
             held = self._without_push(np.asarray(u, float))
         except NumericalError as error:
-            nothing = np.full(len(u), np.nan)
-            return Measurement(np.full(n_e, np.nan), nothing, nothing, self._t, str(error))
+            return Measurement.failed(n_e, len(u), self._t, str(error))
         x_e = self.coupled.object.centre + held.delta_e
         return Measurement(x_e, held.delta_a, held.lambda_a, self._t, "converged")
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from control.linear import REST_E, W_AA, W_EA, LinearRobot
-from control.synthetic import ArcRobot
+from support.arc_robot import ArcRobot
+from support.linear_robot import REST_E, W_AA, W_EA, LinearRobot
 
-from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
-from cfem.control.plant import ModelPlant
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.model_plant import ModelPlant
 
 RAMP = [np.array([0.1 * k, -0.2 * k]) for k in range(1, 31)]
 

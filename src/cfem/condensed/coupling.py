@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.model import Model
 from cfem.condensed.pose import Turn, turn
 from cfem.condensed.restrict import from_energy
-from cfem.control.loop import Model
 from cfem.core.errors import NumericalError
 
 TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it

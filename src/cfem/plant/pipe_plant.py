@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.control.plant import Command, Measurement
 from cfem.core.errors import InputError
+from cfem.plant.protocol import Command, Measurement
 
 VERSION = 1
 

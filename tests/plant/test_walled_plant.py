@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.control.fem_plant import FemPlant, pushed
-from cfem.control.walled_plant import Wall, WalledPlant
+from cfem.plant.fem_plant import FemPlant, pushed
+from cfem.plant.walled_plant import Wall, WalledPlant
 
 LIFT = np.array([-1.0, 1.0])
 

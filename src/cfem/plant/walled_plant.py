@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.control.fem_plant import FemPlant, pushed
-from cfem.control.plant import Command, Measurement
 from cfem.equilibrium.robot import Robot
+from cfem.plant.fem_plant import FemPlant, pushed
+from cfem.plant.protocol import Command, Measurement
 
 TOLERANCE, ITERATIONS = 1e-6, 30  # mm of the gap; trial forces
 
@@ -58,8 +58,7 @@ class WalledPlant:
                 return self._numbered(found)
             self._softness = (gap - known[1]) / (trial - known[0])
             known, trial = (trial, gap), max(trial - gap / self._softness, 0.0)
-        nothing = np.full(len(u), np.nan)
-        return Measurement(np.full(self._n_e, np.nan), nothing, nothing, self._t, "the wall's force is not found")
+        return Measurement.failed(self._n_e, len(u), self._t, "the wall's force is not found")
 
     def _numbered(self, found: Measurement) -> Measurement:
         return Measurement(found.x_e, found.delta_a, found.lambda_a, self._t, found.status)

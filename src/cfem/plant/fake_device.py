@@ -1,4 +1,4 @@
-"""A device of the pipe protocol that is a model: `python -P -m cfem.control.fake_device MODEL [--stiffer 1.1] ...`.
+"""A device of the pipe protocol that is a model: `python -P -m cfem.plant.fake_device MODEL [--stiffer 1.1] ...`.
 
 To try a closed loop without hardware, and to start one's own device from."""
 
@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
-from cfem.control.plant import Measurement, ModelPlant
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.model_plant import ModelPlant
+from cfem.plant.protocol import Measurement
 from cfem.predict.load import load_model
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from control.synthetic import REST_E, ArcRobot, tip
+from support.arc_robot import REST_E, ArcRobot, tip
 
-from cfem.control.plant import ModelPlant
+from cfem.plant.model_plant import ModelPlant
 
 
 def test_displacement_and_force_agree():

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.control.loop import Model
-from cfem.control.plant import Command, Measurement, Plant
+from cfem.condensed.model import Model
+from cfem.plant.protocol import Command, Measurement, Plant
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ import pytest
 from support.blocks import bar
 
 from cfem.contact.obstacle import Box
-from cfem.control.grip_plant import GripPlant
 from cfem.equilibrium.grip import Finger, Free
 from cfem.equilibrium.problem import Problem
+from cfem.plant.grip_plant import GripPlant
 
 REST = np.array([30.0, 5.0, 9.0])
 FLIP = np.diag([1.0, -1.0, -1.0])

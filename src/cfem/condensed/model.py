@@ -1,21 +1,23 @@
-"""Where the actuators stand under forces that are known, when no sensor says so.
+"""What answers for a robot: a model gives the condensed robot where its actuators stand, and is searched for where they
+stand under given forces."""
 
-`equilibrium` solves grad Psi(delta_a) = lambda_a, which a model of the forces answers at once and one of the
-displacements in a few Newton steps, W_aa being the inverse of the Hessian of Psi. The paper's `previous_step` takes
-delta_a = W_aa lambda_a + delta_free_a of the linearisation before, whose error is second order in the step."""
-
-from typing import Literal
+from typing import Protocol
 
 import numpy as np
 
-from cfem.condensed import Condensed
-from cfem.control.inverse import InverseStep
-from cfem.control.loop import Model
+from cfem.condensed.condensed import Condensed
 from cfem.core.errors import NumericalError
 
-Observer = Literal["measured", "previous_step", "equilibrium"]
 EXACT, NEAR = 1e-11, 1e-5  # shares of the displacements: where Newton stops, and what rounding may leave
 ITERATIONS, HALVINGS = 40, 12
+
+
+class Model(Protocol):
+    """Whatever can condense the robot where its actuators stand."""
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        """Condensed at delta_a (n_a,) mm, effectors from rest. NumericalError where it has no answer."""
+        ...
 
 
 def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condensed:
@@ -47,8 +49,3 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
             break
         here = trial
     raise NumericalError(f"the model has no state under the forces {np.asarray(lambda_a).tolist()} N")
-
-
-def by_force(model: Model, here: Condensed, step: InverseStep, share: float) -> Condensed:
-    """The state after a share of an inverse step in the forces."""
-    return under_force(model, here.lambda_a + share * (step.lambda_a - here.lambda_a), here)

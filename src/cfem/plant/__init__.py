@@ -1,0 +1,1 @@
+"""What control acts on: a plant takes a command of the actuators and says what became of it."""

@@ -1,0 +1,37 @@
+"""The FE robot whose contact points a rigid patch holds, as a model of its actuators and the patch's pose."""
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.condensed.restrict import onto_patch
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.held_patch import contact_points, held, patch_of
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.robot import Robot
+from cfem.plant.fem_robot import FemRobot
+
+MEMORY = 100  # solved states that predictions draw on
+APART = 1e-3  # mm or rad: states nearer to each other teach nothing new
+
+
+class FemPatch(FemRobot):
+    """`Model`. patch: as the robot's contact points make it; tolerance: of Newton's method"""
+
+    def __init__(self, robot: Robot, turns: bool, tolerance: float = 1e-11):
+        super().__init__(robot, MEMORY, APART, Settings(tolerance=tolerance))
+        self.rows = robot.rows
+        self.patch = patch_of(contact_points(self._problem), turns)
+        self._at: tuple[np.ndarray, Condensed] | None = None
+
+    def at_displacement(self, delta: np.ndarray) -> Condensed:
+        """Condensed FE at delta (n_a + n,): actuators (mm), bilateral, then the patch's pose. NumericalError where it
+        does not converge to a stable equilibrium."""
+        delta = np.asarray(delta, float)
+        if self._at is not None and np.array_equal(self._at[0], delta):
+            return self._at[1]
+        n_a = self.rows.n_a
+        X = delta[n_a:]
+        actuation = held(displacement(delta[:n_a]), self.patch.displacement(X))
+        found = self._solve(actuation, delta, slack=False, place=delta)
+        self._at = delta.copy(), onto_patch(found.condensed, self.patch, X)
+        return self._at[1]

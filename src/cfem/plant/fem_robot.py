@@ -1,0 +1,56 @@
+"""One FE robot that is solved again and again, each time near states that it has been in."""
+
+import time
+from collections import deque
+
+import numpy as np
+
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.predictor import Knot, is_new, knot, predict
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.solve import DEFAULT, solve
+
+
+class FemRobot:
+    """Every solve starts from a prediction from the states solved before, which costs about one factorisation where
+    they are near.
+
+    solves, factorizations, seconds: what it has cost; x: (n, 3) mm nodes now; state: the equilibrium in which the robot
+    stands, None at rest"""
+
+    def __init__(self, robot: Robot, memory: int, apart: float, settings: Settings = DEFAULT):
+        """memory: solved states that predictions draw on; apart: states nearer to each other teach nothing new;
+        settings: of Newton's method."""
+        self._problem = Problem(robot)
+        self._settings, self._apart = settings, apart
+        self._known: deque[Knot] = deque(maxlen=memory)
+        self.state: Equilibrium | None = None
+        self.solves, self.factorizations, self.seconds = 0, 0, 0.0
+
+    @property
+    def x(self) -> np.ndarray:
+        return self._problem.rest if self.state is None else self.state.state.x
+
+    def _solve(
+        self, actuation: Actuation, near: np.ndarray, slack: bool, place: np.ndarray | None = None
+    ) -> Equilibrium:
+        """near: (n,) about where the robot will be; place: (n,) where it then is, contact points held; None: where its
+        actuators stand. NumericalError where it does not converge to a stable equilibrium."""
+        begin = time.perf_counter()
+        base = None if self.state is None else self.state.state
+        start = predict(self._known, near, actuation)
+        found = solve(self._problem, actuation, start, base, settings=self._settings, slack=slack)
+        self.solves += 1
+        self.factorizations += found.factorizations
+        self.seconds += time.perf_counter() - begin
+        if not found.converged:
+            raise NumericalError(f"FE robot: {found.status.value}")
+        self.state = found
+        candidate = knot(found.delta_a if place is None else place, found, contacts=place is not None)
+        if is_new(self._known, candidate, self._apart):
+            self._known.append(candidate)
+        return found

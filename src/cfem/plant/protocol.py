@@ -1,0 +1,35 @@
+"""What control acts on: a plant takes a command and says what became of it."""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+Command = Literal["displacement", "force"]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """x_e: (n_e,) mm absolute positions of the effectors; delta_a (n_a,) mm and lambda_a (n_a,) N, None where
+    no sensor gives them; t: number of the step; status: 'converged', or the sentence that says why not
+    (numbers are then NaN)."""
+
+    x_e: np.ndarray
+    delta_a: np.ndarray | None
+    lambda_a: np.ndarray | None
+    t: int
+    status: str
+
+    @classmethod
+    def failed(cls, n_e: int, n_a: int, t: int, why: str) -> "Measurement":
+        """Of a step that has no answer."""
+        nothing = np.full(n_a, np.nan)
+        return cls(np.full(n_e, np.nan), nothing, nothing, t, why)
+
+
+class Plant(Protocol):
+    """The robot, or what stands for it."""
+
+    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Command the actuators: u (n_a,), displacements in mm or forces in N."""
+        ...

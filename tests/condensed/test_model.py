@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from support.arc_robot import ArcRobot
+from surrogate.synthetic import dataset
+
+from cfem.condensed.model import under_force
+from cfem.core.errors import NumericalError
+from cfem.predict.load import build
+from cfem.surrogate.model_card import model_card
+from cfem.surrogate.spectral import fit
+
+
+@pytest.mark.parametrize("where", [[0.0, 0.0], [3.0, 2.5], [12.0, 11.0], [19.0, 17.0]])
+def test_equilibrium_is_where_the_forces_put_it(where):
+    model = ArcRobot()
+    there = model.at_displacement(np.array(where))
+    model.queries = 0
+    found = under_force(model, there.lambda_a, model.at_displacement(np.array([5.0, 5.0])))
+    np.testing.assert_allclose(found.delta_a, where, atol=1e-10)
+    assert model.queries <= 10
+
+
+def test_a_warm_start_takes_a_few_queries():
+    model = ArcRobot()
+    there = model.at_displacement(np.array([6.3, 6.1]))
+    near, model.queries = model.at_displacement(np.array([6.0, 6.0])), 0
+    under_force(model, there.lambda_a, near)
+    assert model.queries <= 4
+
+
+def test_steps_beyond_what_the_model_knows_are_shortened():
+    model = ArcRobot(limit=9.0)
+    there = model.at_displacement(np.array([8.5, 8.4]))
+    found = under_force(model, there.lambda_a, model.at_displacement(np.zeros(2)))
+    np.testing.assert_allclose(found.delta_a, [8.5, 8.4], atol=1e-10)
+    with pytest.raises(NumericalError, match="no state under"):
+        under_force(model, 3 * there.lambda_a, there)
+
+
+def test_a_model_of_the_forces_is_asked_once():
+    class ByForce:
+        form = "force"
+
+        def at_force(self, lambda_a):
+            return ("state under", lambda_a)
+
+    assert under_force(ByForce(), 1.0, None) == ("state under", 1.0)
+
+
+def test_a_learned_energy_inverts_its_own_forces():
+    training = dataset(60, 1)
+    model = build(model_card("spectral", training), fit(training).arrays)
+    for delta_a in dataset(5, 7).delta_a:
+        lambda_a = model.at_displacement(delta_a).lambda_a
+        near = model.at_displacement(0.8 * delta_a)
+        np.testing.assert_allclose(under_force(model, lambda_a, near).delta_a, delta_a, atol=1e-10)

@@ -1,0 +1,81 @@
+"""Two FE robots that hold an object against one FE system of all."""
+
+import numpy as np
+from support.blocks import hexahedra
+
+from cfem.condensed import Rows
+from cfem.condensed.coupling import Hold, RigidObject
+from cfem.constraint.attachment import attach
+from cfem.constraint.cable import make_cable
+from cfem.constraint.contact import make_contact
+from cfem.constraint.effector import make_effector
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.body import make_body
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.material.law import Material
+from cfem.plant.coupled_plant import CoupledPlant
+from cfem.plant.fem_patch import FemPatch
+
+
+def fe_bar(cells, start, cable, points, fixed, rigid=()):
+    """`cells` unit hexahedra along x from `start`, one cable, contact points at nodes."""
+    mesh = hexahedra((cells * 2.0, 2.0, 2.0), (cells, 1, 1))
+    mesh = type(mesh)(mesh.X + [start, 0, 0], mesh.cells, mesh.facets)
+    body = make_body(mesh, ELEMENTS["hex8"], Material(LAWS["neo-hookean"], 1.0, 0.3))
+    pulled = make_cable(
+        [attach(mesh, np.array(point), 0.0, "cable") for point in cable[1:]], np.array(cable[0]), "cable"
+    )
+    tip = make_effector(mesh, np.array(points[0]), 0.0, 3.0, "tip")
+    contacts = tuple(make_contact(mesh, np.array(point), 0.0, f"c{i}") for i, point in enumerate(points))
+    names = tuple(f"c{i}.{axis}" for i in range(len(points)) for axis in "xyz")
+    nodes = {side: np.flatnonzero(np.abs(mesh.X[:, 0] - x) < 1e-9) for side, x in fixed.items()}
+    groups = tuple(np.flatnonzero((mesh.X[:, 0] > a - 1e-9) & (mesh.X[:, 0] < b + 1e-9)) for a, b in rigid)
+    rows = Rows(("tip.x", "tip.y", "tip.z"), ("cable",), names)
+    return Robot(
+        "bar",
+        body,
+        np.concatenate(list(nodes.values())),
+        (pulled,),
+        (tip,),
+        rows,
+        np.array([[0.0, 2.0]]),
+        np.array([False]),
+        10.0,
+        contacts=contacts,
+        rigid=groups,
+    )
+
+
+def test_two_fe_bars_on_an_object_are_one_fe_bar_with_a_rigid_middle():
+    """Bars of 8 mm on either side of a rigid middle from 8 to 12: as one system, and coupled by the plant."""
+    middle = [(8.0, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)]
+    far = [(12.0, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)]
+    cable = [(0.0, 2.0, 1.0), (4.0, 2.0, 1.0)]
+    spare = [(20.0, 2.0, 1.0), (16.0, 2.0, 1.0)]
+    whole = fe_bar(10, 0.0, cable, middle[:1], {"left": 0.0, "right": 20.0}, rigid=[(8.0, 12.0)])
+    one = solve(Problem(whole), displacement(np.array([0.3])))
+    assert one.converged
+    left = fe_bar(4, 0.0, cable, middle, {"left": 0.0})
+    right = fe_bar(4, 12.0, spare, far, {"right": 20.0})
+    fem = [FemPatch(robot, turns=True) for robot in (left, right)]
+    holds = [
+        Hold(name, model, 1, 6, np.eye(3), np.zeros(3), model.patch.origin)
+        for name, model in zip(("left", "right"), fem, strict=True)
+    ]
+    held = RigidObject(np.array([10.0, 1.0, 1.0]), True, np.zeros(6))
+    plant = CoupledPlant(holds, held, np.array([True, True]), np.zeros(2), np.zeros((1, 3)))
+    # the right cable may be as long as it likes: let out far, it is slack
+    found = plant.step(np.array([0.3, -0.3]))
+    assert found.status == "converged" and plant.imbalance <= 1e-8
+    state = plant.at_displacement(found.delta_a)
+    np.testing.assert_allclose(state.lambda_a[0], one.lambda_a[0], rtol=1e-8)
+    np.testing.assert_allclose(fem[0].x[face(left, 8.0)], one.state.x[face(whole, 8.0)], atol=1e-8)
+    np.testing.assert_allclose(fem[1].x[face(right, 12.0)], one.state.x[face(whole, 12.0)], atol=1e-8)
+
+
+def face(robot, x):
+    return np.flatnonzero(np.abs(robot.X[:, 0] - x) < 1e-9)
