@@ -37,7 +37,7 @@ int main(void) {
 #else
         cfem_qp_answer answer;
         const uint32_t begin = TIMER[1];
-        cfem_qp(2, 2, problems[i].M, problems[i].d, 2, problems[i].A, problems[i].l, problems[i].u, &answer);
+        cfem_qp(2, 2, problems[i].M, problems[i].d, 2, problems[i].A, 2, problems[i].l, problems[i].u, &answer);
         const double *x = answer.x;
         const int iterations = answer.iterations;
 #endif

@@ -41,7 +41,7 @@ def solver():
         keep = [np.ascontiguousarray(a, float) for a in (M, d, A, low, high)]
         M_, d_, A_, low_, high_ = (a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in keep)
         answer, n = Answer(), M.shape[1]
-        status = function(n, len(M), M_, d_, len(A), A_, low_, high_, ctypes.byref(answer))
+        status = function(n, len(M), M_, d_, len(A), A_, n, low_, high_, ctypes.byref(answer))
         return status, np.array(answer.x[:n]), np.array(answer.multipliers[: n + len(A)])
 
     return solve

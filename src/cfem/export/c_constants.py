@@ -99,8 +99,7 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
     axes, trees = _trees(indices, kept)
     constants = {"cfem_to_box": to_box[axes], "cfem_offset": offset[axes]}
     for name, tree in trees.items():
-        value = np.ascontiguousarray(series[name][:, tree.order].T).astype(scalar)
-        constants[f"cfem_{name}"] = value[:, 0] if name == "potential" else value
+        constants[f"cfem_{name}"] = series[name][:, tree.order].T.ravel().astype(scalar)  # term by term
         constants[f"cfem_{name}_degrees"] = indices[tree.order, axes[-1]].astype(np.uint8)
     sizes = {
         "CFEM_SPECTRAL": 1,

@@ -16,7 +16,7 @@
 #ifndef CFEM_H
 #define CFEM_H
 
-#include "cfem_data.h"
+#include "cfem_room.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -38,19 +38,19 @@ enum {
 
 /* What the controller knows at a tick. */
 typedef struct {
-    cfem_real goal[CFEM_NE];    /* mm, absolute: where the effectors should be */
-    cfem_real error[CFEM_NE];   /* mm: cfem_output.reference of the tick that the latest measurement of the effectors
+    cfem_real goal[CFEM_MOST_NE];    /* mm, absolute: where the effectors should be */
+    cfem_real error[CFEM_MOST_NE];   /* mm: cfem_output.reference of the tick that the latest measurement of the effectors
                                    belongs to, minus that measurement; read only where measured != 0 */
-    cfem_real delta_a[CFEM_NA]; /* mm (mm^3): where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
+    cfem_real delta_a[CFEM_MOST_NA]; /* mm (mm^3): where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
     int measured;               /* 1: `error` is new since the last tick, and moves the goal by K_P e + K_I sum e; 0: the goal
                                    stays moved as it was (open loop, as long as it never was 1) */
 } cfem_input;
 
 /* What it commands: take the one that the drives take (CFEM_COMMAND_FORCE says which it was exported for). */
 typedef struct {
-    cfem_real delta_a[CFEM_NA];  /* mm (mm^3) */
-    cfem_real lambda_a[CFEM_NA]; /* N (MPa) */
-    cfem_real reference[CFEM_NE]; /* mm, absolute: where the effectors will be if the outer loop is right: the goal, or what
+    cfem_real delta_a[CFEM_MOST_NA];  /* mm (mm^3) */
+    cfem_real lambda_a[CFEM_MOST_NA]; /* N (MPa) */
+    cfem_real reference[CFEM_MOST_NE]; /* mm, absolute: where the effectors will be if the outer loop is right: the goal, or what
                                      the limits leave of it. Errors are measured from here, so that nothing is added up that no
                                      command can change (anti-windup) */
     unsigned status;              /* CFEM_OK, or an OR of the above */
@@ -58,26 +58,26 @@ typedef struct {
 
 /* The condensed model at a state. */
 typedef struct {
-    double delta_a[CFEM_NA];         /* mm */
-    double lambda_a[CFEM_NA];        /* N */
-    double W_aa[CFEM_NA][CFEM_NA];   /* mm/N, symmetric positive definite */
-    double W_ea[CFEM_NE][CFEM_NA];   /* mm/N */
-    double free_a[CFEM_NA];          /* mm: delta_a = W_aa lambda_a + free_a */
-    double free_e[CFEM_NE];          /* mm, effectors from rest: delta_e = W_ea lambda_a + free_e */
+    double delta_a[CFEM_MOST_NA];         /* mm */
+    double lambda_a[CFEM_MOST_NA];        /* N */
+    double W_aa[CFEM_MOST_NA][CFEM_MOST_NA];   /* mm/N, symmetric positive definite */
+    double W_ea[CFEM_MOST_NE][CFEM_MOST_NA];   /* mm/N */
+    double free_a[CFEM_MOST_NA];          /* mm: delta_a = W_aa lambda_a + free_a */
+    double free_e[CFEM_MOST_NE];          /* mm, effectors from rest: delta_e = W_ea lambda_a + free_e */
 #if CFEM_FULL
-    double W_ee[CFEM_NE][CFEM_NE];   /* mm/N */
+    double W_ee[CFEM_MOST_NE][CFEM_MOST_NE];   /* mm/N */
     double energy;                   /* N mm: condensed energy, or its dual in the force form; 0 where none was learned */
 #endif
 } cfem_condensed;
 
 /* A robot's state. The caller owns it; its members are for reading. */
 typedef struct {
-    double delta_a[CFEM_NA];     /* mm, of the last command, as linearised where forces are commanded */
-    double lambda_a[CFEM_NA];    /* N, of the last command, as linearised where displacements are commanded */
-    double reference[CFEM_NE];   /* mm, absolute: see cfem_output */
-    double integral[CFEM_NE];    /* mm, K_I sum e */
-    double moved[CFEM_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
-#if CFEM_HALVINGS
+    double delta_a[CFEM_MOST_NA];     /* mm, of the last command, as linearised where forces are commanded */
+    double lambda_a[CFEM_MOST_NA];    /* N, of the last command, as linearised where displacements are commanded */
+    double reference[CFEM_MOST_NE];   /* mm, absolute: see cfem_output */
+    double integral[CFEM_MOST_NE];    /* mm, K_I sum e */
+    double moved[CFEM_MOST_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
+#if CFEM_MOST_HALVINGS
     cfem_condensed at;           /* the model at the last command */
     int stands;                  /* whether that is the command, not cut down since */
 #endif
@@ -91,7 +91,7 @@ unsigned cfem_step(cfem_controller *controller, const cfem_input *input, cfem_ou
 
 /* The model at s (CFEM_NA,): delta_a mm (CFEM_FORM_DISPLACEMENT) or lambda_a N (CFEM_FORM_FORCE). Returns 0, or
  * CFEM_NO_MODEL where it has no trustworthy answer, with what was found in `condensed`. */
-unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *condensed);
+unsigned cfem_model(const double s[CFEM_MOST_NA], cfem_condensed *condensed);
 
 #ifdef __cplusplus
 }

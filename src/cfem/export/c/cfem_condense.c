@@ -8,58 +8,55 @@
 #include "cfem_linear.h"
 #include "cfem_parts.h"
 
-#if !CFEM_FORM_DISPLACEMENT
-static int positive_definite(double W[CFEM_NA][CFEM_NA]) {
-    double copy[CFEM_NA][CFEM_NA];
+#define MOST CFEM_MOST_NA
+
+static int positive_definite(double W[MOST][MOST]) {
+    double copy[MOST][MOST];
     for (int i = 0; i < CFEM_NA; i++)
-        for (int j = 0; j < CFEM_NA; j++) copy[i][j] = W[i][j];
-    return cfem_invert(CFEM_NA, &copy[0][0]) == 0;
+        for (int j = i; j < CFEM_NA; j++) copy[i][j] = W[i][j];
+    return cfem_invert(CFEM_NA, MOST, &copy[0][0]) == 0;
 }
-#endif
 
-#if CFEM_SPECTRAL && !CFEM_SERIAL
-
-unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
+#if CFEM_SPECTRAL
+static unsigned of_series(const double *s, cfem_condensed *m) {
+    const int n_a = CFEM_SERIES_NA, n_e = CFEM_SERIES_NE; /* CFEM_NA and CFEM_NE */
     cfem_parts part;
     unsigned status = 0;
     cfem_spectral(s, &part);
-    for (int i = 0; i < CFEM_NA; i++)
-        for (int j = 0; j < CFEM_NA; j++) m->W_aa[i][j] = part.hessian[i][j];
-#if CFEM_FORM_DISPLACEMENT
-    for (int i = 0; i < CFEM_NA; i++) m->delta_a[i] = s[i], m->lambda_a[i] = part.gradient[i];
-    if (cfem_invert(CFEM_NA, &m->W_aa[0][0])) status = CFEM_NO_MODEL;
-    for (int e = 0; e < CFEM_NE; e++)
-        for (int j = 0; j < CFEM_NA; j++) m->W_ea[e][j] = cfem_dot(CFEM_NA, part.effector_gradient[e], m->W_aa[j]);
-#else
-    for (int i = 0; i < CFEM_NA; i++) m->delta_a[i] = part.gradient[i], m->lambda_a[i] = s[i];
-    if (!positive_definite(m->W_aa)) status = CFEM_NO_MODEL;
-    for (int e = 0; e < CFEM_NE; e++)
-        for (int j = 0; j < CFEM_NA; j++) m->W_ea[e][j] = part.effector_gradient[e][j];
-#endif
-    for (int i = 0; i < CFEM_NA; i++) m->free_a[i] = m->delta_a[i] - cfem_dot(CFEM_NA, m->W_aa[i], m->lambda_a);
-    for (int e = 0; e < CFEM_NE; e++) m->free_e[e] = part.effector[e] - cfem_dot(CFEM_NA, m->W_ea[e], m->lambda_a);
+    for (int i = 0; i < n_a; i++)
+        for (int j = 0; j < n_a; j++) m->W_aa[i][j] = part.hessian[i][j];
+    if (CFEM_FORM_DISPLACEMENT) {
+        for (int i = 0; i < n_a; i++) m->delta_a[i] = s[i], m->lambda_a[i] = part.gradient[i];
+        if (cfem_invert(n_a, MOST, &m->W_aa[0][0])) status = CFEM_NO_MODEL;
+        for (int e = 0; e < n_e; e++)
+            for (int j = 0; j < n_a; j++) m->W_ea[e][j] = cfem_dot(n_a, part.effector_gradient[e], m->W_aa[j]);
+    } else {
+        for (int i = 0; i < n_a; i++) m->delta_a[i] = part.gradient[i], m->lambda_a[i] = s[i];
+        if (!positive_definite(m->W_aa)) status = CFEM_NO_MODEL;
+        for (int e = 0; e < n_e; e++)
+            for (int j = 0; j < n_a; j++) m->W_ea[e][j] = part.effector_gradient[e][j];
+    }
+    for (int i = 0; i < n_a; i++) m->free_a[i] = m->delta_a[i] - cfem_dot(n_a, m->W_aa[i], m->lambda_a);
+    for (int e = 0; e < n_e; e++) m->free_e[e] = part.effector[e] - cfem_dot(n_a, m->W_ea[e], m->lambda_a);
 #if CFEM_FULL
     m->energy = part.energy;
-    for (int e = 0; e < CFEM_NE; e++)
-        for (int f = 0; f < CFEM_NE; f++) {
+    for (int e = 0; e < n_e; e++)
+        for (int f = 0; f < n_e; f++) {
             m->W_ee[e][f] = part.compliance[e][f];
-#if CFEM_FORM_DISPLACEMENT
-            m->W_ee[e][f] += cfem_dot(CFEM_NA, m->W_ea[e], part.effector_gradient[f]);
-#endif
+            if (CFEM_FORM_DISPLACEMENT) m->W_ee[e][f] += cfem_dot(n_a, m->W_ea[e], part.effector_gradient[f]);
         }
 #endif
     return status;
 }
+#endif
 
-#elif CFEM_MLP
-
-unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
-    cfem_real out[CFEM_MLP_OUTPUTS];
+#if CFEM_MLP
+static unsigned of_entries(const double *s, cfem_condensed *m) {
+    cfem_real out[CFEM_MOST_MLP_OUTPUTS];
     const cfem_real *next = out;
-    double K[CFEM_NA][CFEM_NA];
     cfem_mlp(s, out);
     for (int i = 0; i < CFEM_NA; i++)
-        for (int j = i; j < CFEM_NA; j++) K[i][j] = K[j][i] = m->W_aa[i][j] = m->W_aa[j][i] = (double)*next++;
+        for (int j = i; j < CFEM_NA; j++) m->W_aa[i][j] = m->W_aa[j][i] = (double)*next++;
     for (int e = 0; e < CFEM_NE; e++)
         for (int j = 0; j < CFEM_NA; j++) m->W_ea[e][j] = (double)*next++;
     for (int i = 0; i < CFEM_NA; i++) m->free_a[i] = (double)*next++;
@@ -69,18 +66,58 @@ unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
     for (int e = 0; e < CFEM_NE; e++)
         for (int f = e; f < CFEM_NE; f++) m->W_ee[e][f] = m->W_ee[f][e] = (double)*next++;
 #endif
-#if CFEM_FORM_DISPLACEMENT
-    const unsigned status = cfem_invert(CFEM_NA, &K[0][0]) ? CFEM_NO_MODEL : 0u;
+    if (!CFEM_FORM_DISPLACEMENT) {
+        for (int i = 0; i < CFEM_NA; i++)
+            m->lambda_a[i] = s[i], m->delta_a[i] = m->free_a[i] + cfem_dot(CFEM_NA, m->W_aa[i], s);
+        return positive_definite(m->W_aa) ? 0u : CFEM_NO_MODEL;
+    }
+    double K[MOST][MOST];
+    for (int i = 0; i < CFEM_NA; i++)
+        for (int j = 0; j < CFEM_NA; j++) K[i][j] = m->W_aa[i][j];
+    const unsigned status = cfem_invert(CFEM_NA, MOST, &K[0][0]) ? CFEM_NO_MODEL : 0u;
     for (int i = 0; i < CFEM_NA; i++) {
         m->delta_a[i] = s[i], m->lambda_a[i] = 0.0;
         for (int j = 0; j < CFEM_NA; j++) m->lambda_a[i] += K[i][j] * (s[j] - m->free_a[j]);
     }
     return status;
+}
+#endif
+
+unsigned cfem_model(const double s[MOST], cfem_condensed *m) {
+#if CFEM_SERIAL
+    if (CFEM_KIND == CFEM_KIND_SERIAL) return cfem_serial(s, m);
+#endif
+#if CFEM_MLP
+    if (CFEM_KIND == CFEM_KIND_MLP) return of_entries(s, m);
+#endif
+#if CFEM_SPECTRAL
+    return of_series(s, m);
 #else
-    for (int i = 0; i < CFEM_NA; i++)
-        m->lambda_a[i] = s[i], m->delta_a[i] = m->free_a[i] + cfem_dot(CFEM_NA, m->W_aa[i], s);
-    return positive_definite(K) ? 0u : CFEM_NO_MODEL;
+    return CFEM_NO_MODEL;
 #endif
 }
 
-#endif
+/* W_aa is d delta_a / d lambda_a. */
+unsigned cfem_find(const double *wanted, double *s, cfem_condensed *m) {
+    double scale = 0.0;
+    for (int i = 0; i < CFEM_NA; i++) {
+        const double known = CFEM_FORM_DISPLACEMENT ? cfem_domain_lambda_a[1][i] : cfem_domain_delta_a[1][i];
+        if (fabs(known) > scale) scale = fabs(known);
+    }
+    for (int round = 0;; round++) {
+        double missing[MOST], worst = 0.0;
+        const unsigned status = cfem_model(s, m);
+        if (status) return status;
+        for (int i = 0; i < CFEM_NA; i++) {
+            missing[i] = wanted[i] - (CFEM_FORM_DISPLACEMENT ? m->lambda_a[i] : m->delta_a[i]);
+            if (!(fabs(missing[i]) <= worst)) worst = fabs(missing[i]);
+        }
+        if (worst <= CFEM_OBSERVER_TOLERANCE * scale) return CFEM_OK;
+        if (round == CFEM_OBSERVER_ITERATIONS) return CFEM_NOT_FOUND;
+        double K[MOST][MOST];
+        for (int i = 0; i < CFEM_NA; i++)
+            for (int j = 0; j < CFEM_NA; j++) K[i][j] = m->W_aa[i][j];
+        if (!CFEM_FORM_DISPLACEMENT && cfem_invert(CFEM_NA, MOST, &K[0][0])) return CFEM_NO_MODEL;
+        for (int i = 0; i < CFEM_NA; i++) s[i] += cfem_dot(CFEM_NA, K[i], missing);
+    }
+}

@@ -1,13 +1,16 @@
 #include "cfem.h"
 #include "cfem_linear.h"
+#include "cfem_parts.h"
 #include "cfem_qp.h"
 
 #define NA CFEM_NA
 #define NE CFEM_NE
+#define MOST_NA CFEM_MOST_NA
+#define MOST_NE CFEM_MOST_NE
 
 typedef struct {
-    double lambda_low[NA], lambda_high[NA]; /* N */
-    double delta_low[NA], delta_high[NA];   /* mm */
+    double lambda_low[MOST_NA], lambda_high[MOST_NA]; /* N */
+    double delta_low[MOST_NA], delta_high[MOST_NA];   /* mm */
 } limits;
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
@@ -31,23 +34,23 @@ static limits of_this_tick(const cfem_controller *c, const double *here, double 
 /* nearest (NA,): delta_a that comes nearest to the course with forces within their bounds: one program in lambda and the place
  * s in the course, minimising |W_aa lambda + free_a - s|^2. */
 static int nearest_to_course(const cfem_condensed *m, const limits *l, double *nearest) {
-    double M[3 * NA][2 * NA], d[3 * NA], low[2 * NA], high[2 * NA];
+    double M[3 * MOST_NA * 2 * MOST_NA], d[3 * MOST_NA], low[2 * MOST_NA], high[2 * MOST_NA];
     cfem_qp_answer answer;
     for (int i = 0; i < 3 * NA; i++) {
         d[i] = i < NA ? -m->free_a[i] : 0.0;
-        for (int j = 0; j < 2 * NA; j++) M[i][j] = 0.0;
+        for (int j = 0; j < 2 * NA; j++) M[i * 2 * NA + j] = 0.0;
     }
     for (int i = 0; i < NA; i++) {
-        double square = 0.0;
-        for (int j = 0; j < NA; j++) M[i][j] = m->W_aa[i][j], square += m->W_aa[j][i] * m->W_aa[j][i];
-        M[i][NA + i] = -1.0;
+        double square = 0.0, *const row = M + i * 2 * NA;
+        for (int j = 0; j < NA; j++) row[j] = m->W_aa[i][j], square += m->W_aa[j][i] * m->W_aa[j][i];
+        row[NA + i] = -1.0;
         /* Any s with its lambda is as good: a trace of curvature picks one. */
-        M[NA + i][i] = 1e-5 * sqrt(square);
-        M[2 * NA + i][NA + i] = 1e-5;
+        M[(NA + i) * 2 * NA + i] = 1e-5 * sqrt(square);
+        M[(2 * NA + i) * 2 * NA + NA + i] = 1e-5;
         low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
         low[NA + i] = l->delta_low[i], high[NA + i] = l->delta_high[i];
     }
-    const int status = cfem_qp(2 * NA, 3 * NA, &M[0][0], d, 0, 0, low, high, &answer);
+    const int status = cfem_qp(2 * NA, 3 * NA, M, d, 0, 0, 0, low, high, &answer);
     for (int i = 0; i < NA; i++) nearest[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
     return status;
 }
@@ -56,24 +59,24 @@ static int nearest_to_course(const cfem_condensed *m, const limits *l, double *n
  * aim (NE,) mm from rest. */
 static unsigned inverse_step(const cfem_condensed *m, const double *aim, const limits *l, double *lambda_a,
                              double *delta_a, double *strongest) {
-    double M[NE + NA][NA], d[NE + NA], low[2 * NA], high[2 * NA];
+    double M[(MOST_NE + MOST_NA) * MOST_NA], d[MOST_NE + MOST_NA], low[2 * MOST_NA], high[2 * MOST_NA];
     cfem_qp_answer answer;
     unsigned status = CFEM_OK;
     for (int e = 0; e < NE; e++) {
-        for (int j = 0; j < NA; j++) M[e][j] = cfem_effector_weight[e] * m->W_ea[e][j];
+        for (int j = 0; j < NA; j++) M[e * NA + j] = cfem_effector_weight[e] * m->W_ea[e][j];
         d[e] = cfem_effector_weight[e] * (aim[e] - m->free_e[e]);
     }
     for (int i = 0; i < NA; i++) {
         /* |r delta_a|^2 + |d (delta_a - here)|^2 is |h delta_a - d^2 here / h|^2, h^2 = r^2 + d^2, and a constant. */
         const double r = cfem_ridge[i], held = cfem_damping[i], h = sqrt(r * r + held * held);
-        for (int j = 0; j < NA; j++) M[NE + i][j] = h * m->W_aa[i][j];
+        for (int j = 0; j < NA; j++) M[(NE + i) * NA + j] = h * m->W_aa[i][j];
         d[NE + i] = held * held / h * m->delta_a[i] - h * m->free_a[i];
         low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
         low[NA + i] = l->delta_low[i] - m->free_a[i], high[NA + i] = l->delta_high[i] - m->free_a[i];
     }
-    int solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &m->W_aa[0][0], low, high, &answer);
+    int solved = cfem_qp(NA, NE + NA, M, d, NA, &m->W_aa[0][0], MOST_NA, low, high, &answer);
     if (solved == CFEM_QP_INFEASIBLE) {
-        double nearest[NA], widest = 0.0;
+        double nearest[MOST_NA], widest = 0.0;
         if (nearest_to_course(m, l, nearest) != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
         status |= CFEM_SOFTENED;
         for (int i = 0; i < NA; i++)
@@ -84,7 +87,7 @@ static unsigned inverse_step(const cfem_condensed *m, const double *aim, const l
             if (low[NA + i] > at - slack) low[NA + i] = at - slack;
             if (high[NA + i] < at + slack) high[NA + i] = at + slack;
         }
-        solved = cfem_qp(NA, NE + NA, &M[0][0], d, NA, &m->W_aa[0][0], low, high, &answer);
+        solved = cfem_qp(NA, NE + NA, M, d, NA, &m->W_aa[0][0], MOST_NA, low, high, &answer);
     }
     if (solved != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
     *strongest = 0.0;
@@ -99,7 +102,7 @@ static unsigned inverse_step(const cfem_condensed *m, const double *aim, const l
     return status;
 }
 
-#if CFEM_HALVINGS
+#if CFEM_MOST_HALVINGS
 /* mm^2, what the inverse step minimises, at a state of the model, with an exact penalty on forces outside their bounds. */
 static double merit(const cfem_condensed *m, const double *aim, double penalty) {
     double cost = 0.0, outside = 0.0;
@@ -119,7 +122,7 @@ static double merit(const cfem_condensed *m, const double *aim, double penalty) 
  * it stays where none is, or where the step is shorter than CFEM_TOLERANCE. A shorter step, not a part of the step: what the
  * goal needs is still done, what hardly matters waits. The status is of the first. */
 static unsigned descend(const cfem_controller *c, cfem_condensed *m, const double *aim, int *moved) {
-    double lambda_a[NA], delta_a[NA], strongest, share = 1.0;
+    double lambda_a[MOST_NA], delta_a[MOST_NA], strongest, share = 1.0;
     unsigned first = CFEM_OK;
     *moved = 0;
     for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
@@ -142,42 +145,11 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
 }
 #endif
 
-/* The model where what is not its input, lambda_a (displacement form) or delta_a (force form), takes the value `wanted`:
- * Newton's method from s, which is moved there; m is the model at s. W_aa is d delta_a / d lambda_a. */
-static unsigned find(const double *wanted, double *s, cfem_condensed *m) {
-    double scale = 0.0;
-    for (int i = 0; i < NA; i++) {
-        const double known = CFEM_FORM_DISPLACEMENT ? cfem_domain_lambda_a[1][i] : cfem_domain_delta_a[1][i];
-        if (fabs(known) > scale) scale = fabs(known);
-    }
-    for (int round = 0;; round++) {
-        double missing[NA], step[NA], worst = 0.0;
-        const unsigned status = cfem_model(s, m);
-        if (status) return status;
-        for (int i = 0; i < NA; i++) {
-            missing[i] = wanted[i] - (CFEM_FORM_DISPLACEMENT ? m->lambda_a[i] : m->delta_a[i]);
-            if (!(fabs(missing[i]) <= worst)) worst = fabs(missing[i]);
-        }
-        if (worst <= CFEM_OBSERVER_TOLERANCE * scale) return CFEM_OK;
-        if (round == CFEM_OBSERVER_ITERATIONS) return CFEM_NOT_FOUND;
-#if CFEM_FORM_DISPLACEMENT
-        for (int i = 0; i < NA; i++) step[i] = cfem_dot(NA, m->W_aa[i], missing);
-#else
-        double K[NA][NA];
-        for (int i = 0; i < NA; i++)
-            for (int j = 0; j < NA; j++) K[i][j] = m->W_aa[i][j];
-        if (cfem_invert(NA, &K[0][0])) return CFEM_NO_MODEL;
-        for (int i = 0; i < NA; i++) step[i] = cfem_dot(NA, K[i], missing);
-#endif
-        for (int i = 0; i < NA; i++) s[i] += step[i];
-    }
-}
-
 /* Where the robot stands, by the observer of cfem_data.h: the model there, and its input s. */
 static unsigned observe(const cfem_controller *c, const cfem_input *in, double *s, cfem_condensed *m) {
-    double wanted[NA];
-#if CFEM_HALVINGS
-    if (CFEM_OBSERVER != CFEM_OBSERVER_MEASURED && c->stands) {
+    double wanted[MOST_NA];
+#if CFEM_MOST_HALVINGS
+    if (CFEM_HALVINGS && CFEM_OBSERVER != CFEM_OBSERVER_MEASURED && c->stands) {
         *m = c->at;
         return CFEM_OK;
     }
@@ -190,7 +162,7 @@ static unsigned observe(const cfem_controller *c, const cfem_input *in, double *
     }
     if (CFEM_OBSERVER == CFEM_OBSERVER_PREVIOUS_STEP) return cfem_model(s, m);
     if ((CFEM_OBSERVER == CFEM_OBSERVER_EQUILIBRIUM && CFEM_COMMAND_FORCE) == CFEM_FORM_DISPLACEMENT)
-        return find(wanted, s, m);
+        return cfem_find(wanted, s, m);
     for (int i = 0; i < NA; i++) s[i] = wanted[i]; /* what is known is what the model takes */
     return cfem_model(s, m);
 }
@@ -216,7 +188,7 @@ static int usable(const cfem_input *in) {
 
 /* The PI term from a new error. */
 static void correct(cfem_controller *c, const cfem_input *in) {
-    double error[NE], square = 0.0;
+    double error[MOST_NE], square = 0.0;
     for (int e = 0; e < NE; e++) {
         error[e] = cfem_effector_weight[e] > 0.0 ? (double)in->error[e] : 0.0;
         c->integral[e] += CFEM_K_I * error[e];
@@ -242,7 +214,7 @@ static void remember(cfem_controller *c, const cfem_condensed *m, const double *
     for (int i = 0; i < NA; i++) c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
     for (int e = 0; e < NE; e++)
         c->reference[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - c->moved[e];
-#if CFEM_HALVINGS
+#if CFEM_MOST_HALVINGS
     c->at = *m, c->stands = 1;
     for (int i = 0; i < NA; i++)
         if ((CFEM_COMMAND_FORCE ? lambda_a[i] != m->lambda_a[i] : delta_a[i] != m->delta_a[i])) c->stands = 0;
@@ -257,7 +229,7 @@ void cfem_init(cfem_controller *c) {
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
-    double aim[NE], s[NA], delta_a[NA], lambda_a[NA];
+    double aim[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
     cfem_condensed m;
     limits l;
     if (!usable(in)) return answer(c, CFEM_HELD | CFEM_BAD_INPUT, out);
@@ -269,12 +241,15 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
     for (int iteration = 0;; iteration++) {
         found |= outside(&m);
         l = of_this_tick(c, m.delta_a, 1.0);
-#if CFEM_HALVINGS
-        int moved;
-        status = descend(c, &m, aim, &moved);
-        if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
-        if (!moved || iteration == CFEM_ITERATIONS - 1) break;
-#else
+#if CFEM_MOST_HALVINGS
+        if (CFEM_HALVINGS) {
+            int moved;
+            status = descend(c, &m, aim, &moved);
+            if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+            if (!moved || iteration == CFEM_ITERATIONS - 1) break;
+            continue;
+        }
+#endif
         double strongest;
         status = inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
         if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
@@ -282,7 +257,6 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = cfem_model(s, &m);
         if (there) return answer(c, CFEM_HELD | there | found, out);
-#endif
     }
     for (int i = 0; i < NA; i++) { /* the command keeps its bounds, also where the program softened them */
         if (CFEM_HALVINGS) delta_a[i] = m.delta_a[i], lambda_a[i] = m.lambda_a[i];

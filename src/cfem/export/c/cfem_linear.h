@@ -12,36 +12,36 @@ static inline double cfem_dot(int n, const double *a, const double *b) {
 
 static inline int cfem_finite(double x) { return x - x == 0.0; }
 
-/* The inverse of a symmetric matrix (n, n), n <= limit, by Cholesky: A = L L^T, in place. 0, or 1 where A is not positive
- * definite to rounding. Only the upper triangle of A is read. */
-static inline int cfem_invert(int n, double *A) {
+/* The inverse of a symmetric matrix (n, n), whose rows begin `stride` numbers after each other, by Cholesky: A = L L^T, in place. 0,
+ * or 1 where A is not positive definite to rounding. Only the upper triangle of A is read. */
+static inline int cfem_invert(int n, int stride, double *A) {
     for (int j = 0; j < n; j++) { /* A's lower triangle becomes L, its diagonal the diagonal of L */
-        double pivot = A[j * n + j];
-        for (int k = 0; k < j; k++) pivot -= A[j * n + k] * A[j * n + k];
-        if (!(pivot > 1e-14 * fabs(A[j * n + j]))) return 1;
-        A[j * n + j] = sqrt(pivot);
+        double pivot = A[j * stride + j];
+        for (int k = 0; k < j; k++) pivot -= A[j * stride + k] * A[j * stride + k];
+        if (!(pivot > 1e-14 * fabs(A[j * stride + j]))) return 1;
+        A[j * stride + j] = sqrt(pivot);
         for (int i = j + 1; i < n; i++) {
-            double sum = A[j * n + i];
-            for (int k = 0; k < j; k++) sum -= A[i * n + k] * A[j * n + k];
-            A[i * n + j] = sum / A[j * n + j];
+            double sum = A[j * stride + i];
+            for (int k = 0; k < j; k++) sum -= A[i * stride + k] * A[j * stride + k];
+            A[i * stride + j] = sum / A[j * stride + j];
         }
     }
     for (int j = 0; j < n; j++) { /* L -> L^-1 */
-        A[j * n + j] = 1.0 / A[j * n + j];
+        A[j * stride + j] = 1.0 / A[j * stride + j];
         for (int i = j + 1; i < n; i++) {
             double sum = 0.0;
-            for (int k = j; k < i; k++) sum -= A[i * n + k] * A[k * n + j];
-            A[i * n + j] = sum / A[i * n + i];
+            for (int k = j; k < i; k++) sum -= A[i * stride + k] * A[k * stride + j];
+            A[i * stride + j] = sum / A[i * stride + i];
         }
     }
     for (int i = 0; i < n; i++) /* A^-1 = L^-T L^-1, row by row from the top: what is overwritten is not read again */
         for (int j = i; j < n; j++) {
             double sum = 0.0;
-            for (int k = j; k < n; k++) sum += A[k * n + i] * A[k * n + j];
-            A[i * n + j] = sum;
+            for (int k = j; k < n; k++) sum += A[k * stride + i] * A[k * stride + j];
+            A[i * stride + j] = sum;
         }
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < i; j++) A[i * n + j] = A[j * n + i];
+        for (int j = 0; j < i; j++) A[i * stride + j] = A[j * stride + i];
     return 0;
 }
 

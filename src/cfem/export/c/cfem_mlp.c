@@ -10,13 +10,8 @@
 #define TANH(x) (sizeof(cfem_real) == sizeof(float) ? (cfem_real)tanhf((float)(x)) : (cfem_real)tanh((double)(x)))
 
 static cfem_real activate(cfem_real x) {
-#if CFEM_ACTIVATION == 0 /* relu */
-    return x > 0 ? x : 0;
-#elif CFEM_ACTIVATION == 1
-    return TANH(x);
-#else /* silu */
-    return x / (1 + EXP(-x));
-#endif
+    if (CFEM_ACTIVATION == 0) return x > 0 ? x : 0; /* relu */
+    return CFEM_ACTIVATION == 1 ? TANH(x) : /* silu */ x / (1 + EXP(-x));
 }
 
 /* Weights (inputs, outputs): in full, or as 16-bit integers in steps of each input's row. */
@@ -34,8 +29,8 @@ static void layer(const cfem_layer *l, const cfem_real *in, cfem_real *out) {
     }
 }
 
-void cfem_mlp(const double s[CFEM_NA], cfem_real out[CFEM_MLP_OUTPUTS]) {
-    cfem_real hidden[2][CFEM_MLP_WIDTH];
+void cfem_mlp(const double s[CFEM_MOST_NA], cfem_real out[CFEM_MOST_MLP_OUTPUTS]) {
+    cfem_real hidden[2][CFEM_MOST_MLP_WIDTH];
     for (int i = 0; i < CFEM_NA; i++) hidden[0][i] = (cfem_real)s[i];
     for (int l = 0; l < CFEM_MLP_LAYERS; l++) {
         const cfem_layer *one = &cfem_layers[l];

@@ -190,6 +190,7 @@ static int triangularise(int n, int rows, double B[CFEM_QP_ROWS][N + 1]) {
 typedef struct {
     int n, rows, m;
     const double *M, *d, *A, *low, *high;
+    int stride; /* of A */
     double width[N];  /* of the variables' boxes, or what brings the curvature to one where one is open or a point */
     double length[C]; /* of the constraints' rows for variables in units of their width */
     double curvature, steepest;
@@ -213,7 +214,7 @@ static int measure(program *p) {
     }
     for (int k = 0; k < p->m; k++) {
         double square = 0.0;
-        for (int j = 0; j < p->n; j++) square += p->A[k * p->n + j] * p->width[j] * p->A[k * p->n + j] * p->width[j];
+        for (int j = 0; j < p->n; j++) square += p->A[k * p->stride + j] * p->width[j] * p->A[k * p->stride + j] * p->width[j];
         if (!cfem_finite(square)) return CFEM_QP_FLAT;
         p->length[p->n + k] = sqrt(square);
     }
@@ -238,7 +239,7 @@ static int transform(const program *p, double B[CFEM_QP_ROWS][N + 1], half_space
             continue;
         }
         for (int j = 0; j < n; j++) {
-            g[j] = k < n ? (j == k ? p->width[j] : 0.0) : p->A[(k - n) * n + j] * p->width[j];
+            g[j] = k < n ? (j == k ? p->width[j] : 0.0) : p->A[(k - n) * p->stride + j] * p->width[j];
             for (int i = 0; i < j; i++) g[j] -= B[i][j] * g[i];
             g[j] /= B[j][j];
         }
@@ -265,7 +266,7 @@ static void to_x(const program *p, double B[CFEM_QP_ROWS][N + 1], double *v) {
 }
 
 static double value(const program *p, int k, const double *x) {
-    return k < p->n ? x[k] : cfem_dot(p->n, p->A + (k - p->n) * p->n, x);
+    return k < p->n ? x[k] : cfem_dot(p->n, p->A + (k - p->n) * p->stride, x);
 }
 
 /* Multipliers of the program from those of the half-spaces. */
@@ -290,7 +291,7 @@ static double residual(const program *p, const cfem_qp_answer *a, double *forces
         const double z = a->multipliers[k], length = p->length[k], at = value(p, k, a->x);
         if (length == 0.0) continue;
         if (k >= n)
-            for (int j = 0; j < n; j++) forces[j] += p->A[(k - n) * n + j] * z;
+            for (int j = 0; j < n; j++) forces[j] += p->A[(k - n) * p->stride + j] * z;
         kkt = largest(kkt, largest(p->low[k] - at, at - p->high[k]) / length);
         if (z != 0.0) {
             const double scaled = fabs(z) * length / p->curvature;
@@ -332,9 +333,9 @@ static void refine(const program *p, double B[CFEM_QP_ROWS][N + 1], const half_s
     for (int j = 0; j < n; j++) a->x[j] += step[j];
 }
 
-int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, const double *low,
+int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, int stride, const double *low,
             const double *high, cfem_qp_answer *answer) {
-    program p = {n, rows, m, M, d, A, low, high, {0}, {0}, 0, 0};
+    program p = {n, rows, m, M, d, A, low, high, stride, {0}, {0}, 0, 0};
     double B[CFEM_QP_ROWS][N + 1], y[N], forces[N];
     half_spaces h;
     active_set set;

@@ -13,13 +13,13 @@
 #ifndef CFEM_QP_H
 #define CFEM_QP_H
 
-#include "cfem_data.h"
+#include "cfem_room.h"
 
 /* Largest sizes; a program of any smaller size may be given. */
 #ifndef CFEM_QP_VARIABLES
-#define CFEM_QP_VARIABLES (2 * CFEM_NA)
-#define CFEM_QP_ROWS (CFEM_NE > 2 * CFEM_NA ? CFEM_NE + CFEM_NA : 3 * CFEM_NA)
-#define CFEM_QP_CONSTRAINTS (2 * CFEM_NA)
+#define CFEM_QP_VARIABLES (2 * CFEM_MOST_NA)
+#define CFEM_QP_ROWS (CFEM_MOST_NE > 2 * CFEM_MOST_NA ? CFEM_MOST_NE + CFEM_MOST_NA : 3 * CFEM_MOST_NA)
+#define CFEM_QP_CONSTRAINTS (2 * CFEM_MOST_NA)
 #endif
 
 enum {
@@ -42,8 +42,9 @@ typedef struct {
     int iterations; /* constraints added or dropped */
 } cfem_qp_answer;
 
-/* M (rows, n), d (rows,), A (m, n), low and high (n + m,), row-major. Returns one of the above. */
-int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, const double *low,
+/* M (rows, n), d (rows,), A (m, n), low and high (n + m,), row-major; A's rows begin `stride` numbers after each other.
+ * Returns one of the above. */
+int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, int stride, const double *low,
             const double *high, cfem_qp_answer *answer);
 
 #endif

@@ -9,6 +9,7 @@
 
 #define K CFEM_MODULES
 #define N CFEM_SERIES_NA
+#define MOST CFEM_MOST_SERIES_NA
 
 /* out = 1 + first [v] + second [v]^2, [v] x = v x x. */
 static void in_spins(const double v[3], double first, double second, double out[3][3]) {
@@ -36,9 +37,9 @@ static void multiply(double A[3][3], double B[3][3], double out[3][3]) {
         for (int j = 0; j < 3; j++) out[i][j] = A[i][0] * B[0][j] + A[i][1] * B[1][j] + A[i][2] * B[2][j];
 }
 
-unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
-    double frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, end[K + 1][3] = {{0}};
-    double moves[K][N][3], turns[K][N][3]; /* the end of each module by its s, in the frame of the trunk */
+unsigned cfem_serial(const double s[CFEM_MOST_NA], cfem_condensed *m) {
+    double frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, end[CFEM_MOST_MODULES + 1][3] = {{0}};
+    double moves[CFEM_MOST_MODULES][MOST][3], turns[CFEM_MOST_MODULES][MOST][3]; /* the end of each module by its s, in the frame of the trunk */
     unsigned status = 0;
     for (int i = 0; i < CFEM_NA; i++)
         for (int j = 0; j < CFEM_NA; j++) m->W_aa[i][j] = 0.0;
@@ -49,7 +50,7 @@ unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
         cfem_spectral(s + first, &part);
         for (int i = 0; i < N; i++)
             m->delta_a[first + i] = s[first + i], m->lambda_a[first + i] = part.gradient[i] / cfem_softer[k];
-        if (cfem_invert(N, &part.hessian[0][0])) status = CFEM_NO_MODEL;
+        if (cfem_invert(N, MOST, &part.hessian[0][0])) status = CFEM_NO_MODEL;
         for (int i = 0; i < N; i++)
             for (int j = 0; j < N; j++) m->W_aa[first + i][first + j] = cfem_softer[k] * part.hessian[i][j];
         rotate(part.effector + 3, turn, jacobian);
@@ -70,7 +71,7 @@ unsigned cfem_model(const double s[CFEM_NA], cfem_condensed *m) {
             for (int j = 0; j < 3; j++) frame[i][j] = next[i][j];
     }
     for (int k = 0; k < K; k++) {
-        double arm[3], slope[3][N];
+        double arm[3], slope[3][MOST];
         const int first = k * N;
         for (int e = 0; e < 3; e++) arm[e] = end[K][e] - end[k + 1][e];
         for (int j = 0; j < N; j++) {

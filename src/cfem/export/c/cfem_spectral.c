@@ -9,6 +9,8 @@
 #define NA CFEM_SERIES_NA
 #define NE CFEM_SERIES_NE
 #define OUTPUTS CFEM_SERIES_OUTPUTS /* the effectors; with CFEM_FULL their compliance too */
+#define MOST CFEM_MOST_NZ
+#define MOST_OUTPUTS CFEM_MOST_SERIES_OUTPUTS
 #if defined(__GNUC__) && !defined(__clang__)
 #define EACH(o) _Pragma("GCC unroll 8") for (int o = 0; o < OUTPUTS; o++)
 #else
@@ -17,7 +19,7 @@
 
 /* T_k, T_k', T_k'', k = 0 ... CFEM_DEGREE, of one coordinate. */
 typedef struct {
-    cfem_real value[CFEM_DEGREE + 1], first[CFEM_DEGREE + 1], second[CFEM_DEGREE + 1];
+    cfem_real value[CFEM_MOST_DEGREE + 1], first[CFEM_MOST_DEGREE + 1], second[CFEM_MOST_DEGREE + 1];
 } polynomials;
 
 /* By T_{k+1} = 2 z T_k - T_{k-1} and its derivatives, in double: their rounding grows with the degree. */
@@ -36,14 +38,22 @@ static void evaluate(double z, polynomials *t) {
 /* Value, gradient and Hessian (upper triangle) of the potential. A sum of depth d is over the terms that share the degrees of the
  * coordinates before d, with the polynomials of the others. */
 typedef struct {
-    cfem_real value, gradient[N], hessian[N][N];
+    cfem_real value, gradient[MOST], hessian[MOST][MOST];
 } quadratic;
 
+/* Of the coordinates from d on. */
+static void clear(quadratic *q, int d) {
+    q->value = 0;
+    for (int i = d; i < N; i++) {
+        q->gradient[i] = 0;
+        for (int j = i; j < N; j++) q->hessian[i][j] = 0;
+    }
+}
+
 static void potential(const polynomials *t, quadratic *out) {
-    static const quadratic nothing;
-    quadratic sum[N];
+    quadratic sum[MOST];
     const cfem_group *group = cfem_potential_groups;
-    for (int d = 0; d < N; d++) sum[d] = nothing;
+    for (int d = 0; d < N; d++) clear(&sum[d], d);
     for (int g = 0, m = 0; g < CFEM_POTENTIAL_GROUPS; g++, group++) {
         quadratic *const leaf = &sum[N - 1];
         for (; m < group->end; m++) {
@@ -65,27 +75,32 @@ static void potential(const polynomials *t, quadratic *out) {
                 to->hessian[d][i] += first * from->gradient[i];
                 for (int j = i; j < N; j++) to->hessian[i][j] += value * from->hessian[i][j];
             }
-            sum[d + 1] = nothing;
+            clear(&sum[d + 1], d + 1);
         }
     }
     *out = sum[0];
 }
 
 /* out[i], i < N: derivative of the outputs by z_i; out[N]: their values. */
-static void effectors(const polynomials *t, cfem_real out[N + 1][OUTPUTS]) {
-    cfem_real sum[N][N + 1][OUTPUTS] = {{{0}}};
+static void effectors(const polynomials *t, cfem_real out[MOST + 1][MOST_OUTPUTS]) {
+    cfem_real sum[MOST][MOST + 1][MOST_OUTPUTS];
     const cfem_group *group = cfem_effector_groups;
+    for (int d = 0; d < N; d++)
+        for (int i = d; i <= N; i++) EACH(o) sum[d][i][o] = 0;
     for (int g = 0, m = 0; g < CFEM_EFFECTOR_GROUPS; g++, group++) {
-        cfem_real leaf[OUTPUTS] = {0}, leaf_first[OUTPUTS] = {0};
+        cfem_real leaf[MOST_OUTPUTS], leaf_first[MOST_OUTPUTS];
+        EACH(o) leaf[o] = leaf_first[o] = 0;
         for (; m < group->end; m++) {
-            const cfem_real *c = cfem_effector[m];
+            const cfem_real *c = cfem_effector + m * OUTPUTS;
             const cfem_real value = t[N - 1].value[cfem_effector_degrees[m]];
             const cfem_real first = t[N - 1].first[cfem_effector_degrees[m]];
             EACH(o) leaf[o] += c[o] * value, leaf_first[o] += c[o] * first;
         }
-#if CFEM_NZ == 1
-        EACH(o) sum[0][N][o] = leaf[o], sum[0][0][o] = leaf_first[o];
-#else
+        if (N == 1) {
+            EACH(o) sum[0][1][o] = leaf[o], sum[0][0][o] = leaf_first[o];
+            continue;
+        }
+#if CFEM_MOST_NZ > 1
         const int l = group->degrees[N - 2];
         const cfem_real before = t[N - 2].value[l], before_first = t[N - 2].first[l];
         EACH(o) {
@@ -105,10 +120,10 @@ static void effectors(const polynomials *t, cfem_real out[N + 1][OUTPUTS]) {
     for (int i = 0; i <= N; i++) EACH(o) out[i][o] = sum[0][i][o];
 }
 
-void cfem_spectral(const double s[NA], cfem_parts *parts) {
-    polynomials t[N];
+void cfem_spectral(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts) {
+    polynomials t[MOST];
     quadratic psi;
-    cfem_real e[N + 1][OUTPUTS];
+    cfem_real e[MOST + 1][MOST_OUTPUTS];
     for (int i = 0; i < N; i++) {
         double z = cfem_offset[i];
         for (int j = 0; j < NA; j++) z += cfem_to_box[i][j] * s[j];
@@ -120,7 +135,7 @@ void cfem_spectral(const double s[NA], cfem_parts *parts) {
     for (int i = 0; i < N; i++)
         for (int k = 0; k < i; k++) psi.hessian[i][k] = psi.hessian[k][i];
     for (int i = 0; i < NA; i++) {
-        double row[N];
+        double row[MOST];
         parts->gradient[i] = 0.0;
         for (int k = 0; k < N; k++) {
             parts->gradient[i] += cfem_to_box[k][i] * (double)psi.gradient[k];
