@@ -30,9 +30,10 @@ import pyarrow.parquet as pq
 
 from cfem.condensed import entries
 from cfem.control.design import designed
-from cfem.control.experiment import Controller, Tracker, follow
+from cfem.control.experiment import follow
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
+from cfem.control.tick import Pilot
 from cfem.control.trajectory import arc
 from cfem.core.spec import load_spec
 from cfem.core.stage import artefact_file
@@ -74,13 +75,13 @@ def track(kind: str, values: tuple[float, ...], goals: int) -> dict:
     plant = FemPlant(robot)
     limits = Limits.of(robot.reach, robot.unilateral)
     ridge = ridge_of(1e-10, robot.reach, robot.length)
-    settings = Settings(20, 1e-5, 5.0)
-    exact = Settings(20, 1e-4, 5.0)
     points = arc(np.array([0, 10.5, 0]), 120.0, -np.pi / 2, 0.0, "yz", goals) + shift
-    reference = Controller("fe-based", plant, exact, exact)
-    by_model = [Controller("spectral", bound["spectral"], settings, settings)]
     weights = np.ones(robot.rows.n_e)
-    done = follow(points, reference, by_model, plant, lambda one: Tracker(one, limits, weights, ridge, robot.rest_e))
+    pilots = {
+        name: Pilot(one, "displacement", "equilibrium", limits, weights, ridge, Settings(20, tolerance, 5.0))
+        for name, one, tolerance in (("fe-based", plant, 1e-4), ("spectral", bound["spectral"], 1e-5))
+    }
+    done = follow(points, pilots, plant, robot.rest_e, "fe-based")
     x = {
         name: np.array([one.measured.x_e for one in done if one.controller == name])
         for name in ("fe-based", "spectral")

@@ -38,8 +38,7 @@ CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
     from cfem.control.closed_loop import Pace, run_loop
-    from cfem.control.controller import Gains
-    from cfem.control.experiment import Controller, Tracker
+    from cfem.control.controller import Controller, Gains
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
@@ -59,12 +58,12 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     ridge, weights = ridge_of(1e-10, robot.reach, robot.length), np.ones(robot.rows.n_e)
 
     settings = Settings(iterations=20, tolerance=1e-5, step=5.0)
-    tracker = Tracker(Controller("spectral", model, settings, settings), limits, weights, ridge, robot.rest_e)
+    search = Controller(Pilot(model, "displacement", "equilibrium", limits, weights, ridge, settings), robot.rest_e)
     missed, apart = {"c": [], "python": []}, 0.0
     for goal in goals:
         for _ in range(20):
             command = compiled.step(goal)
-        plan = tracker.towards(goal)
+        plan = search.tick(goal).plan
         apart = max(apart, float(np.abs(command.delta_a - plan.delta_a).max()))
         missed["c"].append(np.linalg.norm(plant.step(command.delta_a).x_e - goal))
         missed["python"].append(np.linalg.norm(plant.step(plan.delta_a).x_e - goal))
@@ -103,22 +102,23 @@ def _errors(values) -> dict[str, float]:
 def arc(ticks: int = 5) -> dict:
     """The paper's quarter circle, mostly out of reach: mm by which C ends farther from each goal than Python's search,
     by the model."""
-    from cfem.control.experiment import Controller, Tracker
+    from cfem.control.controller import Controller
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
+    from cfem.control.tick import Pilot
     from cfem.control.trajectory import arc
     from cfem.export.compiled import CompiledController
     from cfem.predict.load import load_model
 
     model, compiled, settings = load_model(MODEL), CompiledController(FOLDER), Settings(20, 1e-5, 5.0)
     limits, ridge = Limits.of(model.reach, np.ones(2, bool)), ridge_of(1e-10, model.reach, model.length)
-    search = Controller("spectral", model, settings, settings)
-    tracker = Tracker(search, limits, np.ones(3), ridge, model.rest_e)
+    pilot = Pilot(model, "displacement", "equilibrium", limits, np.ones(3), ridge, settings)
+    search = Controller(pilot, model.rest_e)
     farther, missed = [], []
     for goal in arc(np.zeros(3), 120.0, -np.pi / 2, 0.0, "yz", 40):
         for _ in range(ticks):
             command = compiled.step(goal)
-        ends = (model.at_displacement(one).delta_e for one in (command.delta_a, tracker.towards(goal).delta_a))
+        ends = (model.at_displacement(one).delta_e for one in (command.delta_a, search.tick(goal).plan.delta_a))
         mine, other = (float(np.linalg.norm(model.rest_e + end - goal)) for end in ends)
         farther.append(mine - other)
         missed.append(other)
@@ -130,8 +130,7 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
     from cfem.control.closed_loop import Pace, run_loop
-    from cfem.control.controller import Gains
-    from cfem.control.experiment import Controller, Tracker
+    from cfem.control.controller import Controller, Gains
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
@@ -159,10 +158,9 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     for name in ("spectral", "serial"):
         model, found = load_model(ROOT / "models/stiff-flop" / name), {}
         limits = Limits(robot.forces, robot.reach)
-        tracker = Tracker(
-            Controller(name, model, Settings(), Settings()), limits, weights, ridge, robot.rest_e, 0.0, damping
-        )
-        plans = [tracker.towards(goal).delta_a for goal in goals]
+        pilot = Pilot(model, "displacement", "equilibrium", limits, weights, ridge, Settings(), damping=damping)
+        search = Controller(pilot, robot.rest_e)
+        plans = [search.tick(goal).plan.delta_a for goal in goals]
         plant = FemPlant(robot)
         found["python, open, growths"] = _errors(
             [_missed(plant, plan, goal) for plan, goal in zip(plans, goals, strict=True)]

@@ -13,9 +13,10 @@ from surrogate.stored import train_folder
 
 from cfem.control.closed_loop_stage import run_controllers
 from cfem.control.gains import integral_for
-from cfem.control.inverse import Limits
+from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.spec import ControlSpec
+from cfem.control.tick import Pilot
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.plant.fem_plant import FemPlant, pushed
@@ -66,8 +67,12 @@ def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, for
         forces=forces,
     )
     goals = np.array([model.rest_e + model.at_displacement(np.array(d)).delta_e for d in ([6.0, 5.0], [9.0, 9.5])])
-    pilot, goals = (Limits.of(robot.reach, unilateral), np.ones(3), Settings()), {"points": goals}
-    return run_controllers(folder, spec, folder, robot, {"spectral": model}, goals, pilot)
+    return run_controllers(folder, spec, folder, robot, {"spectral": model}, {"points": goals}, search(robot, model))
+
+
+def search(robot, model):
+    limits, ridge = Limits.of(robot.reach, robot.unilateral), ridge_of(1e-10, robot.reach, robot.length)
+    return Pilot(model, "displacement", "equilibrium", limits, np.ones(3), ridge, Settings())
 
 
 def test_closed_reaches_what_open_misses(tmp_path, model_folder):
@@ -96,10 +101,9 @@ def test_fe_matrices_are_a_controller_s_model(tmp_path):
     real = FemPlant(robot)
     aims = np.array([share * robot.reach[:, 1] for share in (0.2, 0.25, 0.3)])
     goals = {"points": np.array([robot.rest_e + real.at_displacement(aim).delta_e for aim in aims])}
-    pilot = Limits.of(robot.reach, robot.unilateral), np.ones(3), Settings()
     fe = "loop.controllers={fe: {mode: open, model: fe-based, iterations: 20}}"
     spec = load(tmp_path, fe, "loop.real.stiffer=1", "loop.sensor={}")
-    found = run_controllers(tmp_path, spec, tmp_path, robot, {"spectral": real}, goals, pilot)
+    found = run_controllers(tmp_path, spec, tmp_path, robot, {"spectral": real}, goals, search(robot, real))
     assert found["loop"]["points"]["fe"]["error_at_goals"]["max"] < 1e-3
 
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from support.arc_robot import LENGTH, REACH, REST_E, ArcRobot, tip
 
-from cfem.control.experiment import Controller, Tracker, follow
+from cfem.control.experiment import follow
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.summary import record, summarise
+from cfem.control.tick import Pilot
 from cfem.plant.model_plant import ModelPlant
 
 FULL = Settings()
@@ -16,19 +17,22 @@ TRUE, SOFTER = ArcRobot(), ArcRobot(stiffness=0.9)
 GOALS = np.array([REST_E + tip(np.array([s, s - 0.5])) for s in np.linspace(4, 12, 8)])
 
 
-def tracker(controller):
-    limits = Limits.of(REACH, np.array([True, True]))
-    return Tracker(controller, limits, np.ones(3), ridge_of(1e-10, REACH, LENGTH), REST_E)
+PULLING = Limits.of(REACH, np.array([True, True]))
+
+
+def pilot(model, settings=FULL):
+    ridge = ridge_of(1e-10, REACH, LENGTH)
+    return Pilot(model, "displacement", "equilibrium", PULLING, np.ones(3), ridge, settings, approach=FULL)
 
 
 def run(goals=GOALS):
     seen = []
-    reference = Controller("fe-based", TRUE, FULL, FULL)
-    learned = [
-        Controller("learned", SOFTER, FULL, FULL),
-        Controller("learned@1", SOFTER, replace(FULL, iterations=1), FULL),
-    ]
-    tracked = follow(goals, reference, learned, ModelPlant(TRUE, REST_E), tracker, seen.append)
+    pilots = {
+        "learned": pilot(SOFTER),
+        "learned@1": pilot(SOFTER, replace(FULL, iterations=1)),
+        "fe-based": pilot(TRUE),
+    }
+    tracked = follow(goals, pilots, ModelPlant(TRUE, REST_E), REST_E, "fe-based", seen.append)
     return tracked, seen
 
 

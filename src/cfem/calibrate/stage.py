@@ -250,15 +250,11 @@ def _interval(interval: tuple[float | None, float | None], confidence: float) ->
 
 def _write_table(path: Path, found: Any) -> None:
     """A row a state: what drove it, where it went, what was measured."""
-    import json
-
-    import pyarrow as pa
-
     from cfem.condensed.packing import pack_upper
-    from cfem.dataset.writer import write_table
+    from cfem.dataset.writer import write_columns
 
     measured, states = found.problem.measured, found.states
-    vectors = {
+    columns = {
         "delta_a": states.delta_a,
         "lambda_a": states.lam,
         "delta_e": states.delta_e,
@@ -269,10 +265,6 @@ def _write_table(path: Path, found: Any) -> None:
         "delta_free": states.delta_free,
         "W": pack_upper(states.W),
     }
-    columns = {
-        name: pa.FixedSizeListArray.from_arrays(pa.array(np.ascontiguousarray(array).ravel()), array.shape[1])
-        for name, array in vectors.items()
-    }
     units = {"delta_a": "mm", "lambda_a": "N", "delta_e": "mm", "x_e": "mm", "measured_x_e": "mm"}
     units |= {"measured_delta_e": "mm", "delta_free": "mm", "W": "mm/N"}
     units["measured_dual"] = "N" if measured.kind == "displacement" else "mm"
@@ -282,7 +274,7 @@ def _write_table(path: Path, found: Any) -> None:
         "p": dict(zip([one.name for one in found.problem.family.parameters], found.p.tolist(), strict=True)),
         "units": units,
     }
-    write_table(path, pa.table(columns).replace_schema_metadata({"cfem": json.dumps(meta)}))
+    write_columns(path, columns, meta)
 
 
 def _draw(folder: Path, found: Any) -> str | None:

@@ -15,9 +15,8 @@ from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.controller import Gains
 from cfem.control.gains import integral_for, late_samples
-from cfem.control.inverse import Limits, ridge_of
-from cfem.control.loop import Settings
-from cfem.control.spec import FE_BASED, ControlSpec, SearchSpec
+from cfem.control.inverse import Limits
+from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
 from cfem.control.tick_log import tick_log
 from cfem.core.errors import SpecError
@@ -41,11 +40,11 @@ def run_controllers(
     robot: Robot,
     predictors: Mapping[str, Predictor],
     goals: Mapping[str, np.ndarray],
-    pilot: tuple[Limits, np.ndarray, Settings],
+    pilot: Pilot,
 ) -> dict[str, Any]:
     """Writes loop.parquet, a row a tick; returns the results. Ticks of a device are on disk as they come (`tick_log`).
-    pilot: limits, weights of effector rows, settings; goals:
-    (m, n_e) mm absolute by trajectory; base: folder of the spec, where a device starts. InputError where that fails."""
+    goals: (m, n_e) mm absolute by trajectory; pilot: how goals are searched for; base: folder of the spec, where a
+    device starts. InputError where that fails."""
     loop, pace = spec.loop, _pace(spec.loop)
     plant_of = _plants(spec, base, robot, predictors)
     records, results = [], {}
@@ -55,7 +54,7 @@ def run_controllers(
             results[trajectory] = {}
             for name, controller in loop.controllers.items():
                 model, gains = _model(controller, predictors, robot), _gains(controller, loop)
-                flown = _pilot(controller, loop, model, robot, *pilot, spec.search)
+                flown = _flown(pilot, controller, loop, model, robot)
                 runs = []
                 for seed in _seeds(controller, loop):
                     tell, count = partial(record, trajectory, name, seed, loop.rate), _Counter(advance)
@@ -106,33 +105,22 @@ def _model(controller: ControllerSpec, predictors: Mapping[str, Predictor], robo
     return predictors[controller.model or next(iter(predictors))]
 
 
-def _pilot(
-    controller: ControllerSpec,
-    loop: LoopSpec,
-    model: Model,
-    robot: Robot,
-    limits: Limits,
-    weights: np.ndarray,
-    settings: Settings,
-    search: SearchSpec,
-) -> Pilot:
-    command = loop.command
+def _flown(search: Pilot, controller: ControllerSpec, loop: LoopSpec, model: Model, robot: Robot) -> Pilot:
+    """search: how goals are searched for without a clock."""
+    command, limits = loop.command, search.limits
     if command.kind == "force" and robot.forces is not None:
         # What protects the robot is the bound of what it is told; a course only has to be one that the model knows.
         limits = Limits(limits.lambda_a, _known_course(model, robot))
     if command.kind == "force" and command.largest is not None:
         limits = replace(limits, lambda_a=np.clip(limits.lambda_a, -command.largest, command.largest))
-    return Pilot(
-        model,
-        command.kind,
-        controller.observer,
-        limits,
-        weights,
-        ridge_of(search.regularisation, robot.reach, robot.length),
-        replace(settings, iterations=controller.iterations),
-        np.inf if command.step is None else command.step,
-        search.preload,
-        ridge_of(search.damping, robot.reach, robot.length),
+    return replace(
+        search,
+        model=model,
+        command=command.kind,
+        observer=controller.observer,
+        limits=limits,
+        settings=replace(search.settings, iterations=controller.iterations),
+        rate=np.inf if command.step is None else command.step,
     )
 
 
@@ -221,18 +209,7 @@ def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple
 
 
 def _write(path: Path, records: list[dict[str, Any]], robot: Robot) -> None:
-    import json
-
-    import pyarrow as pa
-
-    from cfem.dataset.writer import write_table
-
-    def column(values: list) -> pa.Array:
-        if isinstance(values[0], np.ndarray):
-            return pa.FixedSizeListArray.from_arrays(pa.array(np.concatenate(values)), len(values[0]))
-        return pa.array(values)
+    from cfem.dataset.writer import write_records
 
     units = dict.fromkeys(("goal", "aimed", "x_e", "measured_e", "error"), "mm") | {"seconds": "s", "step_us": "us"}
-    meta = {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "units": units}
-    table = pa.table({key: column([row[key] for row in records]) for key in records[0]})
-    write_table(path, table.replace_schema_metadata({"cfem": json.dumps(meta)}))
+    write_records(path, records, {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "units": units})

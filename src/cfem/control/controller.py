@@ -10,7 +10,7 @@ model expected and the correction c of that tick,
 which is goal - sample where the model got to the corrected goal, and grows no further where bounds, rates, a robot that
 cannot get there, or a search of one step a tick have kept it away."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,12 +50,13 @@ class Controller:
 
     def __init__(self, pilot: Pilot, rest_e: np.ndarray, gains: Gains | None = None, start: np.ndarray | None = None):
         """rest_e: (n_e,) mm, where the effectors rest; gains: None for open loop; start: (n_a,) mm where the actuators
-        stand, 0 unless given."""
+        stand, the model's home or 0 unless given."""
         self._pilot, self._rest_e = pilot, rest_e
         self._correction = Correction(gains, len(rest_e)) if gains else None
         self._moved, self._expected = np.zeros(len(rest_e)), {}
         self._tick = self._heard = 0
-        self.belief = Belief.at(pilot, np.zeros(len(pilot.ridge)) if start is None else np.asarray(start, float))
+        home = getattr(pilot.model, "home", np.zeros(len(pilot.ridge)))
+        self.belief = Belief.at(pilot, home if start is None else np.asarray(start, float))
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None) -> Belief:
@@ -75,7 +76,10 @@ class Controller:
             if np.isfinite(error).all():
                 self._moved = self._correction.after(error)
         self.aimed = goal + self._moved
-        self.belief = drive(self._pilot, self.belief, self.aimed - self._rest_e, measured)
+        pilot = self._pilot
+        if self._tick == 1 and pilot.approach is not None:
+            pilot = replace(pilot, settings=pilot.approach)
+        self.belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured)
         if self._correction:
             self._expected[self._tick] = self._rest_e + self.belief.iterate.condensed.delta_e - self._moved
         return self.belief

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.spec import ArcSpec, ControlSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
+from cfem.control.spec import ControlSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
@@ -47,6 +47,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _work(
     folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
 ) -> dict[str, Any]:
+    from cfem.control.goals import goals_of
     from cfem.control.mesh_error import discretisation, states_to_refine
     from cfem.control.summary import headline
     from cfem.core.progress import progress
@@ -80,11 +81,11 @@ def _work(
         _demand_same_rows(robot, predictors, models)
         fem = FemPlant(robot) if spec.plant == "fem" else None
         plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
-    goals = {name: _goals(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
+    goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
     if spec.loop:
         from cfem.control.closed_loop_stage import run_controllers
 
-        pilot = _limits(spec, robot), _weights(spec, robot), _settings(spec)
+        pilot = _pilot(spec, robot, next(iter(predictors.values())))
         return run_controllers(folder, spec, base, robot, predictors, goals, pilot)
 
     surface, places = np.unique(robot.facets, return_inverse=True)
@@ -141,43 +142,6 @@ def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
     return held, lines
 
 
-def _goals(name: str, trajectory: TrajectorySpec, robot, fem, shift: np.ndarray) -> np.ndarray:
-    """(m, n_e) mm absolute. shift: by how much they move with a design."""
-    from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
-    from cfem.core.progress import progress
-
-    if isinstance(trajectory, ArcSpec):
-        around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
-        around = _fit(name, around, robot, shift)
-        return with_approach(around, robot.rest_e, trajectory.from_rest)
-    if isinstance(trajectory, HalfSphereSpec):
-        points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
-        return _fit(name, points, robot, shift)
-    if isinstance(trajectory, GoalsSpec):
-        return _fit(name, trajectory.points, robot, shift)
-    if len(trajectory.centre) != robot.rows.n_a:
-        raise SpecError(
-            f"centre has {len(trajectory.centre)} numbers, the robot {robot.rows.n_a} actuators",
-            where=f"trajectories.{name}",
-        )
-    shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals)
-    found = []
-    with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
-        for share in shares:
-            found.append(fem.pull(share).x_e)
-            advance(1)
-    return np.array(found)
-
-
-def _fit(name: str, goals: np.ndarray, robot, shift: np.ndarray) -> np.ndarray:
-    if goals.shape[1] != robot.rows.n_e:
-        raise SpecError(
-            f"a goal has {goals.shape[1]} numbers, the robot {robot.rows.n_e} effector rows",
-            where=f"trajectories.{name}",
-        )
-    return goals + shift if len(shift) else goals
-
-
 def _demand_same_rows(robot, predictors, models) -> None:
     from cfem.core.errors import InputError
 
@@ -192,21 +156,20 @@ def _follow(
 ) -> tuple[list, dict]:
     """Records of one trajectory, and the deformed nodes of the surface at its goals. done: called with a goal's index
     when the plant stands where the first controller has sent it."""
-    from cfem.control.experiment import Controller, Tracker, follow
-    from cfem.control.inverse import ridge_of
+    from cfem.control.experiment import follow
     from cfem.control.summary import FE_BASED, record
 
-    limits, settings = _limits(spec, robot), _settings(spec)
-    weights = _weights(spec, robot)
-    ridge = ridge_of(spec.search.regularisation, robot.reach, robot.length)
-    learned = [Controller(model, predictor, settings, settings) for model, predictor in predictors.items()]
     first, predictor = next(iter(predictors.items()))
-    learned += [
-        Controller(f"{first}@{n}", _updated_once(predictor), replace(settings, iterations=n), settings)
+    searched = _pilot(spec, robot, predictor)
+    settings = searched.settings
+    pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
+        f"{first}@{n}": replace(
+            searched, model=_updated_once(predictor), settings=replace(settings, iterations=n), approach=settings
+        )
         for n in spec.fewer_iterations
-    ]
-    exact = replace(settings, tolerance=spec.fe_tolerance)
-    reference = Controller(FE_BASED, fem, exact, exact) if spec.fe_based else None
+    }
+    if spec.fe_based:
+        pilots[FE_BASED] = replace(searched, model=fem, settings=replace(settings, tolerance=spec.fe_tolerance))
 
     chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
     shapes: dict[int, np.ndarray] = {}
@@ -216,16 +179,7 @@ def _follow(
             shapes[index] = plant.x[surface].astype(np.float32)
         done(index)
 
-    preload = spec.search.preload
-    damping = ridge_of(spec.search.damping, robot.reach, robot.length)
-    tracked = follow(
-        goals,
-        reference,
-        learned,
-        plant,
-        lambda one: Tracker(one, limits, weights, ridge, robot.rest_e, preload, damping),
-        after,
-    )
+    tracked = follow(goals, pilots, plant, robot.rest_e, FE_BASED, after)
     fe = {one.index: one for one in tracked if one.controller == FE_BASED}
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]
     pictures = {f"{name}/index": np.array(sorted(shapes)), f"{name}/x": np.array([shapes[i] for i in sorted(shapes)])}
@@ -260,11 +214,24 @@ def _weights(spec: ControlSpec, robot) -> np.ndarray:
     return weights
 
 
-def _settings(spec: ControlSpec):
+def _pilot(spec: ControlSpec, robot, model):
+    """What searches for a goal with `model`, as the spec says."""
+    from cfem.control.inverse import ridge_of
     from cfem.control.loop import Settings
+    from cfem.control.tick import Pilot
 
     search = spec.search
-    return Settings(search.iterations, search.tolerance, search.step, backend=search.qp)
+    return Pilot(
+        model,
+        "displacement",
+        "equilibrium",
+        _limits(spec, robot),
+        _weights(spec, robot),
+        ridge_of(search.regularisation, robot.reach, robot.length),
+        Settings(search.iterations, search.tolerance, search.step, backend=search.qp),
+        preload=search.preload,
+        damping=ridge_of(search.damping, robot.reach, robot.length),
+    )
 
 
 def _summary(rows: list[dict], length: float) -> dict:
@@ -274,20 +241,8 @@ def _summary(rows: list[dict], length: float) -> dict:
 
 
 def _write_table(path: Path, records: list[dict], robot) -> None:
-    import json
+    from cfem.dataset.writer import write_records
 
-    import pyarrow as pa
-
-    from cfem.dataset.writer import write_table
-
-    vectors = {"goal", "x_e", "delta_a", "lambda_a", "predicted_e", "contact"}
-    columns = {key: [row[key] for row in records] for key in records[0]}
-    arrays = {
-        key: pa.FixedSizeListArray.from_arrays(pa.array(np.concatenate(values)), len(values[0]))
-        if key in vectors
-        else pa.array(values)
-        for key, values in columns.items()
-    }
     displacements, forces = zip(*robot.actuator_units, strict=True)
     units = {
         "error": "mm",
@@ -301,4 +256,4 @@ def _write_table(path: Path, records: list[dict], robot) -> None:
         "seconds": "s",
     }
     meta = {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "length": robot.length, "units": units}
-    write_table(path, pa.table(arrays).replace_schema_metadata({"cfem": json.dumps(meta)}))
+    write_records(path, records, meta)

@@ -25,7 +25,7 @@ ONCE = Settings(iterations=1)
 class Pilot:
     """What turns goals into commands. limits: amplitudes; rate: mm (mm^3) or N (MPa) by which a command may change in
     a tick; weights (n_e,), ridge (n_a,), preload, damping: see `Aim`; settings.iterations: inverse steps a tick, 1
-    is the paper's."""
+    is the paper's; approach: settings of the first tick, whose goal may be far away, None: as those of the others."""
 
     model: Model
     command: Command
@@ -37,16 +37,19 @@ class Pilot:
     rate: float = np.inf
     preload: float = 0.0
     damping: np.ndarray | float = 0.0
+    approach: Settings | None = None
 
 
 @dataclass(frozen=True)
 class Belief:
     """What the controller knows after a tick. iterate: the model where it takes the actuators to stand; u: (n_a,) the
-    command; status: 'converged' or how the search ended."""
+    command; status: 'converged' or how the search ended; plan: the search itself, None where the published step was
+    taken or the model had no answer."""
 
     iterate: Iterate
     u: np.ndarray
     status: str
+    plan: Reach | None = None
 
     @classmethod
     def at(cls, pilot: Pilot, delta_a: np.ndarray) -> "Belief":
@@ -71,20 +74,20 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
         forces = pilot.command == "force" and getattr(pilot.model, "form", "displacement") == "force"
         found = reach(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
         if found.status is ReachStatus.QP_FAILED:
-            return replace(belief, status=found.status.value)
+            return replace(belief, status=found.status.value, plan=found)
         return _within(pilot, found, limits)
     except NumericalError as error:
-        return replace(belief, status=str(error))
+        return replace(belief, status=str(error), plan=None)
 
 
 def _within(pilot: Pilot, found: Reach, limits: Limits) -> Belief:
     """The command that leads to what was found, cut down to its limits, and where that leads."""
     if pilot.command == "displacement":
-        return Belief(found.iterate, np.clip(found.delta_a, *limits.delta_a.T), found.status.value)
+        return Belief(found.iterate, np.clip(found.delta_a, *limits.delta_a.T), found.status.value, found)
     at, u = found.iterate, np.clip(found.lambda_a, *limits.lambda_a.T)
     if not np.array_equal(u, found.lambda_a):
         at = replace(at, condensed=under_force(pilot.model, u, at.condensed))
-    return Belief(at, u, found.status.value)
+    return Belief(at, u, found.status.value, found)
 
 
 def _seen(pilot: Pilot, at: Iterate, measured: Measurement) -> Iterate:

@@ -1,15 +1,13 @@
 """What is said of the designs that were found: design.json, tables, lines for a person."""
 
-import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 
 from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration, length
-from cfem.dataset.writer import write_table
+from cfem.dataset.writer import write_columns
 from cfem.design.front import Front
 from cfem.design.problem import Problem
 from cfem.design.search import Design, Grid
@@ -127,15 +125,15 @@ def write_front(path: Path, problem: Problem, front: Front) -> None:
 def write_designs(path: Path, problem: Problem, z: np.ndarray, objectives: np.ndarray, constraints: np.ndarray) -> None:
     """A row a design: parameters, objectives as they are minimised, slacks of the constraints."""
     p = problem.p(z)
-    columns = {one.name: pa.array(p[:, i]) for i, one in enumerate(problem.family.parameters)}
-    columns |= {f"objective.{name}": pa.array(objectives[:, i]) for i, name in enumerate(problem.names)}
-    columns |= {f"slack.{name}": pa.array(constraints[:, i]) for i, name in enumerate(problem.constraints)}
+    columns = {one.name: p[:, i] for i, one in enumerate(problem.family.parameters)}
+    columns |= {f"objective.{name}": objectives[:, i] for i, name in enumerate(problem.names)}
+    columns |= {f"slack.{name}": constraints[:, i] for i, name in enumerate(problem.constraints)}
     meta = {
         "units": {one.name: one.unit for one in problem.family.parameters},
         "kind": problem.kind,
         "u": problem.u.tolist(),
     }
-    write_table(path, pa.table(columns).replace_schema_metadata({"cfem": json.dumps(meta)}))
+    write_columns(path, columns, meta)
 
 
 def slopes_checked(problem: Problem) -> float:

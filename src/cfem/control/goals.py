@@ -1,0 +1,45 @@
+"""The goals of a trajectory that a spec describes."""
+
+import numpy as np
+
+from cfem.control.spec import ArcSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
+from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
+from cfem.core.errors import SpecError
+from cfem.core.progress import progress
+from cfem.equilibrium.robot import Robot
+from cfem.plant.fem_plant import FemPlant
+
+
+def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
+    """(m, n_e) mm absolute. robot: or what stands for several and their object; shift: (n_e,) mm by how much they move
+    with a design, empty without one."""
+    if isinstance(trajectory, ArcSpec):
+        around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
+        around = _fit(name, around, robot, shift)
+        return with_approach(around, robot.rest_e, trajectory.from_rest)
+    if isinstance(trajectory, HalfSphereSpec):
+        points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
+        return _fit(name, points, robot, shift)
+    if isinstance(trajectory, GoalsSpec):
+        return _fit(name, trajectory.points, robot, shift)
+    if len(trajectory.centre) != robot.rows.n_a:
+        raise SpecError(
+            f"centre has {len(trajectory.centre)} numbers, the robot {robot.rows.n_a} actuators",
+            where=f"trajectories.{name}",
+        )
+    shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals)
+    found = []
+    with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
+        for share in shares:
+            found.append(fem.pull(share).x_e)
+            advance(1)
+    return np.array(found)
+
+
+def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.ndarray:
+    if goals.shape[1] != robot.rows.n_e:
+        raise SpecError(
+            f"a goal has {goals.shape[1]} numbers, the robot {robot.rows.n_e} effector rows",
+            where=f"trajectories.{name}",
+        )
+    return goals + shift if len(shift) else goals
