@@ -7,9 +7,10 @@ from support.blocks import bar
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.grip import Finger, Free, grip
-from cfem.equilibrium.press import PressStatus, press
+from cfem.equilibrium.grip import Free, grip
+from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.touch import PlacedRobot, TouchStatus
 
 REST = np.array([30.0, 5.0, 9.0])  # of a bar's contact point, which its cables lift
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -21,7 +22,7 @@ CENTRE = REST + [0, 0, 3.0]
 def fingers():
     """The second one upside down above the first, the block touching both."""
     problem = Problem(bar(element="hex8", cables=2, contact=True))
-    return [Finger(problem, np.eye(3), np.zeros(3)), Finger(problem, FLIP, CENTRE - FLIP @ CENTRE)]
+    return [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
 
 
 def lift(share):
@@ -41,20 +42,20 @@ def test_equal_fingers_leave_the_block_at_its_height_as_two_walls_would(fingers)
     against a wall at the block's face that lets it slide along the bar."""
     found = grip(fingers, [lift(0.5), lift(0.5)], block(), mu=0.5)
     assert found.converged and found.check.largest <= 1e-8
-    np.testing.assert_allclose(found.x[2], 0.0, atol=1e-9)
-    push, slides = found.solved[0].lambda_c, found.x * [1, 0, 0]
+    np.testing.assert_allclose(found.around.x[2], 0.0, atol=1e-9)
+    push, slides = found.solved[0].lambda_c, found.around.x * [1, 0, 0]
     assert abs(push[0]) < 1e-8 * abs(push[2])
     wall = press(fingers[0].problem, lift(0.5), [Plane(R=FLIP, t=REST)], mu=10.0)
     wall = press(
         fingers[0].problem, lift(0.5), [Plane(R=FLIP, t=REST)], mu=10.0, before=wall, carried=REST + slides[None]
     )
-    np.testing.assert_allclose(push, wall.solved.lambda_c, atol=1e-7 * abs(push[2]))
+    np.testing.assert_allclose(push, wall.solved[0].lambda_c, atol=1e-7 * abs(push[2]))
 
 
 def test_friction_carries_the_block_and_the_block_balances(fingers):
     squeezed = grip(fingers, [lift(0.5), lift(0.5)], block(), mu=0.5)
     moved = grip(fingers, [lift(0.6), lift(0.4)], block(), mu=0.5, before=squeezed)
-    assert moved.converged and moved.x[2] > 1e-3
+    assert moved.converged and moved.around.x[2] > 1e-3
     sum_of_forces = sum(
         finger.turn @ one.lambda_c.reshape(-1, 3).sum(axis=0) for finger, one in zip(fingers, moved.solved, strict=True)
     )
@@ -70,17 +71,17 @@ def test_a_sideways_load_beyond_friction_has_no_equilibrium_and_below_it_sticks(
         return grip(fingers, [lift(0.5), lift(0.5)], load, mu=1.0, before=squeezed)
 
     little = pulled(0.2)
-    assert little.converged and little.modes == (Mode.STICK, Mode.STICK) and little.x[0] > squeezed.x[0]
+    assert little.converged and little.modes == (Mode.STICK, Mode.STICK) and little.around.x[0] > squeezed.around.x[0]
     much = pulled(2.0)
-    assert not much.converged and much.status in (PressStatus.NO_MODE, PressStatus.ITERATIONS)
+    assert not much.converged and much.status in (TouchStatus.NO_MODE, TouchStatus.ITERATIONS)
 
 
 def test_a_block_rests_on_the_lower_finger_and_nothing_holds_it_sideways_in_the_air(fingers):
     found = grip(fingers, [force(np.zeros(2))] * 2, block(load=(0, 0, -1e-3)), "signorini")
-    assert found.converged and found.modes == (Mode.SLIP, Mode.OPEN) and found.x[2] < 0
+    assert found.converged and found.modes == (Mode.SLIP, Mode.OPEN) and found.around.x[2] < 0
     np.testing.assert_allclose(found.solved[0].lambda_c, [0, 0, -1e-3], atol=1e-11)
     away = grip(fingers, [lift(-0.5), lift(-0.5)], block(load=(0, 1e-3, 0)), mu=0.5)
-    assert away.status is PressStatus.NO_MODE
+    assert away.status is TouchStatus.NO_MODE
 
 
 @pytest.mark.parametrize("turns", [False, True])
@@ -90,11 +91,11 @@ def test_a_block_that_turns_balances_its_moments(fingers, turns):
     found = grip(fingers, [lift(0.55), lift(0.5)], block(load=(1e-3, 0, 0), turns=turns), mu=1.0, before=squeezed)
     if turns:
         assert found.converged
-        arms = [REST + found.solved[0].delta_c - CENTRE - found.x]
-        arms.append(fingers[1].points[0] + FLIP @ found.solved[1].delta_c - CENTRE - found.x)
+        arms = [REST + found.solved[0].delta_c - CENTRE - found.around.x]
+        arms.append(fingers[1].points[0] + FLIP @ found.solved[1].delta_c - CENTRE - found.around.x)
         pushes = [-found.solved[0].lambda_c, -FLIP @ found.solved[1].lambda_c]
         np.testing.assert_allclose(sum(pushes) + [1e-3, 0, 0], 0.0, atol=1e-9)
         np.testing.assert_allclose(np.cross(arms, pushes).sum(axis=0), 0.0, atol=1e-8)
-        np.testing.assert_allclose(found.R @ found.R.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(found.around.R @ found.around.R.T, np.eye(3), atol=1e-12)
     else:
-        assert found.converged and np.array_equal(found.R, np.eye(3))
+        assert found.converged and np.array_equal(found.around.R, np.eye(3))

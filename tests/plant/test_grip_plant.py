@@ -5,8 +5,9 @@ import pytest
 from support.blocks import bar
 
 from cfem.contact.obstacle import Box
-from cfem.equilibrium.grip import Finger, Free
+from cfem.equilibrium.grip import Free
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.touch import PlacedRobot
 from cfem.plant.grip_plant import GripPlant
 
 REST = np.array([30.0, 5.0, 9.0])
@@ -16,7 +17,7 @@ CENTRE = REST + [0, 0, 3.0]
 
 def plant(load=(0.0, 0.0, 0.0)):
     problem = Problem(bar(element="hex8", cables=2, contact=True))
-    fingers = [Finger(problem, np.eye(3), np.zeros(3)), Finger(problem, FLIP, CENTRE - FLIP @ CENTRE)]
+    fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
     held = Free(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([*load, 0, 0, 0]), False)
     return GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None])
 

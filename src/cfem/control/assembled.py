@@ -13,9 +13,10 @@ from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError, NumericalError
-from cfem.equilibrium.grip import Finger, Free
+from cfem.equilibrium.grip import Free
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.touch import PlacedRobot
 from cfem.plant.coupled_plant import CoupledPlant
 from cfem.plant.fem_patch import FemPatch
 from cfem.plant.grip_plant import GripPlant
@@ -88,7 +89,7 @@ def assembled(
 def touching(spec: ControlSpec, robot: Robot) -> GripPlant:
     """The plant in which contact points open and slide. InputError where a point stands inside the object."""
     n_a, places = robot.rows.n_a, [_place(one) for one in spec.robots]
-    fingers = [Finger(Problem(robot), turn, shift) for turn, shift in places]
+    fingers = [PlacedRobot(Problem(robot), turn, shift) for turn, shift in places]
     shape = Box(spec.object.half_size, t=spec.object.centre)
     force = np.zeros(3) if spec.object.force is None else spec.object.force
     held = Free(shape, spec.object.centre, np.concatenate([force, np.zeros(3)]), spec.object.turns)

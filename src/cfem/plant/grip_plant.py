@@ -7,7 +7,8 @@ import numpy as np
 
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.grip import Finger, Free, Grip, grip
+from cfem.equilibrium.grip import Free, grip
+from cfem.equilibrium.touch import PlacedRobot, Touch
 from cfem.plant.protocol import Command, Measurement
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
@@ -23,7 +24,7 @@ class GripPlant:
 
     def __init__(
         self,
-        fingers: Sequence[Finger],
+        fingers: Sequence[PlacedRobot],
         ends: np.ndarray,
         held: Free,
         law: Law,
@@ -40,14 +41,13 @@ class GripPlant:
     @property
     def x(self) -> np.ndarray:
         """(n, 3) mm nodes of all robots, one after the other, and the points of the object."""
-        held, last = self._held, self._last
-        arms = self._object_points - held.centre
+        last = self._last
         if last is None:
             nodes = [one.problem.rest @ one.turn.T + one.shift for one in self._fingers]
             return np.concatenate([*nodes, self._object_points])
         solved = zip(self._fingers, last.solved, strict=True)
         nodes = [one.state.x @ finger.turn.T + finger.shift for finger, one in solved]
-        return np.concatenate([*nodes, held.centre + last.x + arms @ last.R.T])
+        return np.concatenate([*nodes, last.around.now(self._object_points)])
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         """Displacements (n_a,) mm, in quasi-static steps; where a step fails it is halved, and where the shortest fails
@@ -66,7 +66,7 @@ class GripPlant:
         delta_a, lambda_a = (
             np.concatenate([getattr(one, key) for one in last.solved]) for key in ("delta_a", "lambda_a")
         )
-        return Measurement(self._held.centre + last.x, delta_a, lambda_a, self._t, status)
+        return Measurement(self._held.centre + last.around.x, delta_a, lambda_a, self._t, status)
 
     def _towards(self, u: np.ndarray) -> str:
         """How it ended."""
@@ -85,7 +85,7 @@ class GripPlant:
                 return f"{found.status.value}, at {100 * share:.0f} % of the way"
         return "converged"
 
-    def _go(self, u: np.ndarray) -> Grip:
+    def _go(self, u: np.ndarray) -> Touch:
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
         found = grip(self._fingers, parts, self._held, self._law, self._mu, self._last)
         self.steps += 1

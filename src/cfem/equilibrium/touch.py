@@ -1,0 +1,176 @@
+"""Equilibria of robots whose contact points meet rigid bodies: they open, touch, stick and slide.
+
+Every robot is solved by finite elements with its contact points held at trial positions; condensation gives what they
+yield to contact forces, exactly to first order; the contact law on that linearisation, with the motion and the balance
+of what the points meet, is solved exactly (`cfem.contact.solve`); its displacements are the next trial positions and
+poses. It is Newton's method on the nonlinear problem but for the curvature of the surfaces; the last state is checked
+as it is, not as the linearisation has it: gaps, forces, cones and the balance of what moves by itself."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cfem.contact.check import Check, check
+from cfem.contact.modes import Mode
+from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.solve import ContactStatus, solve_contact
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.held_patch import contact_points, held
+from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.solve import solve
+
+
+class TouchStatus(Enum):
+    """How it ended; the value is the sentence that the user reads."""
+
+    CONVERGED = "converged"
+    NO_MODE = "no combination of open, sticking and sliding points is in equilibrium"
+    ITERATIONS = "open, sticking and sliding points keep changing: the iterations allowed were used up"
+    NO_EQUILIBRIUM = "the robot finds no equilibrium with its contact points held"
+
+
+@dataclass(frozen=True)
+class PlacedRobot:
+    """One robot; turn (3, 3) and shift (3,) mm from its frame to the scene's."""
+
+    problem: Problem
+    turn: np.ndarray
+    shift: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """(k, 3) mm its contact points at rest, in the scene."""
+        return contact_points(self.problem) @ self.turn.T + self.shift
+
+
+class Around(Protocol):
+    """What m contact points meet, where it is now; k coordinates by which it moves by itself, 0 where its pose is
+    given. Places are points of it, named by where they are in the scene before it has moved."""
+
+    wrench: np.ndarray
+    """(k,) N and N mm that it carries."""
+
+    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of points at (m, 3) mm: distances (m,) mm, and frames (m, 3, 3) with rows n, t1, t2."""
+        ...
+
+    def motion(self, at: np.ndarray) -> np.ndarray:
+        """(3 m, k) how it moves there by its own coordinates."""
+        ...
+
+    def moved(self, xi: np.ndarray) -> "Around":
+        """By xi (k,) mm and rad."""
+        ...
+
+    def now(self, places: np.ndarray) -> np.ndarray:
+        """(m, 3) mm where its places are."""
+        ...
+
+    def places(self, at: np.ndarray) -> np.ndarray:
+        """(m, 3) mm the places that are at `at`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One state. solved: of each robot, with multipliers of its contact points in its own frame (N), None where it was
+    not solved; modes: of all points, robot after robot; around: what they meet, where it is; stuck (m, 3) mm: the
+    places on it where the points stick or would; check: of law and balance at the state itself; iterations: rounds of
+    FE solves; factorizations: of them all."""
+
+    status: TouchStatus
+    solved: tuple[Equilibrium | None, ...]
+    modes: tuple[Mode, ...]
+    around: Around
+    stuck: np.ndarray
+    check: Check | None
+    iterations: int
+    factorizations: int
+
+    @property
+    def converged(self) -> bool:
+        return self.status is TouchStatus.CONVERGED
+
+
+def touch(
+    robots: Sequence[PlacedRobot],
+    actuators: Sequence[Actuation],
+    around: Around,
+    before: Touch | None = None,
+    law: Law = "coulomb",
+    mu: float = 0.0,
+    cone: str = "exact",
+    tolerance: float = 1e-8,
+    iterations: int = 40,
+) -> Touch:
+    """Quasi-static step of the robots to `actuators`, one for each, from the state `before` (none: at rest, every point
+    that touches sticks where it is). tolerance: of law and balance, relative, at the state itself. Never raises for
+    numerical failure."""
+    settings = Settings(tolerance=1e-11)
+    points = np.concatenate([robot.points for robot in robots])
+    turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
+    ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
+    if before is None:
+        at, stuck, modes = points.copy(), around.places(points), ()
+        solved: list[Equilibrium | None] = [None] * len(robots)
+    else:
+        at = points + (turns @ np.concatenate([one.delta_c for one in before.solved])).reshape(-1, 3)
+        stuck, modes, solved = before.stuck, before.modes, list(before.solved)
+    verdict, cost = None, 0
+
+    def ended(status: TouchStatus, count: int) -> Touch:
+        return Touch(status, tuple(solved), modes, around, stuck, verdict, count, cost)
+
+    for iteration in range(1, iterations + 1):
+        moved = turns.T @ (at - points).ravel()
+        for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
+            state = None if solved[i] is None else solved[i].state
+            delta = moved[ends[i] : ends[i + 1]]
+            solved[i] = solve(robot.problem, held(actuation, delta), start=state, base=state, settings=settings)
+            cost += solved[i].factorizations
+            if not solved[i].converged:
+                return ended(TouchStatus.NO_EQUILIBRIUM, iteration)
+        compliance = turns @ block_diag(*map(yields, solved, actuators)) @ turns.T
+        push = turns @ np.concatenate([one.lambda_c for one in solved])
+        posed, into, force = _posed(around, at, stuck, compliance, push, mu, cone)
+        verdict = check(posed, law, force, np.zeros(posed.k))
+        if verdict.largest <= tolerance and modes:
+            sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
+            stuck = np.where(sticks, stuck, around.places(at))
+            return ended(TouchStatus.CONVERGED, iteration)
+        answer = solve_contact(posed, law, modes or None)
+        if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
+            return ended(TouchStatus.NO_MODE, iteration)
+        modes, around = answer.modes, around.moved(answer.xi)
+        at = at + (compliance @ into.T @ (answer.lam - force)).reshape(-1, 3)
+    return ended(TouchStatus.ITERATIONS, iterations)
+
+
+def yields(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
+    """(n_c, n_c) mm/N: of the contact rows to their forces, the actuators as they are driven, slack ones free."""
+    condensed, rows = solved.condensed, solved.condensed.rows
+    C = actuators.C[(actuators.C[:, ~solved.slack] != 0).any(axis=1)]
+    W_ac = C @ condensed.W[rows.a, rows.c]
+    W_aa = C @ condensed.W[rows.a, rows.a] @ C.T
+    return condensed.W[rows.c, rows.c] - W_ac.T @ np.linalg.solve(W_aa, W_ac)
+
+
+def _posed(
+    around: Around, at: np.ndarray, stuck: np.ndarray, compliance: np.ndarray, push: np.ndarray, mu: float, cone: str
+) -> tuple[ContactProblem, np.ndarray, np.ndarray]:
+    """The contact problem of points at (m, 3) mm that yield by `compliance` (3m, 3m) mm/N and carry `push` (3m,) N,
+    both in the scene's axes; (3m, 3m) from those to the surface's; the forces in the latter."""
+    distance, frames = around.surface(at)
+    gap = np.einsum("kij,kj->ki", frames, at - around.now(stuck))
+    gap[:, 0] = distance
+    into = block_diag(*frames)
+    W, force = into @ compliance @ into.T, into @ push
+    motion = around.motion(at)
+    G, wrench = (into @ motion, around.wrench) if motion.shape[1] else (None, None)
+    return ContactProblem((W + W.T) / 2, gap.ravel() - W @ force, G, wrench, mu, cone), into, force
