@@ -4,7 +4,8 @@ python scripts/mutate.py [--count 60] [--seed 0] [--only control/qp.py] [--jobs 
 
 A change flips a comparison, an arithmetic operator, a sign, `and` and `or`, a condition or a number, or leaves a
 statement out. It is made in a copy of the package, the tests beside the changed file run against it, and what they let
-pass is printed. The first line of the result is the share that was caught."""
+pass is printed, with the share that was caught of each package and of all. Changes that alter no answer are listed,
+each with its reason, in equivalent_changes.toml, and are not tried."""
 
 import argparse
 import ast
@@ -14,24 +15,32 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# Files of the core, and the tests that answer for them.
+# Files of the core, and the tests that answer for them beside those of the same name.
 CORE = {
     "condensed/": ["tests/condensed"],
     "constraint/": ["tests/constraint"],
+    "contact/": ["tests/contact"],
+    "mechanics/": ["tests/mechanics"],
     "equilibrium/": ["tests/equilibrium"],
+    "plant/": ["tests/plant"],
     "control/active_set.py": ["tests/control/test_qp.py"],
     "control/qp.py": ["tests/control/test_qp.py"],
     "control/inverse.py": ["tests/control/test_inverse.py"],
-    "contact/": ["tests/contact"],
+    "control/loop.py": ["tests/control"],
+    "control/tick.py": ["tests/control"],
+    "control/controller.py": ["tests/control"],
     "core/files.py": ["tests/core/test_files.py"],
     "robot/soundness.py": ["tests/robot/test_soundness.py"],
     "calibrate/confidence.py": ["tests/calibrate/test_confidence.py"],
     "surrogate/semidefinite.py": ["tests/surrogate/test_semidefinite.py"],
 }
+EQUIVALENT = ROOT / "scripts/equivalent_changes.toml"
 COMPARISONS = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.MatMult: ast.Mult}
 
@@ -89,25 +98,45 @@ class Change(ast.NodeTransformer):
         return node
 
 
-def attempt(file: Path, index: int, timeout: float) -> tuple[str, bool]:
-    """One change of a file below src/cfem: what it is, and whether a test noticed."""
+def named(file: Path) -> list[str]:
+    """Every change of a file below src/cfem: its kind, the line, and the part of it that changes."""
+    source = (ROOT / "src/cfem" / file).read_text()
+    lines, found = source.splitlines(), []
+    for node, kind in changes(ast.parse(source)):
+        part = " ".join((ast.get_source_segment(source, node) or "").split())
+        found.append(f"{file}: {kind}: {lines[node.lineno - 1].strip()}" + (f" [{part}]" if len(part) < 60 else ""))
+    return found
+
+
+def equivalent(every: set[str]) -> set[str]:
+    """The changes that alter no answer. ValueError where the list names one that is no more."""
+    known = {one["change"] for one in tomllib.loads(EQUIVALENT.read_text())["equivalent"]}
+    if known - every:
+        raise ValueError(f"{EQUIVALENT.name} names changes that are no more: {sorted(known - every)}")
+    return known
+
+
+def attempt(file: Path, index: int, timeout: float) -> bool:
+    """One change of a file below src/cfem: whether a test noticed."""
     source = (ROOT / "src/cfem" / file).read_text()
     tree = ast.parse(source)
-    node, kind = changes(tree)[index]
-    what = f"{file}:{node.lineno}: {kind}: {source.splitlines()[node.lineno - 1].strip()}"
-    changed = ast.unparse(ast.fix_missing_locations(Change(node, kind).visit(tree)))
+    changed = ast.unparse(ast.fix_missing_locations(Change(*changes(tree)[index]).visit(tree)))
+    # compiled code is kept where it cannot contain the change
+    stale = ("*.pyc", "*.nbi", "*.nbc") if "njit" in source else ("*.pyc",)
     with tempfile.TemporaryDirectory() as place:
         package = Path(place, "cfem")
-        shutil.copytree(ROOT / "src/cfem", package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "src/cfem", package, ignore=shutil.ignore_patterns(*stale))
         (package / file).write_text(changed)
         tests = next(paths for prefix, paths in CORE.items() if file.as_posix().startswith(prefix))
+        beside = file.parent / f"test_{file.name}"
+        tests = [str(one) for one in [Path("tests", beside)] if (ROOT / one).exists()] + tests
         environment = os.environ | {"PYTHONPATH": f"{place}{os.pathsep}{ROOT / 'tests'}", "OPENBLAS_NUM_THREADS": "1"}
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
         try:
             done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=timeout)
         except subprocess.TimeoutExpired:
-            return what, True
-    return what, done.returncode != 0
+            return True
+    return done.returncode != 0
 
 
 def main() -> None:
@@ -122,16 +151,22 @@ def main() -> None:
     arguments = parser.parse_args()
     files = [each.relative_to(ROOT / "src/cfem") for each in sorted((ROOT / "src/cfem").rglob("*.py"))]
     files = [each for each in files if each.as_posix().startswith(tuple(CORE))]
-    files = [each for each in files if each.as_posix().startswith(arguments.only)]
-    every = [
-        (each, i) for each in files for i in range(len(changes(ast.parse((ROOT / "src/cfem" / each).read_text()))))
-    ]
+    what = {(file, i): change for file in files for i, change in enumerate(named(file))}
+    known = equivalent(set(what.values()))
+    every = [one for one in what if what[one] not in known and one[0].as_posix().startswith(arguments.only)]
     chosen = random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
+
+    def tried(one: tuple[Path, int]) -> bool:
+        caught = attempt(*one, arguments.timeout)
+        print("caught" if caught else "MISSED", what[one], file=sys.stderr, flush=True)
+        return caught
+
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        found = list(pool.map(lambda one: attempt(*one, arguments.timeout), chosen))
-    missed = [what for what, caught in found if not caught]
-    print(f"{len(found) - len(missed)} of {len(found)} changes caught, of {len(every)} possible ones")
-    print(*(f"  {what}" for what in missed), sep="\n")
+        caught = dict(zip(chosen, pool.map(tried, chosen), strict=True))
+    print(f"{sum(caught.values())} of {len(caught)} changes caught, of {len(every)} possible ones")
+    tries, finds = Counter(one[0].parts[0] for one in chosen), Counter(one[0].parts[0] for one in chosen if caught[one])
+    print(*(f"{package}: {finds[package]} of {tries[package]}" for package in sorted(tries)), sep="\n")
+    print(*(f"  missed: {what[one]}" for one in chosen if not caught[one]), sep="\n")
 
 
 if __name__ == "__main__":
