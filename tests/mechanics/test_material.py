@@ -105,7 +105,7 @@ def test_inverted_point_raises_nothing_and_leaves_its_neighbour_alone(law, J):
     for function in (energy_density, stress, tangent):
         both = function(law, F, YOUNG, 0.4)
         np.testing.assert_array_equal(both[1:], function(law, alone, YOUNG, 0.4))
-        if law.name in ("neo-hookean-log", "mooney-rivlin", "ogden"):
+        if law.name in ("neo-hookean-log", "mooney-rivlin", "ogden", "yeoh"):
             assert np.isnan(both[0]).all()
         elif np.isfinite(J):
             assert np.isfinite(both[0]).all()
@@ -176,11 +176,44 @@ def test_ogden_with_powers_2_and_minus_2_is_mooney_rivlin(share):
         )
 
 
-def incompressible_tension(law, a, young):
+@pytest.mark.parametrize("shape", [(0.0, 0.0), (-0.03, 0.002), (0.2, 0.0)])
+def test_yeoh_simple_shear(shape):
+    # I1bar - 3 = gamma^2: shear stress 2 psi' gamma, first normal stress difference 2 psi' gamma^2, the second none
+    gamma, c1 = 1.3, lame(YOUNG, 0.45)[1] / 2
+    F = np.eye(3) + gamma * np.outer([1, 0, 0], [0, 1, 0])
+    sigma = stress(LAWS["yeoh"], F[None], YOUNG, 0.45, shape)[0] @ F.T
+    slope = 2 * c1 * (1 + 2 * shape[0] * gamma**2 + 3 * shape[1] * gamma**4)
+    assert sigma[0, 1] == pytest.approx(slope * gamma, rel=1e-13)
+    assert sigma[0, 0] - sigma[1, 1] == pytest.approx(slope * gamma**2, rel=1e-13)
+    assert sigma[1, 1] == pytest.approx(sigma[2, 2], abs=1e-14)
+
+
+def test_yeoh_with_its_first_constant_alone_is_mooney_rivlin_with_its_first_alone():
+    F = gradients(5)
+    for function in (energy_density, stress, tangent):
+        expected = function(LAWS["mooney-rivlin"], F, YOUNG, 0.45, (0.0,))
+        np.testing.assert_allclose(
+            function(LAWS["yeoh"], F, YOUNG, 0.45, (0.0, 0.0)),
+            expected,
+            rtol=1e-12,
+            atol=1e-13 * np.abs(expected).max(),
+        )
+
+
+@pytest.mark.parametrize("a", [0.5, 1.7, 4.0])
+def test_yeoh_tension_against_his_formula(a):
+    c1, c2, c3 = 0.11, 0.02, -0.0003  # MPa
+    e = a**2 + 2 / a - 3
+    expected = 2 * (a - a**-2) * (c1 + 2 * c2 * e + 3 * c3 * e**2)  # Yeoh 1993
+    found = incompressible_tension(LAWS["yeoh"], np.array([a]), 2 * c1 * 2 * 1.499, (c2 / c1, c3 / c1))
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def incompressible_tension(law, a, young, shape=None):
     """(k,) MPa: axial nominal stress at stretches a (k,), the sides free and J = 1."""
     F = np.zeros((len(a), 3, 3))
     F[:, 0, 0], F[:, 1, 1], F[:, 2, 2] = a, a**-0.5, a**-0.5
-    P = stress(law, F, young, 0.499)
+    P = stress(law, F, young, 0.499, shape)
     return P[:, 0, 0] - P[:, 1, 1] * a**-1.5
 
 

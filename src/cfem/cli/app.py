@@ -221,6 +221,43 @@ def init(
 
 
 @app.command()
+def material(
+    action: Annotated[str, typer.Argument(metavar="ACTION", help="list, show or fit.")],
+    what: Annotated[
+        str | None, typer.Argument(help="show: name of an elastomer. fit: table of a tensile test, .csv.")
+    ] = None,
+    biaxial: Annotated[Path | None, typer.Option(help="Table of an equibiaxial test of the same rubber.")] = None,
+    planar: Annotated[Path | None, typer.Option(help="Table of a planar (pure shear) test of it.")] = None,
+    length: Annotated[str | None, typer.Option(help="Gauge length at rest, where the table has extension.")] = None,
+    area: Annotated[str | None, typer.Option(help="Section at rest, where it has force: '18 mm^2'.")] = None,
+    up_to: Annotated[float | None, typer.Option(min=1.0, help="Largest stretch that is fitted.")] = None,
+    slack: Annotated[bool, typer.Option("--slack", help="Find the strain at which the specimen is taut.")] = False,
+    law: Annotated[str | None, typer.Option(help="Fit this law alone, such as yeoh-3 or ogden-2.")] = None,
+    poisson: Annotated[float, typer.Option(help="Poisson's ratio that is written.")] = 0.499,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for material.yaml, fit.json and fit.png.")] = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """List elastomers by name, show one, or fit a law of rubber to a tensile test of your own."""
+
+    def work(options):
+        from cfem.cli.material import run_material
+
+        how = {
+            "length": length,
+            "area": area,
+            "most": up_to,
+            "slack": slack,
+            "law": law,
+            "poisson": poisson,
+            "out": out,
+        }
+        return run_material(action, what, {"biaxial": biaxial, "planar": planar}, how, options.force, json)
+
+    run_command(work, force=force, as_json=json, label="material")
+
+
+@app.command()
 def inspect(
     artefact: Annotated[Path, typer.Argument(help="A mesh, dataset, model, control or report folder.")],
     json: Json = False,

@@ -10,7 +10,7 @@ from cfem.core.errors import EXIT_CODES
 GROUPS = {
     "Start": ("demo", "init", "run"),
     "One stage at a time": ("mesh", "sample", "merge", "train", "export", "control", "report"),
-    "Which robot is it, which robot is best": ("calibrate", "optimize-design"),
+    "Which robot is it, which robot is best": ("material", "calibrate", "optimize-design"),
     "Look at results": ("summary", "inspect", "verify"),
     "Check the solver, help an editor": ("stability", "schema"),
 }

@@ -1,12 +1,13 @@
-"""What the robot is made of, as the user writes it: Young's modulus, or the constants of a rubber model."""
+"""What the robot is made of, as the user writes it: Young's modulus, the constants of a rubber model, or a name."""
 
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
 
 from cfem.core.spec import Spec
 from cfem.core.units import Density, Stress, StressVector
+from cfem.robot.named import NameAllowed, constants_of
 from cfem.robot.selection import Box, Selection
 
 
@@ -18,6 +19,7 @@ def _compressible(value: float) -> float:
 
 Poisson = Annotated[float, Field(ge=0), AfterValidator(_compressible)]
 MaybeDensity = Annotated[Density, Field(gt=0)] | None
+Factor = Annotated[float, Field(gt=0)]
 
 
 class Elastic(Spec):
@@ -38,7 +40,16 @@ class Elastic(Spec):
         return None
 
 
-class MooneyRivlin(Spec):
+class _Rubber(Spec):
+    """A law by its own constants."""
+
+    @property
+    def young(self) -> float:
+        """MPa: of the constants times `stiffness`."""
+        return 2 * self.stiffness * self.shear * (1 + self.poisson)
+
+
+class MooneyRivlin(_Rubber):
     """Mooney-Rivlin rubber: c10 (I1 - 3) + c01 (I2 - 3) of isochoric invariants, and a volumetric part. The shear
     modulus is 2 (c10 + c01)."""
 
@@ -50,6 +61,8 @@ class MooneyRivlin(Spec):
     """Constant of the second invariant."""
     poisson: Poisson
     """Poisson's ratio, from 0 to 0.4999."""
+    stiffness: Factor = 1.0
+    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
     density: MaybeDensity = None
     """Density. Needed under gravity only."""
 
@@ -60,13 +73,8 @@ class MooneyRivlin(Spec):
 
     @property
     def shear(self) -> float:
-        """MPa."""
+        """MPa, of the constants alone."""
         return 2 * (self.c10 + self.c01)
-
-    @property
-    def young(self) -> float:
-        """MPa."""
-        return 2 * self.shear * (1 + self.poisson)
 
     @property
     def shape(self) -> tuple[float, ...]:
@@ -74,7 +82,37 @@ class MooneyRivlin(Spec):
         return (self.c01 / (self.c10 + self.c01),)
 
 
-class Ogden(Spec):
+class Yeoh(_Rubber):
+    """Yeoh rubber: c1 (I1 - 3) + c2 (I1 - 3)^2 + c3 (I1 - 3)^3 of the first isochoric invariant, and a volumetric part.
+    The shear modulus is 2 c1."""
+
+    law: Literal["yeoh"]
+    """Yeoh rubber."""
+    c1: Stress = Field(gt=0)
+    """Constant of the first power."""
+    c2: Stress = 0.0
+    """Constant of the second power."""
+    c3: Stress = 0.0
+    """Constant of the third power."""
+    poisson: Poisson
+    """Poisson's ratio, from 0 to 0.4999."""
+    stiffness: Factor = 1.0
+    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
+    density: MaybeDensity = None
+    """Density. Needed under gravity only."""
+
+    @property
+    def shear(self) -> float:
+        """MPa, of the constants alone."""
+        return 2 * self.c1
+
+    @property
+    def shape(self) -> tuple[float, ...]:
+        """(c2/c1, c3/c1)."""
+        return self.c2 / self.c1, self.c3 / self.c1
+
+
+class Ogden(_Rubber):
     """Ogden rubber: the sum of mu_i / alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) of isochoric principal
     stretches l, and a volumetric part. The shear modulus is the sum of mu_i alpha_i / 2."""
 
@@ -86,6 +124,8 @@ class Ogden(Spec):
     """Exponent of each term, as many as mu."""
     poisson: Poisson
     """Poisson's ratio, from 0 to 0.4999."""
+    stiffness: Factor = 1.0
+    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
     density: MaybeDensity = None
     """Density. Needed under gravity only."""
 
@@ -100,13 +140,8 @@ class Ogden(Spec):
 
     @property
     def shear(self) -> float:
-        """MPa."""
+        """MPa, of the constants alone."""
         return float(self.mu @ np.asarray(self.alpha)) / 2
-
-    @property
-    def young(self) -> float:
-        """MPa."""
-        return 2 * self.shear * (1 + self.poisson)
 
     @property
     def shape(self) -> tuple[float, ...]:
@@ -120,13 +155,22 @@ def _demand_stiffness(formula: str, shear: float) -> None:
         raise ValueError(f"the shear modulus, {formula}, must be positive, got {shear:g} MPa")
 
 
-def _with_law(data: Any) -> Any:
-    return {"law": "neo-hookean", **data} if isinstance(data, dict) else data
+def _by_constants(data: Any) -> Any:
+    if not isinstance(data, dict):
+        return data
+    return constants_of(data) if "name" in data else {"law": "neo-hookean", **data}
 
 
 MaterialSpec = Annotated[
-    Annotated[Elastic | MooneyRivlin | Ogden, Field(discriminator="law")], BeforeValidator(_with_law)
+    Annotated[Elastic | MooneyRivlin | Ogden | Yeoh, Field(discriminator="law")],
+    BeforeValidator(_by_constants),
+    NameAllowed(),
 ]
+
+
+def read_material(data: dict[str, Any]) -> Elastic | MooneyRivlin | Ogden | Yeoh:
+    """What stands under `material:` in a scene. ValueError where it is no material."""
+    return TypeAdapter(MaterialSpec).validate_python(data)
 
 
 class MaterialRegion(Spec):

@@ -40,12 +40,12 @@ def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> 
     if not ends[0] < ends[1]:
         raise SpecError("range: expected two different values, the smaller first", where=where)
     homogeneous = not (scene.materials or scene.loads or scene.gravity)
-    exact = spec.key == "material.young" and homogeneous
+    exact = spec.key in ("material.young", "material.stiffness") and homogeneous
     return Parameter(name, spec.key, unit, *ends, reference, _coordinate(key), exact)
 
 
 def _coordinate(key: Key) -> Coordinate:
-    return {"poisson": "log(1-2p)", "young": "log"}.get(str(key[-1]), "linear")
+    return {"poisson": "log(1-2p)", "young": "log", "stiffness": "log"}.get(str(key[-1]), "linear")
 
 
 def _split(key: str) -> Key:

@@ -7,6 +7,7 @@ from cfem.mechanics.material import (
     neo_hookean_log,
     ogden,
     st_venant_kirchhoff,
+    yeoh,
 )
 from cfem.mechanics.material.law import Law, Material
 
@@ -19,6 +20,7 @@ LAWS: dict[str, Law] = {
         st_venant_kirchhoff.LAW,
         mooney_rivlin.LAW,
         ogden.LAW,
+        yeoh.LAW,
     )
 }
 

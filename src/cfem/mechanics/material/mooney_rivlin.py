@@ -4,18 +4,17 @@ I2bar = J^(-4/3) I2; for J > 0 only.
     psi = c10 (I1bar - 3) + c01 (I2bar - 3) + kappa/2 (J - 1)^2        mu = 2 (c10 + c01), kappa = lambda + 2 mu/3
 
 split into theta = J - 1 with bulk = lambda, and a rest that holds mu/3 (J - 1)^2 (why: law.py). Its one shape number is
-the share of c01 in c10 + c01. Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.
-
-With 2 E = m 1 + M, tr M = 0, all is formed from m and M, so that small strains keep their digits:
-I1 = 3 (1 + m), I2 = 3 (1 + m)^2 - |M|^2/2, J^2 = (1 + m)^3 (1 + x), x = -|M|^2/2 / (1 + m)^2 + det M / (1 + m)^3."""
+the share of c01 in c10 + c01. Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5. isochoric.py says
+how small strains keep their digits."""
 
 import math
 
 import numpy as np
 from numba import njit
 
+from cfem.mechanics.material.isochoric import first_invariant
 from cfem.mechanics.material.law import Law, lame
-from cfem.mechanics.material.tensor import add_identity, cofactor_change, double_strain, inverse, volume_change
+from cfem.mechanics.material.tensor import add_identity, inverse
 
 
 def parameters(young: float, poisson: float, shape: tuple[float, ...]) -> tuple[np.ndarray, float]:
@@ -32,30 +31,12 @@ def response(D, parameters, psi, theta, P, g):
     volumetric = 4.0 / 3.0 * (c10 + c01)  # 2 mu / 3
     M, T = np.empty((3, 3)), np.empty((3, 3))  # T serves for cof D first
     for k in range(D.shape[0]):
-        trace, higher = volume_change(D[k], T)
-        change = trace + higher
+        change, mean, square, y, e1 = first_invariant(D[k], T, M, g[k])
         J = 1.0 + change
         if not J > 0.0:
             psi[k], theta[k], P[k], g[k] = np.nan, np.nan, np.nan, np.nan
             continue
-        double_strain(D[k], M)
-        mean = (M[0, 0] + M[1, 1] + M[2, 2]) / 3.0
-        square = 0.0
-        for i in range(3):
-            M[i, i] -= mean
-            for j in range(3):
-                g[k, i, j] = cofactor_change(D[k], T, trace, i, j) + (1.0 if i == j else 0.0)
-                square += M[i, j] * M[i, j]
-        det = (
-            M[0, 0] * (M[1, 1] * M[2, 2] - M[1, 2] * M[1, 2])
-            - M[0, 1] * (M[0, 1] * M[2, 2] - M[1, 2] * M[0, 2])
-            + M[0, 2] * (M[0, 1] * M[1, 2] - M[1, 1] * M[0, 2])
-        )
         scale = 1.0 + mean
-        y = -0.5 * square / scale**2
-        x = y + det / scale**3
-        log = math.log1p(x) if x > -0.5 else 2.0 * math.log1p(change) - 3.0 * math.log1p(mean)
-        e1 = math.expm1(-log / 3.0)  # I1bar / 3 - 1
         r1 = 1.0 + e1
         psi[k] = 3.0 * c10 * e1 + c01 * (3.0 * e1 * (1.0 + r1) + r1 * r1 * y) + 0.5 * volumetric * change * change
         theta[k] = change

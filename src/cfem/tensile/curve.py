@@ -1,0 +1,163 @@
+"""A tensile test as a laboratory writes it: a table with a column of stretch, strain or extension and one of
+engineering stress or force, their units in the titles. Lines above the titles, a machine's own, are passed over."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cfem.core.errors import InputError, SpecError
+from cfem.core.units import parse_quantity
+from cfem.tensile.forms import Mode
+
+FEWEST = 6  # points
+_LARGEST_STRAIN = 20.0  # above it, a strain without a unit is taken for per cent
+_ACROSS, _UP = ("stretch", "strain", "extension", "displacement"), ("stress", "force", "load")
+_TITLE = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*")
+_NOISE = 0.01  # of the range of stretch, by which a rising curve may go back
+
+
+@dataclass(frozen=True)
+class Curve:
+    """stretch (m,) in rising order, stress (m,) MPa over the area at rest."""
+
+    mode: Mode
+    stretch: np.ndarray
+    stress: np.ndarray
+    source: str
+
+
+def read_curve(path: Path, mode: Mode = "uniaxial", length: float | None = None, area: float | None = None) -> Curve:
+    """length mm and area mm^2: of the specimen at rest, for extension and force. InputError naming the file, the line
+    and the column of what cannot be read."""
+    rows = _rows(path)
+    start, across, up = _titles(rows, path)
+    titles, records = rows[start][1], rows[start + 1 :]
+    if len(records) < FEWEST:
+        raise InputError(f"holds {len(records)} points, and a fit needs {FEWEST}", where=str(path))
+    numbers = [number for number, _ in records]
+    x, y = (np.array([_number(path, titles, row, column) for row in records]) for column in (across, up))
+    stretch = _stretch(x, titles[across], length, path)
+    stress = _stress(y, titles[up], area, path)
+    return Curve(mode, *_rising(stretch, stress, numbers, path), str(path))
+
+
+def up_to(curve: Curve, most: float) -> Curve:
+    """The part below a stretch."""
+    kept = curve.stretch <= most
+    if kept.sum() < FEWEST:
+        what = f"has {kept.sum()} points up to a stretch of {most:g}, and a fit needs {FEWEST}"
+        raise SpecError(what, where=curve.source, do="raise --up-to")
+    return Curve(curve.mode, curve.stretch[kept], curve.stress[kept], curve.source)
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """(line, cells) of the lines that are neither empty nor comments."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError("is not a text file", where=str(path), do="export the test as CSV") from None
+    except FileNotFoundError:
+        raise InputError("no such file", where=str(path)) from None
+    lines = [(i + 1, line) for i, line in enumerate(text.splitlines()) if line.strip() and line.strip()[0] != "#"]
+    mark = next((one for one in ";\t" if 2 * sum(one in line for _, line in lines) > len(lines)), ",")
+    return [(number, [cell.strip().strip('"') for cell in line.split(mark)]) for number, line in lines]
+
+
+def _titles(rows: list[tuple[int, list[str]]], path: Path) -> tuple[int, int, int]:
+    """Which row holds the titles, and the columns of stretch or strain and of stress or force."""
+    for index, (_, cells) in enumerate(rows):
+        across, up = (_columns(cells, words) for words in (_ACROSS, _UP))
+        if across and up:
+            for column in (across, up):
+                if len(column) > 1:
+                    named = " and ".join(f"'{cells[one]}'" for one in column)
+                    what = f"columns {named} say the same of one specimen"
+                    raise InputError(what, where=str(path), do="keep the one of engineering strain or stress")
+            return index, across[0], up[0]
+    what = "has no titles such as 'strain, stress [MPa]' above its numbers"
+    raise InputError(what, where=str(path), do=f"name one column {', '.join(_ACROSS)}, and one {', '.join(_UP)}")
+
+
+def _columns(cells: list[str], words: tuple[str, ...]) -> list[int]:
+    """Those of a kind: the ones called engineering or nominal where there are such, none called true."""
+    named = [i for i, cell in enumerate(cells) if any(word in cell.lower() for word in words)]
+    named = [i for i in named if not re.search(r"\b(true|rate|cauchy)\b", cells[i].lower())]
+    engineering = [i for i in named if re.search(r"engineering|nominal", cells[i].lower())]
+    return engineering or named
+
+
+def _number(path: Path, titles: list[str], row: tuple[int, list[str]], column: int) -> float:
+    line, cells = row
+    where = f"{path}:{line}"
+    if column >= len(cells):
+        raise InputError(f"{len(cells)} cells, the titles are {len(titles)}", where=where)
+    try:
+        value = float(cells[column])
+    except ValueError:
+        do = "write numbers with a point" if "," in cells[column] else None
+        raise InputError(f"'{titles[column]}': '{cells[column]}' is not a number", where=where, do=do) from None
+    if not np.isfinite(value):
+        raise InputError(f"'{titles[column]}': {value} is not a finite number", where=where)
+    return value
+
+
+def _stretch(x: np.ndarray, title: str, length: float | None, path: Path) -> np.ndarray:
+    name, unit = _TITLE.fullmatch(title).groups()
+    if any(word in name.lower() for word in ("extension", "displacement")):
+        found = 1 + _scaled(x, title, "mm", path) / _demanded(length, "length", "--length '33 mm'", title, path)
+    elif "stretch" in name.lower():
+        found = x
+    elif unit in ("%", "percent"):
+        found = 1 + x / 100
+    elif unit in (None, "", "-", "1", "mm/mm", "m/m"):
+        if x.max() > _LARGEST_STRAIN:
+            what = f"'{title}': a strain of {x.max():g} without a unit"
+            raise InputError(what, where=str(path), do="write 'strain [%]' where it is per cent")
+        found = 1 + x
+    else:
+        raise InputError(f"'{title}': strain has no unit, or %", where=str(path))
+    if not (found > 0).all():
+        what = f"'{title}': a stretch of {found.min():g}: a specimen keeps a length above zero"
+        raise InputError(what, where=str(path), do="say whether the column is strain or stretch")
+    return found
+
+
+def _stress(y: np.ndarray, title: str, area: float | None, path: Path) -> np.ndarray:
+    name, _ = _TITLE.fullmatch(title).groups()
+    if "stress" in name.lower():
+        return _scaled(y, title, "MPa", path)
+    return _scaled(y, title, "N", path) / _demanded(area, "area of the section", "--area '18 mm^2'", title, path)
+
+
+def _demanded(value: float | None, what: str, option: str, title: str, path: Path) -> float:
+    if value is None:
+        raise SpecError(f"'{title}': needs the specimen's {what} at rest", where=str(path), do=f"give {option}")
+    return value
+
+
+def _scaled(values: np.ndarray, title: str, system: str, path: Path) -> np.ndarray:
+    unit = _TITLE.fullmatch(title)[2]
+    if not unit:
+        raise InputError(f"'{title}': has no unit", where=str(path), do=f"write '{title} [{system}]'")
+    try:
+        return values * parse_quantity(f"1 {unit}", system)
+    except ValueError as error:
+        raise InputError(f"'{title}': {error}", where=str(path)) from None
+
+
+def _rising(stretch: np.ndarray, stress: np.ndarray, lines: list[int], path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """In order of stretch. InputError where the test goes back: a law has one stress for each stretch."""
+    span = np.ptp(stretch)
+    if span == 0:
+        raise InputError("holds one stretch only", where=str(path))
+    away = np.abs(stretch - 1)
+    back = np.flatnonzero(np.maximum.accumulate(away) - away > _NOISE * span)
+    if len(back):
+        what = f"the specimen goes back from its largest stretch at line {lines[back[0]]}: unloading, or a second cycle"
+        raise InputError(what, where=str(path), do="keep one branch; an elastic law has one")
+    order = np.argsort(stretch, kind="stable")
+    if not np.corrcoef(stretch, stress)[0, 1] > 0:
+        raise InputError("stress does not rise with stretch", where=str(path), do="look at the columns and their signs")
+    return stretch[order], stress[order]
