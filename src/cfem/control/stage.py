@@ -49,7 +49,7 @@ def _work(
 ) -> dict[str, Any]:
     from cfem.control.goals import goals_of
     from cfem.control.mesh_error import discretisation, states_to_refine
-    from cfem.control.summary import headline
+    from cfem.control.summary import headline, summarise
     from cfem.core.progress import progress
     from cfem.plant.fem_plant import FemPlant
     from cfem.plant.model_plant import ModelPlant
@@ -89,8 +89,7 @@ def _work(
         return run_controllers(folder, spec, base, robot, predictors, goals, pilot)
 
     surface, places = np.unique(robot.facets, return_inverse=True)
-    facets = places.reshape(robot.facets.shape)
-    records, states, results = [], {"X": robot.X[surface], "facets": facets}, {}
+    records, states, results = [], {"X": robot.X[surface], "facets": places.reshape(robot.facets.shape)}, {}
     solved, wanted = [], states_to_refine(goals, spec, robot.rest_e)
     with progress("the robot carries out the commands", sum(map(len, goals.values()))) as advance:
         for name, points in goals.items():
@@ -103,7 +102,7 @@ def _work(
             rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, after)
             records += rows
             states |= pictures
-            results[name] = _summary(rows, robot.length)
+            results[name] = summarise(rows, robot.length)
     refined = discretisation(spec, *scene_and_mesh, robot, (base / spec.scene).parent, solved)
     if spec.object:
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
@@ -232,12 +231,6 @@ def _pilot(spec: ControlSpec, robot, model):
         preload=search.preload,
         damping=ridge_of(search.damping, robot.reach, robot.length),
     )
-
-
-def _summary(rows: list[dict], length: float) -> dict:
-    from cfem.control.summary import summarise
-
-    return summarise(rows, length)
 
 
 def _write_table(path: Path, records: list[dict], robot) -> None:

@@ -253,33 +253,39 @@ def _curvature(Ra, Rb, theta, p, c, weights, out):
             H[3 + i, 3 + i] -= along
         _cross_into(by_p, -1.0, H[:3, 3:6])
         _cross_into(by_p, 1.0, H[3:6, :3])
-        # from (tau, alpha, beta) to the motions in the axes at rest
-        for i in range(9):
-            for block in range(3):
-                R = Rb[k] if block == 2 else Ra[k]
-                for j in range(3):
-                    L[i, 3 * block + j] = 0.0
-                    for a in range(3):
-                        L[i, 3 * block + j] += H[i, 3 * block + a] * R[j, a]
+        _to_motions(Ra[k], Rb[k], H, L, out[k])
+
+
+@njit(cache=True)
+def _to_motions(Ra, Rb, H, L, out):
+    """out (12, 12): H (9, 9), by (tau, alpha, beta) in the axes of the sections, by the motions in the axes at rest. H
+    and L are overwritten."""
+    for i in range(9):
         for block in range(3):
-            R = Rb[k] if block == 2 else Ra[k]
-            for i in range(3):
-                for j in range(9):
-                    total = 0.0
-                    for a in range(3):
-                        total += R[i, a] * L[3 * block + a, j]
-                    H[3 * block + i, j] = total
-        for i in range(9):
+            R = Rb if block == 2 else Ra
+            for j in range(3):
+                L[i, 3 * block + j] = 0.0
+                for a in range(3):
+                    L[i, 3 * block + j] += H[i, 3 * block + a] * R[j, a]
+    for block in range(3):
+        R = Rb if block == 2 else Ra
+        for i in range(3):
             for j in range(9):
-                # rows and columns tau stand for cb - ca
-                row, column = (6 + i if i < 3 else i if i < 6 else 3 + i), (6 + j if j < 3 else j if j < 6 else 3 + j)
-                out[k, row, column] = H[i, j]
-                if i < 3:
-                    out[k, i, column] = -H[i, j]
-                if j < 3:
-                    out[k, row, j] = -H[i, j]
-                if i < 3 and j < 3:
-                    out[k, i, j] = H[i, j]
+                total = 0.0
+                for a in range(3):
+                    total += R[i, a] * L[3 * block + a, j]
+                H[3 * block + i, j] = total
+    for i in range(9):
+        for j in range(9):
+            # rows and columns tau stand for cb - ca
+            row, column = (6 + i if i < 3 else i if i < 6 else 3 + i), (6 + j if j < 3 else j if j < 6 else 3 + j)
+            out[row, column] = H[i, j]
+            if i < 3:
+                out[i, column] = -H[i, j]
+            if j < 3:
+                out[row, j] = -H[i, j]
+            if i < 3 and j < 3:
+                out[i, j] = H[i, j]
 
 
 def _cross(v: np.ndarray) -> np.ndarray:
