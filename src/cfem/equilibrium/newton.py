@@ -85,13 +85,27 @@ class _Correction:
         return float(np.linalg.norm(self.step))
 
 
-def newton(problem: Problem, start: State, actuation: Actuation, settings: Settings, cost: Cost) -> NewtonResult:
-    """Solve for `actuation` from `start`. Never raises for numerical failure: see `status`."""
+def newton(
+    problem: Problem,
+    start: State,
+    actuation: Actuation,
+    settings: Settings,
+    cost: Cost,
+    tangent: Tangent | None = None,
+) -> NewtonResult:
+    """Solve for `actuation` from `start`, first with `tangent` where one of a state nearby is given. Never raises for
+    numerical failure: see `status`."""
     lam = _admissible(start.lam, actuation)
     at = problem.evaluate(problem.kinematics.hold(start.x), start.pressure, actuation.load)
     smallest = 1e-13 * problem.robot.body.mesh.size  # mm a node: positions are no more exact
-    tangent, border, residual, rounding, status = None, None, np.inf, 0.0, Status.TOO_MANY_ITERATIONS
+    border, residual, rounding, status = None, np.inf, 0.0, Status.TOO_MANY_ITERATIONS
     before, last, growth = None, np.inf, 0
+    if tangent is not None:
+        try:
+            border = _border(at, tangent, actuation)
+            correction = _correct(problem, at, lam, tangent, actuation, border)
+        except np.linalg.LinAlgError:
+            tangent = None
     begin = cost.iterations
     for _ in range(settings.max_iterations + 1):
         fresh = tangent is None
@@ -103,10 +117,10 @@ def newton(problem: Problem, start: State, actuation: Actuation, settings: Setti
             except (SingularMatrixError, np.linalg.LinAlgError):
                 status, tangent = Status.SINGULAR, None
                 break
-            rounding = problem.rounding(at, lam)
             growth = growth + 1 if correction.size > last else 0
             last = correction.size
         stalled, residual = residual, problem.relative_residual(at, lam, tangent)
+        rounding = problem.rounding(at, lam)
         stalled = residual <= rounding and residual > 0.5 * stalled
         if _closed(problem, actuation, at) and (residual <= settings.tolerance or stalled):
             status = Status.CONVERGED

@@ -4,6 +4,7 @@ R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C de
 
 on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -69,9 +70,10 @@ class Problem:
     like: the problem of a robot that differs in its materials, loads and places of nodes only, whose pattern and
     symbolic factorisation then serve again (its factors must not be used any more once this one has made its own); to
     be evaluated only, of one that differs in anything but its mesh and what is held or rigid.
+    coupled: further groups (g, k) of nodes between which the pattern has entries.
     loads: (n, 3) N of the robot, None without any; finite: whether they are numbers (they count as none where not)"""
 
-    def __init__(self, robot: Robot, like: "Problem | None" = None):
+    def __init__(self, robot: Robot, like: "Problem | None" = None, coupled: Sequence[np.ndarray] = ()):
         self.robot = robot
         owner = np.full(len(robot.body.mesh.X), -1)
         for number, nodes in enumerate(robot.rigid):
@@ -83,8 +85,9 @@ class Problem:
         in_a_row = sections is not None and np.array_equal(groups, np.arange(-1, len(robot.rigid)))
         if like is None:
             cliques = [clique for row in robot.active for clique in row.cliques]
-            coupled, row = [self.body.cells, *cliques], sections if in_a_row else None
-            self.kinematics = make_kinematics(self.rest, coupled, robot.fixed, robot.rigid, joints, row)
+            groups_of_nodes = [self.body.cells, *cliques, *coupled]
+            row = sections if in_a_row else None
+            self.kinematics = make_kinematics(self.rest, groups_of_nodes, robot.fixed, robot.rigid, joints, row)
             self._factor = analyze(self.pattern)
         else:
             self.kinematics, self._factor = like.kinematics, like._factor

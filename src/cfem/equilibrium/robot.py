@@ -7,6 +7,7 @@ import numpy as np
 from cfem.condensed import Rows
 from cfem.constraint.protocol import Constraint, Watched
 from cfem.mechanics.body import Body
+from cfem.mechanics.viscosity import Viscosity
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,9 @@ class Robot:
     contacts:   contact points, three rows each, in the order of rows.contacts
     rigid:      groups of nodes, each of which moves as one rigid body
     loads:      (n, 3) N constant external nodal forces, None without any
-    forces:     (n_a, 2) smallest and largest multiplier of each actuator, None where not all state it"""
+    forces:     (n_a, 2) smallest and largest multiplier of each actuator, None where not all state it
+    density:    t/mm^3, one or one a cell of the mesh (m,), None where not all materials state it
+    viscosity:  of each material of the body, the main one first; empty where none has any"""
 
     name: str
     body: Body
@@ -37,6 +40,8 @@ class Robot:
     rigid: tuple[np.ndarray, ...] = ()
     loads: np.ndarray | None = None
     forces: np.ndarray | None = None
+    density: np.ndarray | float | None = None
+    viscosity: tuple[Viscosity, ...] = ()
 
     @property
     def X(self) -> np.ndarray:

@@ -98,6 +98,11 @@ def response(beam: Beam, x: np.ndarray) -> BeamResponse:
 def stiffness(beam: Beam, at: BeamResponse, pulled: np.ndarray | float = 0.0) -> np.ndarray:
     """(m, 12, 12) N/mm on the unknowns of both sections of each element, of the energy less pulled . e, with `pulled`
     (m, 6) held."""
-    material = beam.stiffness / beam.length[:, None]
-    bent = curvature(at.strain, at.stress - pulled) * at.scale[:, :, None] * at.scale[:, None]
+    return stiffness_of(beam.stiffness, at.stress - pulled, beam, at)
+
+
+def stiffness_of(moduli: np.ndarray, stress: np.ndarray, beam: Beam, at: BeamResponse) -> np.ndarray:
+    """(m, 12, 12) N/mm on the unknowns, of elements with these moduli (m, 6) as in C under this stress (m, 6)."""
+    material = moduli / beam.length[:, None]
+    bent = curvature(at.strain, stress) * at.scale[:, :, None] * at.scale[:, None]
     return (at.gradient.swapaxes(1, 2) * material[:, None]) @ at.gradient + bent

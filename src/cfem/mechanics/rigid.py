@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from cfem.mechanics.assembly import Pattern, add_blocks, make_pattern
@@ -136,6 +137,23 @@ class Kinematics:
         own[:, 3:, 3:] = self._turned(x, unbalanced)
         add_blocks(own, self.transfer.own, out)
         return out
+
+    def transfer_matrix(self, x: np.ndarray) -> sp.csr_array:
+        """(3 n, n_dof) T: nodal motion, node by node, by the unknowns."""
+        free = self.pattern.free
+        plain = np.flatnonzero(free < len(self.X))
+        rows = (3 * free[plain][:, None] + np.arange(3)).ravel()
+        columns = (3 * plain[:, None] + np.arange(3)).ravel()
+        values = np.ones(len(rows))
+        if self.groups:
+            all_ = self._members
+            own = self._nodal_T(x)[all_.nodes]
+            mine = self.unknowns(all_.owner)
+            place = (3 * all_.nodes[:, None] + np.arange(3))[:, :, None]
+            rows = np.concatenate([rows, np.broadcast_to(place, own.shape).ravel()])
+            columns = np.concatenate([columns, np.broadcast_to(mine[:, None], own.shape).ravel()])
+            values = np.concatenate([values, own.ravel()])
+        return sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(3 * len(self.X), self.n_dof)))
 
     def turning_form(self, x: np.ndarray, q: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
         """(k, k) N mm: of changes q (n_dof, k) of the unknowns, what the turning of rigid groups adds to the form of

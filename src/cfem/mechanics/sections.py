@@ -45,7 +45,7 @@ class Sections:
         return float(np.sqrt((self.arm**2).sum(axis=2).max()))
 
     @cached_property
-    def _across(self) -> np.ndarray:
+    def across(self) -> np.ndarray:
         """(s, 2, k) that takes a section's nodes to its axes y and z."""
         arm = self.arm[:, :, 1:]
         return np.linalg.solve(arm.swapaxes(1, 2) @ arm, arm.swapaxes(1, 2))
@@ -53,7 +53,7 @@ class Sections:
     def frames(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centres (s, 3) mm and rotations (s, 3, 3) since rest, of positions x (n, 3) that keep the sections rigid."""
         own = x[self.nodes]
-        y, z = (self._across @ own).swapaxes(0, 1)
+        y, z = (self.across @ own).swapaxes(0, 1)
         first = np.stack([y[:, i] * z[:, j] - y[:, j] * z[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
         return own.mean(axis=1), np.stack([first, y, z], axis=2)
 

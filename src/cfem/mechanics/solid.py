@@ -11,7 +11,7 @@ Newton on (x, p) then needs no more iterations at nu = 0.499 than at 0.3 (Simo, 
 Bubbles (incompatible modes, element.py) are eliminated at once: their amplitudes alpha minimise the element's energy
 at given x, so that energy, force and tangent depend on x alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -141,6 +141,46 @@ def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
     form = np.zeros((motions.shape[2], motions.shape[2]))
     _add_form(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
+
+
+def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> None:
+    """Adds to `force` (n, 3) N that of a further first Piola-Kirchhoff stress P (m q, 3, 3) MPa. Bubbles follow the
+    positions as elasticity has settled them."""
+    count, none = solid.element.n_nodes, np.zeros(len(P))
+    if not solid.element.bubbles:
+        _scatter_force(P, P, none, solid.gradients, solid.weights, solid.cells, force)
+        return
+    weighted = P.reshape(*solid.weights.shape, 3, 3) * solid.weights[:, :, None, None]
+    on_all = np.einsum("mqab,mqkb->mka", weighted, solid.gradients, optimize=True).reshape(len(solid.cells), -1)
+    on_nodes = on_all[:, : 3 * count] + np.einsum("mbn,mb->mn", _slaved(solid, at), on_all[:, 3 * count :])
+    np.add.at(force, solid.cells, on_nodes.reshape(*solid.cells.shape, 3))
+
+
+def add_stress_stiffness(
+    solid: Solid, at: Response, share: float, B: np.ndarray, slots: np.ndarray, data: np.ndarray
+) -> None:
+    """Adds to `data` (slots as in `tangent`) the stiffness of the stress P = share d psi_rest / dF + F B, B (m q, 3, 3)
+    MPa symmetric; with bubbles but for what their own change of slope adds."""
+    C = np.empty((len(at.D), 9, 9))
+    solid.law.curvature(at.D, solid.parameters, np.zeros(len(at.D)), C)
+    C *= share
+    blocks = C.reshape(-1, 3, 3, 3, 3)
+    for i in range(3):
+        blocks[:, i, :, i, :] += B
+    if solid.element.bubbles:
+        K, slaved = _point_stiffness(replace(solid, bulk=0.0), C, at.g), _slaved(solid, at)
+        n = 3 * solid.element.n_nodes
+        both = K[:, :n, n:] @ slaved
+        on_nodes = K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
+        add_blocks(on_nodes, slots, data)
+        return
+    _scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
+
+
+def _slaved(solid: Solid, at: Response) -> np.ndarray:
+    """(m, 3 bubbles, 3 n_nodes): how the bubbles' amplitudes follow the nodes."""
+    K, n = _point_stiffness(solid, _curvature(solid, at), at.g), 3 * solid.element.n_nodes
+    return -np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
 
 
 def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:

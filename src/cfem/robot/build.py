@@ -24,6 +24,7 @@ from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
+from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, soft_finger, spec, stiff_flop
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.plausible import demand_possible
@@ -64,6 +65,8 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         rigid=_rigid(scene, mesh, sections, fixed),
         loads=_loads(scene, body, regions, sections),
         forces=_forces(scene),
+        density=_density(scene, mesh, regions),
+        viscosity=_viscosity(scene),
     )
     demand_possible(scene, robot)
     return robot
@@ -209,16 +212,33 @@ def _loads(
         return None
     forces, mesh = np.zeros_like(body.mesh.X), body.mesh
     if scene.gravity is not None:
-        density = np.full(len(mesh.cells), scene.material.density)
-        for cells, item in zip(regions, scene.materials, strict=True):
-            density[cells] = item.material.density
-        forces += gravity(body, density, scene.gravity.acceleration)
+        forces += gravity(body, _density(scene, mesh, regions), scene.gravity.acceleration)
     points = _each(
         scene, "loads", lambda load: _attach(mesh, load.point, load.radius, "load", _cells(mesh, load.body), sections)
     )
     for at, load in zip(points, scene.loads, strict=True):
         forces[at.nodes] += at.weights[:, None] * load.force
     return forces
+
+
+def _density(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray]) -> np.ndarray | None:
+    """(m,) t/mm^3 of the cells, None where a material does not state its own."""
+    if any(item.density is None for item in (scene.material, *(each.material for each in scene.materials))):
+        return None
+    density = np.full(len(mesh.cells), scene.material.density)
+    for cells, item in zip(regions, scene.materials, strict=True):
+        density[cells] = item.material.density
+    return density
+
+
+def _viscosity(scene: spec.SceneSpec) -> tuple[Viscosity, ...]:
+    """Of each material, the main one first; empty where none is viscous."""
+    stated = [item.viscosity for item in (scene.material, *(each.material for each in scene.materials))]
+    made = tuple(
+        Viscosity() if each is None else Viscosity(each.relaxation, tuple((one.share, one.time) for one in each.prony))
+        for each in stated
+    )
+    return () if all(each.none for each in made) else made
 
 
 def _cells(mesh: Mesh, body: str | None) -> np.ndarray | None:

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import Density, Stress, StressVector
+from cfem.core.units import Density, Stress, StressVector, Time
 from cfem.robot.named import NameAllowed, constants_of
 from cfem.robot.selection import Box, Selection
 
@@ -22,6 +22,26 @@ MaybeDensity = Annotated[Density, Field(gt=0)] | None
 Factor = Annotated[float, Field(gt=0)]
 
 
+class PronyTerm(Spec):
+    """One term of a Prony series: a share of stress that fades."""
+
+    share: float = Field(gt=0)
+    """What the term adds at once, as a share of the modulus after a long time."""
+    time: Time = Field(gt=0)
+    """Time in which it fades to 1/e."""
+
+
+class ViscositySpec(Spec):
+    """How a material resists the rate of its strain, not counting pure changes of volume. Moduli beside it are those
+    after a long time. It matters to motion only, not to equilibria."""
+
+    relaxation: Time = Field(default=0.0, ge=0)
+    """Kelvin-Voigt: the viscous stress is this time the rate of the elastic stress. The damping ratio of a vibration at
+    f Hz is pi f times it."""
+    prony: list[PronyTerm] = []
+    """Terms of a Prony series, for a material that relaxes."""
+
+
 class Elastic(Spec):
     """A hyperelastic material by its Young's modulus."""
 
@@ -32,7 +52,9 @@ class Elastic(Spec):
     poisson: Poisson
     """Poisson's ratio, from 0 to 0.4999."""
     density: MaybeDensity = None
-    """Density. Needed under gravity only."""
+    """Density. Needed under gravity and for motion only."""
+    viscosity: ViscositySpec | None = None
+    """Viscosity, none unless given."""
 
     @property
     def shape(self) -> None:
@@ -64,7 +86,9 @@ class MooneyRivlin(_Rubber):
     stiffness: Factor = 1.0
     """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
     density: MaybeDensity = None
-    """Density. Needed under gravity only."""
+    """Density. Needed under gravity and for motion only."""
+    viscosity: ViscositySpec | None = None
+    """Viscosity, none unless given."""
 
     @model_validator(mode="after")
     def _stiff(self):
@@ -99,7 +123,9 @@ class Yeoh(_Rubber):
     stiffness: Factor = 1.0
     """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
     density: MaybeDensity = None
-    """Density. Needed under gravity only."""
+    """Density. Needed under gravity and for motion only."""
+    viscosity: ViscositySpec | None = None
+    """Viscosity, none unless given."""
 
     @property
     def shear(self) -> float:
@@ -127,7 +153,9 @@ class Ogden(_Rubber):
     stiffness: Factor = 1.0
     """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
     density: MaybeDensity = None
-    """Density. Needed under gravity only."""
+    """Density. Needed under gravity and for motion only."""
+    viscosity: ViscositySpec | None = None
+    """Viscosity, none unless given."""
 
     @model_validator(mode="after")
     def _stiff(self):

@@ -1,0 +1,1 @@
+"""Motion over time: mass, viscosity, an implicit scheme, natural frequencies; beside equilibrium, on its equations."""

@@ -1,0 +1,88 @@
+"""Natural frequencies and damping of small vibrations about an equilibrium, of the full model.
+
+(A - omega^2 M) phi = 0 on motions that the actuation leaves free, by the Lanczos method on A^-1 M, with the
+factorisation that the equilibrium has (shift-invert at 0; Lehoucq, Sorensen and Yang, ARPACK Users' Guide, 1998).
+Viscosity is taken in to first order: each mode keeps its shape, stiffened and damped by the moduli at its frequency."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from cfem.core.errors import NumericalError
+from cfem.dynamics.problem import MovingProblem
+from cfem.equilibrium.actuation import Actuation, displacement
+from cfem.equilibrium.problem import Cost, Evaluation
+from cfem.equilibrium.solution import State
+from cfem.mechanics import viscosity as viscous
+from cfem.mechanics.assembly import symmetric_product
+
+
+@dataclass(frozen=True)
+class Modes:
+    """frequency: (k,) Hz, lowest first, undamped where there is no viscosity; damping: (k,) share of the critical;
+    shapes: (n, 3, k) mm of the nodes, of kinetic energy 1/2 at 1 mm/s, and mass 1 t."""
+
+    frequency: np.ndarray
+    damping: np.ndarray
+    shapes: np.ndarray
+
+
+def natural_modes(
+    problem: MovingProblem, state: State, count: int = 3, held: Actuation | None = None, cost: Cost | None = None
+) -> Modes:
+    """The `count` lowest modes about an equilibrium. held: whose rows C are held still (all active rows unless given;
+    `force(...)` leaves all free). NumericalError where the equilibrium is unstable with those rows held."""
+    at = problem.evaluate(state.x, np.empty(0), state.load)
+    C = (displacement(np.zeros(problem.n_active)) if held is None else held.padded(problem.n_active)).C
+    solve = problem.factor(at, state.lam, cost or Cost()).factor.solve
+    mass = problem.mass_data(at.x)
+    HC = at.H @ C.T
+    ZC = solve(HC) if len(C) else HC
+    S = HC.T @ ZC
+
+    def restricted(b: np.ndarray) -> np.ndarray:
+        v = solve(np.asarray(b, float).reshape(len(b), -1))
+        if len(S):
+            v = v - ZC @ np.linalg.solve(S, HC.T @ v)
+        return v.reshape(b.shape)
+
+    def heavy(b: np.ndarray) -> np.ndarray:
+        return symmetric_product(problem.pattern, mass, b.reshape(n, 1))[:, 0]
+
+    n = problem.pattern.n_dof
+    by_mass = LinearOperator((n, n), matvec=heavy, dtype=float)
+    inverse = LinearOperator((n, n), matvec=restricted, dtype=float)
+    stiff = LinearOperator((n, n), matvec=lambda b: b, dtype=float)  # of which shift-invert takes the shape alone
+    begin = restricted(by_mass.matvec(np.cos(1.7 * np.arange(n))))
+    count = min(count, n - len(S) - 1)
+    squares, shapes = eigsh(stiff, count, by_mass, 0.0, OPinv=inverse, v0=begin, which="LM", tol=1e-10)
+    order = np.argsort(squares)
+    squares, shapes = squares[order], shapes[:, order]
+    if not (squares > 0).all():
+        raise NumericalError(
+            f"{int((squares <= 0).sum())} of the {count} lowest modes grow instead of vibrating: the equilibrium is "
+            "unstable",
+            do="hold the actuators that it is stable with, or take another state",
+        )
+    squares, lost = _with_viscosity(problem, at, squares, shapes)
+    omega = np.sqrt(squares)
+    return Modes(omega / (2 * np.pi), lost / (2 * squares), problem.kinematics.spread(at.x, shapes))
+
+
+def _with_viscosity(
+    problem: MovingProblem, at: Evaluation, squares: np.ndarray, shapes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """omega^2 (k,) with the stiffness that viscosity stores at each frequency, and phi . loss . phi (k,), 1/s^2."""
+    if not problem.viscosity:
+        return squares, np.zeros_like(squares)
+    by_material = []
+    for number in range(len(problem.viscosity)):
+        data = problem.overstress_data(at, viscous.damping(problem.body, problem.viscosity, at.response, number))
+        by_material.append((shapes * symmetric_product(problem.pattern, data, shapes)).sum(axis=0))
+    found = squares
+    for _ in range(20):
+        moduli = [one.modulus(np.sqrt(found)) for one in problem.viscosity]
+        stored, lost = sum(m * q for m, q in zip(moduli, by_material, strict=True))
+        found = squares + stored
+    return found, lost

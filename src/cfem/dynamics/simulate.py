@@ -1,0 +1,245 @@
+"""Motion under commands over time: implicit steps of adaptive length.
+
+A step is halved where Newton's method does not find it, or an element would invert, and where the estimate of what it
+leaves out is above the tolerance; what was asked of a shorter step stands in `refused`. Steps are doubled where the
+estimate allows for it, and end where the commands have a kink. One factorisation serves as many steps of a length as
+it converges for. A cable that would have to push goes slack, and is pulled again where it would be too long."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cfem.dynamics import energy as energies
+from cfem.dynamics.energy import Energy
+from cfem.dynamics.problem import MovingEvaluation, MovingProblem, Step
+from cfem.dynamics.scheme import Motion, Scheme
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.newton import NewtonResult, Settings, newton
+from cfem.equilibrium.problem import Cost, Tangent
+from cfem.equilibrium.robot import effector_displacements
+from cfem.equilibrium.solution import State, Status
+from cfem.mechanics import viscosity as viscous
+
+Command = Callable[[float], Actuation]
+_STEP = Settings(tolerance=1e-8, max_iterations=12)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """first: s of the first step, and of each after a kink; longest, shortest: s; tolerance: mm that a step may leave
+    out, at the node where it is most, None for steps of `first` throughout; newton: of each step."""
+
+    first: float = 1e-3
+    longest: float = 0.1
+    shortest: float = 1e-9
+    tolerance: float | None = 1e-2
+    newton: Settings = _STEP
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A step of dt s from t s that was not taken, and why."""
+
+    t: float
+    dt: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Sample:
+    """At t s: delta (n_active,) and lam of the active rows, delta_e (n_e,) of the effectors and its rate a second,
+    slack (n_a,), energy."""
+
+    t: float
+    delta: np.ndarray
+    lam: np.ndarray
+    delta_e: np.ndarray
+    rate_e: np.ndarray
+    slack: np.ndarray
+    energy: Energy
+
+
+@dataclass
+class Run:
+    """samples: at the start and after each step; refused: steps that were tried in vain; why: the motion ended before
+    its time, None where it did not; end: the last motion; cost: of all; power: N mm/s of the overstress at the end."""
+
+    samples: list[Sample]
+    end: Motion
+    refused: list[Refused] = field(default_factory=list)
+    why: str | None = None
+    cost: Cost = field(default_factory=Cost)
+    power: float = 0.0
+
+    @property
+    def t(self) -> np.ndarray:
+        """(k,) s."""
+        return np.array([each.t for each in self.samples])
+
+    def of(self, name: str) -> np.ndarray:
+        """(k, ...) of one attribute of the samples."""
+        return np.array([getattr(each, name) for each in self.samples])
+
+
+def simulate(
+    problem: MovingProblem,
+    start: Motion,
+    command: Command,
+    until: float,
+    kinks: Sequence[float] = (),
+    pace: Pace | None = None,
+    scheme: Scheme | None = None,
+    watch: Callable[[Motion], None] | None = None,
+) -> Run:
+    """From `start` to the time `until`, s. command: time -> what is prescribed to the active rows; kinks: times at
+    which it is not smooth. watch: is told of every motion reached."""
+    run, pace, scheme = Run([], start), pace or Pace(), scheme or Scheme()
+    run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
+    ends = [*sorted(t for t in kinks if start.t < t < until), until]
+    dt, done, kept = pace.first, start, None
+    for end in ends:
+        dt = min(dt, pace.first) if done.t > start.t else dt
+        settling = True  # the step after a kink, whose jump in acceleration is real
+        while done.t < end - 1e-12 * max(1.0, end):
+            even = (end - done.t) / np.ceil((end - done.t) / dt * (1 - 1e-9))
+            length = even if even > 0.7 * dt else dt
+            tried, kept, why = _step(problem, scheme, done, command, length, pace, run.cost, kept)
+            error = scheme.error(done, length, tried.motion.lag) if tried else np.inf
+            if tried and pace.tolerance is not None and error > pace.tolerance and not settling:
+                why, tried = f"it would leave out {error:.2g} mm", None
+            if tried is None:
+                run.refused.append(Refused(done.t, length, why))
+                dt = length / 2
+                if dt < pace.shortest:
+                    run.why = f"the step at {done.t:.6g} s fell below {pace.shortest:g} s: {why}"
+                    return run
+                continue
+            settling = False
+            run.samples.append(_sample(problem, tried.motion, _energy(problem, run, done, tried), tried))
+            done = run.end = tried.motion
+            if watch is not None:
+                watch(done)
+            if pace.tolerance is not None and error < pace.tolerance / 10:
+                dt = min(2 * dt, pace.longest)
+    return run
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """A step: the motion at its end, the equations there, their result, and which rows were held."""
+
+    motion: Motion
+    moving: MovingProblem
+    result: NewtonResult
+    slack: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """A factored tangent, and the c of the step it was made for."""
+
+    tangent: Tangent
+    inertia: float
+
+
+def _step(
+    problem: MovingProblem,
+    scheme: Scheme,
+    at: Motion,
+    command: Command,
+    dt: float,
+    pace: Pace,
+    cost: Cost,
+    kept: _Kept | None,
+) -> tuple[_Taken | None, _Kept | None, str]:
+    """One step, or None and why."""
+    c, origin, offset = scheme.acceleration(at, dt)
+    over = None if at.memory is None else viscous.overstress(problem.body, problem.viscosity, at.memory, dt)
+    moving = problem.during(Step(c, origin, offset, over))
+    actuation = command(at.t + dt).padded(problem.n_active)
+    x = at.x + dt * at.v + dt**2 / 2 * at.a
+    unilateral = _unilateral(problem, actuation)
+    held = np.ones(len(actuation.C), dtype=bool)
+    held[[row for row in unilateral if at.lam[unilateral[row]] <= 0.0 and at.t > 0.0]] = False
+    tried: set[tuple[bool, ...]] = set()
+    while True:
+        tried.add(tuple(held))
+        cost.steps += 1
+        only = replace(actuation, C=actuation.C[held], target=actuation.target[held])
+        usable = kept.tangent if kept is not None and abs(kept.inertia / c - 1) < 0.05 else None
+        start = State(x, at.pressure, at.lam, actuation.load)
+        result = newton(moving, start, only, pace.newton, cost, usable)
+        kept = None if result.tangent is None else _Kept(result.tangent, c)
+        if result.status is not Status.CONVERGED:
+            return None, kept, f"Newton's method: {result.status.value}"
+        change = _change(problem, actuation, held, unilateral, result)
+        if change is None:
+            break
+        held = held.copy()
+        held[change] = not held[change]
+        if tuple(held) in tried:
+            return None, kept, Status.NO_SLACK_SET.value
+    end = result.at
+    v, a, lag = scheme.after(at, dt, end.x)
+    if not (np.isfinite(a).all() and np.isfinite(end.x).all()):
+        return None, None, "numbers that are not finite"
+    memory = None
+    if at.memory is not None:
+        memory = viscous.remembered(problem.body, problem.viscosity, at.memory, dt, end.response)
+    motion = Motion(at.t + dt, end.x, v, a, lag, end.pressure, result.lam, memory)
+    slack = np.zeros(problem.robot.rows.n_a, dtype=bool)
+    slack[[unilateral[row] for row in unilateral if not held[row]]] = True
+    return _Taken(motion, moving, result, slack), kept, ""
+
+
+def _unilateral(problem: MovingProblem, actuation: Actuation) -> dict[int, int]:
+    """Row of C -> actuator, of the rows that hold one unilateral actuator each."""
+    found = {}
+    for index, row in enumerate(actuation.C):
+        one = np.flatnonzero(row)
+        if len(one) == 1 and one[0] < problem.robot.rows.n_a and problem.robot.unilateral[one[0]]:
+            found[index] = int(one[0])
+    return found
+
+
+def _change(
+    problem: MovingProblem, actuation: Actuation, held: np.ndarray, unilateral: dict[int, int], result: NewtonResult
+) -> int | None:
+    """The row to let go, whose cable pushes, or to hold again, whose cable has become too long; None where all is
+    well."""
+    worst, row_of_worst = 0.0, None
+    force = max(float(np.abs(result.lam).max(initial=0.0)), problem.force_floor)
+    for row, actuator in unilateral.items():
+        lack = actuation.target[row] - actuation.C[row] @ result.at.delta
+        size = 1e-9 * problem.robot.body.mesh.size
+        amount = -result.lam[actuator] / (1e-9 * force) if held[row] else lack / size
+        if amount > max(1.0, worst):
+            worst, row_of_worst = amount, row
+    return row_of_worst
+
+
+def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _Taken | None) -> Sample:
+    robot = problem.robot
+    at = problem.evaluate(motion.x, np.empty(0)) if taken is None else taken.result.at
+    rate = np.concatenate(
+        [np.tensordot(one.gradient(motion.x), motion.v[one.nodes], axes=2) for one in robot.effectors]
+    )
+    slack = np.zeros(robot.rows.n_a, dtype=bool) if taken is None else taken.slack
+    delta_e = effector_displacements(robot, motion.x)
+    return Sample(motion.t, at.delta, motion.lam, delta_e, rate, slack, energy)
+
+
+def _energy(problem: MovingProblem, run: Run, before: Motion, taken: _Taken) -> Energy:
+    """Work since the last sample by the trapezoidal rule."""
+    last, motion, at = run.samples[-1], taken.motion, taken.result.at
+    work = float((last.lam + motion.lam) @ (at.delta - last.delta)) / 2
+    lost = 0.0
+    if isinstance(at, MovingEvaluation) and problem.viscosity:
+        # the overstress at the end on the motion of the step: of second order with that at its beginning
+        power = energies.viscous_power(taken.moving, at, motion.v)
+        lost = (motion.t - before.t) * (power + run.power) / 2
+        run.power = power
+    kinetic = energies.kinetic(problem, motion.v)
+    potential = problem.potential(at)
+    return Energy(kinetic, potential, last.energy.viscous + lost, last.energy.actuators + work)

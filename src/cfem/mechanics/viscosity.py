@@ -1,0 +1,169 @@
+"""Viscosity of a material: an overstress Q beside the elastic second Piola-Kirchhoff stress, in the frame at rest.
+
+S is the part of the elastic stress that resists shear: d psi_rest / dE of a law (law.py), the whole of a rod's.
+
+    Kelvin-Voigt, relaxation time tau:      Q = tau dS/dt
+    Prony series, terms (g_i, tau_i):       dQ_i/dt + Q_i / tau_i = g_i dS/dt,    Q = sum_i Q_i
+
+(Simo, Comput. Methods Appl. Mech. Eng. 60, 1987). A rigid rotation changes neither, and a volume change without shear
+is elastic: pressure stays a matter of the element, so that nothing locks. `young` is the modulus after a long time.
+
+A step of time dt makes it an elastic stress: Q = a S(x) + B with a and B known before. Prony terms follow the
+exponential exactly where S is linear in time; Kelvin-Voigt takes the backward difference of second order."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.mechanics import beam as rod
+from cfem.mechanics import solid as region
+from cfem.mechanics.body import Body, Response
+
+
+@dataclass(frozen=True)
+class Viscosity:
+    """relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the modulus after a long time."""
+
+    relaxation: float = 0.0
+    prony: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def none(self) -> bool:
+        return self.relaxation == 0.0 and not self.prony
+
+    def modulus(self, omega: float | np.ndarray) -> np.ndarray:
+        """(2, ...) what S is multiplied by under vibration at omega, rad/s: in phase, and a quarter ahead."""
+        w = np.asarray(omega, float)
+        stored, lost = np.zeros_like(w), self.relaxation * w
+        for g, tau in self.prony:
+            stored = stored + g * (w * tau) ** 2 / (1 + (w * tau) ** 2)
+            lost = lost + g * w * tau / (1 + (w * tau) ** 2)
+        return np.stack([stored, lost])
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What the overstress remembers at the end of a step, of each region of a body (its solids, then its rod): S, S
+    one step before (None at first), and Q_i of the Prony terms (terms, ...); dt: s of that step."""
+
+    S: tuple[np.ndarray, ...]
+    before: tuple[np.ndarray, ...] | None
+    terms: tuple[np.ndarray, ...]
+    dt: float = 0.0
+
+
+@dataclass(frozen=True)
+class Overstress:
+    """Q = a S + B of each region: a number (solids) or (m, 1) (rods), B (m q, 3, 3) MPa or (m, 6) N, N mm. A solid
+    without viscosity has None."""
+
+    parts: tuple[tuple[float | np.ndarray, np.ndarray] | None, ...]
+
+
+def settled(body: Body, viscosity: Sequence[Viscosity], at: Response) -> Memory:
+    """Of a body that has been at `at` for long. viscosity: of each material, in the order of the body's."""
+    S = stresses(body, at)
+    counts = [max((len(viscosity[number].prony) for number in numbers), default=0) for numbers in _numbers(body)]
+    return Memory(S, None, tuple(np.zeros((count, *each.shape)) for count, each in zip(counts, S, strict=True)))
+
+
+def stresses(body: Body, at: Response) -> tuple[np.ndarray, ...]:
+    """S of each region, MPa at the quadrature points (m q, 3, 3); N and N mm of a rod's elements (m, 6)."""
+    solids = tuple(np.linalg.solve(np.eye(3) + each.D, each.P) for each in at.solids)
+    return solids if at.beam is None else (*solids, at.beam.stress)
+
+
+def overstress(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: float) -> Overstress:
+    """Of a step of dt seconds after `memory`."""
+    parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []
+    solids = len(body.solids)
+    for index, (numbers, S) in enumerate(zip(_numbers(body), memory.S, strict=True)):
+        before = S if memory.before is None else memory.before[index]
+        if index < solids:
+            one = viscosity[numbers[0]]
+            parts.append(None if one.none else _of_step(one, S, before, memory.terms[index], dt, memory.dt))
+            continue
+        a, B = np.zeros((len(S), 1)), np.zeros_like(S)
+        for number in numbers:
+            mine = body.beam.numbers == number
+            terms = memory.terms[index][:, mine]
+            a[mine], B[mine] = _of_step(viscosity[number], S[mine], before[mine], terms, dt, memory.dt)
+        parts.append((a, B))
+    return Overstress(tuple(parts))
+
+
+def _of_step(
+    viscosity: Viscosity, S: np.ndarray, before: np.ndarray, terms: np.ndarray, dt: float, last: float
+) -> tuple[float, np.ndarray]:
+    r = dt / last if last else 0.0  # the first step takes the difference of first order
+    a = viscosity.relaxation / dt * (1 + 2 * r) / (1 + r)
+    B = viscosity.relaxation / dt * (r**2 / (1 + r) * before - (1 + r) * S)
+    for (g, tau), Q in zip(viscosity.prony, terms, strict=False):
+        share = -g * tau / dt * np.expm1(-dt / tau)
+        a += share
+        B = B + np.exp(-dt / tau) * Q - share * S
+    return a, B
+
+
+def remembered(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: float, at: Response) -> Memory:
+    """After a step of dt seconds that ended at `at`."""
+    S = stresses(body, at)
+    terms = []
+    for index, (numbers, now, was) in enumerate(zip(_numbers(body), S, memory.S, strict=True)):
+        Q = memory.terms[index].copy()
+        for number in numbers:
+            mine = body.beam.numbers == number if index == len(body.solids) else slice(None)
+            for i, (g, tau) in enumerate(viscosity[number].prony):
+                share = -g * tau / dt * np.expm1(-dt / tau)
+                Q[i, mine] = np.exp(-dt / tau) * Q[i, mine] + share * (now[mine] - was[mine])
+        terms.append(Q)
+    return Memory(S, memory.S, tuple(terms), dt)
+
+
+def solid_force(body: Body, at: Response, over: Overstress) -> np.ndarray:
+    """(n, 3) N on the nodes, of the solids' overstress."""
+    force = np.zeros_like(body.mesh.X)
+    for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
+        if part is not None and each.min_J > 0:
+            a, B = part
+            region.add_stress(solid, each, a * each.P + (np.eye(3) + each.D) @ B, force)
+    return force
+
+
+def add_solid_stiffness(body: Body, at: Response, over: Overstress, slots: np.ndarray, data: np.ndarray) -> None:
+    """Adds d force / dx of the solids' overstress to the lower triangle `data`, slots as in body.tangent."""
+    for (solid, place), each, part in zip(body.parts(), at.solids, over.parts, strict=False):
+        if part is not None:
+            region.add_stress_stiffness(solid, each, *part, slots[place], data)
+
+
+def rod_stress(body: Body, at: Response, over: Overstress) -> np.ndarray:
+    """(m, 6) N and N mm: Q of the rod."""
+    a, B = over.parts[-1]
+    return a * at.beam.stress + B
+
+
+def rod_stiffness(body: Body, at: Response, over: Overstress) -> np.ndarray:
+    """(m, 12, 12) N/mm, of the rod's overstress alone."""
+    a, _ = over.parts[-1]
+    return rod.stiffness_of(body.beam.stiffness * a, rod_stress(body, at, over), body.beam, at.beam)
+
+
+def damping(body: Body, viscosity: Sequence[Viscosity], at: Response, number: int) -> Overstress:
+    """The overstress whose stiffness is that of S's material part in the regions of one material: dQ = dS there, with
+    no stress; times Viscosity.modulus it is storage and loss."""
+    parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []
+    for index, S in enumerate(stresses(body, at)):
+        if index < len(body.solids):
+            parts.append((1.0, -S) if body.solids[index].number == number else None)
+        else:
+            mine = (body.beam.numbers == number).astype(float)[:, None]
+            parts.append((mine, -mine * S))
+    return Overstress(tuple(parts))
+
+
+def _numbers(body: Body) -> list[list[int]]:
+    """Materials of each region."""
+    solids = [[part.number] for part in body.solids]
+    return solids if body.beam is None else [*solids, np.unique(body.beam.numbers).tolist()]
