@@ -7,11 +7,11 @@ from surrogate.synthetic import at_rest, dataset
 
 from cfem.condensed import pack_upper
 from cfem.condensed.parameters import from_json
-from cfem.core.files import content_sha256, file_sha256, write_json
+from cfem.core.files import content_sha256, file_sha256, write_json, write_npz
 from cfem.core.stage import Options
 from cfem.dataset.schema import schema
 from cfem.dataset.writer import write_rows
-from cfem.surrogate.stage import run, write_arrays
+from cfem.surrogate.stage import run
 
 
 def store_dataset(
@@ -69,7 +69,7 @@ def store_dataset(
 def write_model(folder: Path, meta: dict[str, Any], arrays: dict[str, Any]) -> Path:
     """A model in memory as `cfem train` leaves it."""
     write_json(folder / "model.json", {"history": [], **meta})
-    write_arrays(folder / "weights.npz", arrays)
+    write_npz(folder / "weights.npz", arrays)
     files = {path.name: file_sha256(path) for path in folder.iterdir()}
     write_json(folder / "manifest.json", {"stage": "train", "content": content_sha256(files), "files": files})
     return folder

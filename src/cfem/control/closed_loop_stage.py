@@ -16,6 +16,7 @@ from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.controller import Gains
 from cfem.control.gains import integral_for, late_samples
 from cfem.control.inverse import Limits
+from cfem.control.loads import under_loads
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
 from cfem.control.tick_log import tick_log
@@ -195,7 +196,7 @@ def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple
     real = spec.loop.real
     scene = base / spec.scene
     _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
-    robot = build_robot(load_spec(scene, SceneSpec, real.scene), nodes)
+    robot = under_loads(spec, build_robot(load_spec(scene, SceneSpec, real.scene), nodes))
     if real.wall:
         from cfem.plant.walled_plant import Wall, WalledPlant
 

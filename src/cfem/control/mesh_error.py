@@ -7,13 +7,15 @@ Mechanics 29, 1997): with cells of size h and h / r the error at h is the differ
 is that of smooth displacements; the finger's graded mesh converges faster, so that its error is overestimated by a
 third."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cfem.control.loads import under_loads
 from cfem.control.spec import ControlSpec, MeshErrorSpec
 from cfem.core.errors import CfemError
 from cfem.core.progress import doing, progress
@@ -56,8 +58,8 @@ def discretisation(
     spec: ControlSpec, scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, states: Sequence[Equilibrium]
 ) -> dict[str, Any]:
     """`mesh_error` as the spec asks for it; only `left_out`, the reason, where there is none."""
-    why = _left_out(spec)
-    return {"left_out": why} if why else mesh_error(scene, mesh, robot, folder, states, spec.mesh_error)
+    why, load = _left_out(spec), partial(under_loads, spec)
+    return {"left_out": why} if why else mesh_error(scene, mesh, robot, folder, states, spec.mesh_error, load)
 
 
 def _left_out(spec: ControlSpec) -> str:
@@ -87,8 +89,10 @@ def mesh_error(
     folder: Path,
     states: Sequence[Equilibrium],
     spec: MeshErrorSpec,
+    load: Callable[[Robot], Robot] = lambda robot: robot,
 ) -> dict[str, Any]:
-    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen.
+    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen;
+    load: puts the loads of these states on the robot of the finer mesh.
 
     states, cells, finer_cells, order: how it was estimated. tip_mm, tip_percent: error of the effectors' position, of
     the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of the
@@ -100,7 +104,7 @@ def mesh_error(
     doing("meshing more finely, for the discretisation error")
     try:
         finer = finer_mesh(scene, mesh, robot, folder, spec.cells)
-        refined = build_robot(scene, finer)
+        refined = load(build_robot(scene, finer))
     except CfemError as error:
         return {"left_out": f"there is no finer mesh: {error}"}
     problem, found = Problem(refined), []

@@ -10,6 +10,7 @@ from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, ForceVector, Length, LengthMatrix, LengthVector, Point
+from cfem.predict.load_spec import LoadSpec
 from cfem.robot.geometry import Turn
 
 FE_BASED = "fe-based"  # name of the controller that has FE matrices for its model
@@ -190,6 +191,9 @@ class ControlSpec(Spec):
     design: dict[str, Any] = {}
     """Values of the models' parameters by name, '41 mm' or 0.47, of the robot that is controlled. The scene's own where
     left out. Goals move with where the effectors rest."""
+    loads: dict[Name, LoadSpec] = {}
+    """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. The
+    model takes them without new samples, and the FE robot carries them. Goals stay where they are."""
     loop: LoopSpec | None = None
     """Control over time instead, tick by tick."""
 
@@ -206,6 +210,12 @@ class ControlSpec(Spec):
     def _design_alone(self):
         if self.design and (self.object or self.loop or self.runtime == "onnx"):
             raise ValueError("design does not go with an object, a loop or runtime: onnx yet")
+        return self
+
+    @model_validator(mode="after")
+    def _loads_alone(self):
+        if self.loads and (self.object or self.design or self.runtime == "onnx"):
+            raise ValueError("loads do not go with an object, a design or runtime: onnx yet")
         return self
 
     @model_validator(mode="after")

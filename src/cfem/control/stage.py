@@ -48,6 +48,7 @@ def _work(
     folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
 ) -> dict[str, Any]:
     from cfem.control.goals import goals_of
+    from cfem.control.loads import carrying
     from cfem.control.mesh_error import discretisation, states_to_refine
     from cfem.control.summary import headline, summarise
     from cfem.core.progress import progress
@@ -79,6 +80,7 @@ def _work(
         plant = touched or fem
     else:
         _demand_same_rows(robot, predictors, models)
+        robot, predictors = carrying(spec, robot, predictors, models)
         fem = FemPlant(robot) if spec.plant == "fem" else None
         plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
     goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
@@ -111,12 +113,16 @@ def _work(
     costs = ("solves", "factorizations", "seconds")
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held = headline(results, refined, cost), None
+    under = max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
+    if spec.loads:
+        lines.append(f"under the loads the models miss by about {under:.2g} mm, of second order in the loads")
     if spec.object:
         held, said = _account(fem, touched)
         lines += said
     return {
         "headline": lines,
         "object": held,
+        "load_error": under,
         "plant": spec.plant,
         "trajectories": results,
         "discretisation": refined,

@@ -70,6 +70,7 @@ DIMENSION = {
     "rad": "angle",
     "mm^3": "volume",
     "mm/s^2": "acceleration",
+    "t": "mass",
     "t/mm^3": "density",
     "s": "time",
     "Hz": "frequency",
@@ -78,7 +79,7 @@ DIMENSION = {
 
 def _customary(system_unit: str) -> str:
     """The unit that a person would write, where nobody would write the system's."""
-    return {"rad": "deg", "t/mm^3": "kg/m^3", "mm/s^2": "m/s^2"}.get(system_unit, system_unit)
+    return {"rad": "deg", "t": "g", "t/mm^3": "kg/m^3", "mm/s^2": "m/s^2"}.get(system_unit, system_unit)
 
 
 def parse_quantity(text: Any, system_unit: str) -> float:
@@ -173,6 +174,7 @@ Length = _scalar("mm")
 Force = _scalar("N")
 Stress = _scalar("MPa")
 Angle = _scalar("rad")
+Mass = _scalar("t")
 Density = _scalar("t/mm^3")
 Time = _scalar("s")
 Frequency = _scalar("Hz")

@@ -7,8 +7,10 @@ from pydantic import Field, PositiveInt
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacement, Displacements, Effort
+from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length
+from cfem.predict.load_spec import LoadSpec
 
 Format = Literal["arrays", "onnx", "torchscript", "c"]
 
@@ -83,5 +85,8 @@ class ExportSpec(Spec):
     """Folder for the files."""
     formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")
     """Formats to write."""
+    loads: dict[Name, LoadSpec] = {}
+    """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. Every
+    format then holds the loaded robot."""
     c: CSpec = CSpec()
     """Settings of format c."""

@@ -1,6 +1,5 @@
 """`cfem export`: a trained model to a folder that control runs from, each format compared with the trained model."""
 
-import shutil
 import warnings
 from collections.abc import Sequence
 from functools import partial
@@ -9,15 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.files import disk_errors, file_sha256, plain, write_json, write_whole
+from cfem.core.errors import InputError
+from cfem.core.files import file_sha256, plain, write_json, write_npz, write_whole
 from cfem.core.optional import demand
 from cfem.core.progress import doing
 from cfem.core.shown import size
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.core.stage import Options, Stage, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.spec import ExportSpec
 from cfem.predict.load import VECTORS, build, read_meta, read_model, read_vectors
+from cfem.predict.load_spec import forces_of
+from cfem.predict.loaded import loaded, wrench_of
 from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec
 
@@ -74,13 +76,15 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     for name in spec.formats:
         demand(*PACKAGES.get(name, ()), where=f"formats: {name}")
     meta, arrays = read_model(model_folder)
+    vectors = read_vectors(model_folder, meta)
+    if spec.loads:
+        meta, arrays, vectors = _under_loads(spec, meta, arrays, vectors)
+    write_npz(folder / VECTORS, vectors)
     if "arrays" in spec.formats:
-        copy(artefact_file(model_folder, "weights.npz"), folder / FILES["arrays"])
+        write_npz(folder / FILES["arrays"], arrays)
     if {"onnx", "torchscript"} & set(spec.formats):
         doing("importing PyTorch, writing ONNX and TorchScript")
         write_graphs(folder, spec, meta, arrays)
-    copy(artefact_file(model_folder, VECTORS), folder / VECTORS)
-    vectors = read_vectors(model_folder, meta)
     reference = vectors["W"], vectors["delta_free"]
     doing("running what was written, to compare it with the trained model")
     parity = {
@@ -106,9 +110,21 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     return {**results, "c": report} if report else results
 
 
-def copy(source: Path, target: Path) -> None:
-    with disk_errors(target):
-        shutil.copyfile(source, target)
+def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict) -> tuple[dict, dict, dict]:
+    """The model under the loads of the spec, and what it gives at the test inputs. InputError where it has loads
+    already, or cannot take these."""
+    where = str(spec.model)
+    if meta.get("wrench") is not None:
+        raise InputError("carries loads already", where=where, do="export the trained model")
+    trained = build(meta, arrays)
+    try:
+        model = loaded(trained, wrench_of(trained.rows, forces_of(spec.loads)))
+    except InputError as error:
+        raise InputError(error.what, where=where, do=error.do) from None
+    kept = [i for i, one in enumerate(trained.parameters) if not one.exact]
+    p = vectors["p"][:, kept]
+    W, delta_free = model.evaluate(vectors["s"], p if kept else None)
+    return model.meta, model.arrays, {"s": vectors["s"], "p": p, "W": W, "delta_free": delta_free}
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:

@@ -33,7 +33,9 @@ ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
 
 
 class ModelCard(Data):
-    """robot: what the scene said of it. softer, module: of modules in a row.
+    """robot: what the scene said of it. wrench: a constant load that the samples did not carry, on each effector row,
+    and the estimated error that it makes, mm.
+    softer, module: of modules in a row.
     activation, at_rest: of a network of entries."""
 
     format: Literal[FORMAT]
@@ -50,6 +52,8 @@ class ModelCard(Data):
     length: float = Field(gt=0)
     parameters: list[ParameterCard] = Field(max_length=MOST)
     domain: DomainCard
+    wrench: list[float] | None = None
+    wrench_error: float | None = None
     errors: dict[str, Any] = {}
     history: list[Any] = []
     versions: dict[str, str] = {}
@@ -73,6 +77,7 @@ class ModelCard(Data):
             ("n_c", [self.n_c], {min(self.n_c, n_a - 1)}),
             ("row_units", [len(self.row_units)], {n_e + n_a}),
             ("rest_e", [len(self.rest_e)], {n_e}),
+            ("wrench", [n_e if self.wrench is None else len(self.wrench)], {n_e}),
             ("reach", [len(self.reach)], {n_a, n_a - self.n_c}),
             ("domain.delta_a", map(len, domain.delta_a), {n_a}),
             ("domain.lambda_a", map(len, domain.lambda_a), {n_a}),

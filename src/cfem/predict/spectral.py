@@ -28,6 +28,7 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
         indices = take(arrays, "indices", (None, n), "iu")
         if indices.min() < 0 or indices.max() > LARGEST_DEGREE:
             raise InputError(f"array 'indices' holds degrees that are not between 0 and {LARGEST_DEGREE}")
+        self.arrays = arrays
         outputs = layout(n_a, n_e)["effector_compliance"].stop
         self._to_box_T = np.ascontiguousarray(take(arrays, "to_box", (n, n)).T)
         self._offset = take(arrays, "offset", (n,))

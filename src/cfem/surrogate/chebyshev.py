@@ -1,7 +1,6 @@
-"""Index sets of anisotropic total degree, and differentiation as a matrix on the coefficients of a Chebyshev series."""
+"""Index sets of anisotropic total degree."""
 
 import numpy as np
-from scipy.sparse import csr_array
 
 
 def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.ndarray, np.ndarray]:
@@ -35,20 +34,3 @@ def _within(weights: np.ndarray, degree: float, max_terms: int) -> np.ndarray | 
         found = np.column_stack([found[parents], powers])
         left = left[parents] - weight * powers
     return found
-
-
-def derivative_matrices(indices: np.ndarray) -> list[csr_array]:
-    """One (M, M) matrix an axis, with d/dz_i basis(z) = basis(z) @ D_i: column k holds the series of d T_k / dz_i.
-
-    T_k' = 2 k (T_{k-1} + T_{k-3} + ...), the term T_0 halved. `indices` holds with every k all smaller ones."""
-    position = {tuple(k): number for number, k in enumerate(indices.tolist())}
-    matrices = []
-    for axis in range(indices.shape[1]):
-        entries, at_rows, at_columns = [], [], []
-        for k, column in position.items():
-            for lower in range(k[axis] - 1, -1, -2):
-                at_rows.append(position[(*k[:axis], lower, *k[axis + 1 :])])
-                at_columns.append(column)
-                entries.append((2.0 if lower else 1.0) * k[axis])
-        matrices.append(csr_array((entries, (at_rows, at_columns)), shape=(len(indices), len(indices))))
-    return matrices

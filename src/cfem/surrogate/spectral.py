@@ -14,7 +14,8 @@ from cfem.condensed.pose import COORDINATES
 from cfem.condensed.resting import resting
 from cfem.predict.chebyshev import basis
 from cfem.predict.energy import Form
-from cfem.surrogate.chebyshev import derivative_matrices, index_set
+from cfem.predict.series import derivative_matrices, differentiated
+from cfem.surrogate.chebyshev import index_set
 from cfem.surrogate.coordinates import box_coordinates, held_coordinates, mean_square
 from cfem.surrogate.least_squares import residual_square, solve_nested, triangular
 from cfem.surrogate.observations import Derivative, Observations, in_box, inputs, observations
@@ -299,9 +300,4 @@ def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> tuple[np.
         return full
 
     psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))
-    D = derivative_matrices(indices)
-    by_s = [sum(to_box[j, i] * D[j] for j in range(n_a)) for i in range(n_a)]
-    psi_i = [D_i @ psi for D_i in by_s]
-    psi_ij = [by_s[j] @ psi_i[i] for i in range(n_a) for j in range(i, n_a)]
-    e_i = np.stack([D_i @ e for D_i in by_s], axis=-1)  # (M, n_e, n_a)
-    return indices, np.hstack([psi, *psi_i, *psi_ij, e, e_i.reshape(len(indices), -1), compliance]).T.copy()
+    return indices, differentiated(indices, to_box, n_a, psi, e, compliance)

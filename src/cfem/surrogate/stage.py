@@ -3,7 +3,6 @@
 weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs s (and p) with the
 W and delta_free that the model gives there, so that every other form of it can be compared."""
 
-import io
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.core.files import write_json, write_whole
+from cfem.core.files import write_json, write_npz
 from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.optional import demand
 from cfem.core.progress import doing
@@ -88,10 +87,10 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     ] + [point(results)]
     data = {"content": artefact_content(dataset_folder), "samples": len(training)}
     write_json(folder / "model.json", {**meta, "dataset": data, "positive_definite": definite})
-    write_arrays(folder / "weights.npz", arrays)
+    write_npz(folder / "weights.npz", arrays)
     s, p = model_inputs(predictor, test)
     W, delta_free = predictor.evaluate(s, p)
-    write_arrays(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
+    write_npz(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
     results["judgement"] = judged(results)
     results["headline"] = headline(results)
     shutil.rmtree(checkpoints, ignore_errors=True)
@@ -257,10 +256,3 @@ def first_rows(dataset: Any, samples: int | None) -> Any:
             f"holds {available} converged training rows, and {samples or 4} are needed", do="sample more rows"
         )
     return dataset if samples is None else dataset.take(np.arange(samples))
-
-
-def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """A .npz file, whole or absent; equal arrays, equal bytes (np.savez stamps no time)."""
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
-    write_whole(path, buffer.getvalue())
