@@ -5,16 +5,21 @@
 
 #if CFEM_SPECTRAL
 
-#define N CFEM_NZ
 #define NA CFEM_SERIES_NA
 #define NE CFEM_SERIES_NE
 #define OUTPUTS CFEM_SERIES_OUTPUTS /* the effectors; with CFEM_FULL their compliance too */
 #define MOST CFEM_MOST_NZ
 #define MOST_OUTPUTS CFEM_MOST_SERIES_OUTPUTS
-#if defined(__GNUC__) && !defined(__clang__)
-#define EACH(o) _Pragma("GCC unroll 8") for (int o = 0; o < OUTPUTS; o++)
+/* The sizes are arguments, so that loops unroll where these are constants. */
+#if defined(__GNUC__)
+#define INLINE static inline __attribute__((always_inline))
 #else
-#define EACH(o) for (int o = 0; o < OUTPUTS; o++)
+#define INLINE static inline
+#endif
+#if defined(__GNUC__) && !defined(__clang__)
+#define EACH(o) _Pragma("GCC unroll 8") for (int o = 0; o < outputs; o++)
+#else
+#define EACH(o) for (int o = 0; o < outputs; o++)
 #endif
 
 /* T_k, T_k', T_k'', k = 0 ... CFEM_DEGREE, of one coordinate. */
@@ -35,34 +40,34 @@ static void evaluate(double z, polynomials *t) {
     }
 }
 
-/* Value, gradient and Hessian (upper triangle) of the potential. A sum of depth d is over the terms that share the degrees of the
+/* Value, gradient and Hessian (upper triangle) of the potential: sum[0]. A sum of depth d is over the terms that share the degrees of the
  * coordinates before d, with the polynomials of the others. */
 typedef struct {
     cfem_real value, gradient[MOST], hessian[MOST][MOST];
 } quadratic;
 
 /* Of the coordinates from d on. */
-static void clear(quadratic *q, int d) {
+static inline void clear(quadratic *q, int d, const int n) {
     q->value = 0;
-    for (int i = d; i < N; i++) {
+    for (int i = d; i < n; i++) {
         q->gradient[i] = 0;
-        for (int j = i; j < N; j++) q->hessian[i][j] = 0;
+        for (int j = i; j < n; j++) q->hessian[i][j] = 0;
     }
 }
 
-static void potential(const polynomials *t, quadratic *out) {
-    quadratic sum[MOST];
+INLINE void potential(const polynomials *t, const int n, quadratic sum[MOST]) {
     const cfem_group *group = cfem_potential_groups;
-    for (int d = 0; d < N; d++) clear(&sum[d], d);
+    for (int d = 0; d < n; d++) clear(&sum[d], d, n);
     for (int g = 0, m = 0; g < CFEM_POTENTIAL_GROUPS; g++, group++) {
-        quadratic *const leaf = &sum[N - 1];
+        cfem_real leaf = 0, leaf_first = 0, leaf_second = 0;
         for (; m < group->end; m++) {
             const int k = cfem_potential_degrees[m];
-            leaf->value += cfem_potential[m] * t[N - 1].value[k];
-            leaf->gradient[N - 1] += cfem_potential[m] * t[N - 1].first[k];
-            leaf->hessian[N - 1][N - 1] += cfem_potential[m] * t[N - 1].second[k];
+            leaf += cfem_potential[m] * t[n - 1].value[k];
+            leaf_first += cfem_potential[m] * t[n - 1].first[k];
+            leaf_second += cfem_potential[m] * t[n - 1].second[k];
         }
-        for (int d = N - 2; d >= group->depth; d--) {
+        sum[n - 1].value += leaf, sum[n - 1].gradient[n - 1] += leaf_first, sum[n - 1].hessian[n - 1][n - 1] += leaf_second;
+        for (int d = n - 2; d >= group->depth; d--) {
             const int k = group->degrees[d];
             const cfem_real value = t[d].value[k], first = t[d].first[k];
             const quadratic *from = &sum[d + 1];
@@ -70,95 +75,102 @@ static void potential(const polynomials *t, quadratic *out) {
             to->value += value * from->value;
             to->gradient[d] += first * from->value;
             to->hessian[d][d] += t[d].second[k] * from->value;
-            for (int i = d + 1; i < N; i++) {
+            for (int i = d + 1; i < n; i++) {
                 to->gradient[i] += value * from->gradient[i];
                 to->hessian[d][i] += first * from->gradient[i];
-                for (int j = i; j < N; j++) to->hessian[i][j] += value * from->hessian[i][j];
+                for (int j = i; j < n; j++) to->hessian[i][j] += value * from->hessian[i][j];
             }
-            clear(&sum[d + 1], d + 1);
+            clear(&sum[d + 1], d + 1, n);
         }
     }
-    *out = sum[0];
 }
 
-/* out[i], i < N: derivative of the outputs by z_i; out[N]: their values. */
-static void effectors(const polynomials *t, cfem_real out[MOST + 1][MOST_OUTPUTS]) {
+/* out[i], i < n: derivative of the outputs by z_i; out[n]: their values. */
+INLINE void effectors(const polynomials *t, const int n, const int outputs, cfem_real out[MOST + 1][MOST_OUTPUTS]) {
     cfem_real sum[MOST][MOST + 1][MOST_OUTPUTS];
     const cfem_group *group = cfem_effector_groups;
-    for (int d = 0; d < N; d++)
-        for (int i = d; i <= N; i++) EACH(o) sum[d][i][o] = 0;
+    for (int d = 0; d < n; d++)
+        for (int i = d; i <= n; i++) EACH(o) sum[d][i][o] = 0;
     for (int g = 0, m = 0; g < CFEM_EFFECTOR_GROUPS; g++, group++) {
         cfem_real leaf[MOST_OUTPUTS], leaf_first[MOST_OUTPUTS];
         EACH(o) leaf[o] = leaf_first[o] = 0;
         for (; m < group->end; m++) {
-            const cfem_real *c = cfem_effector + m * OUTPUTS;
-            const cfem_real value = t[N - 1].value[cfem_effector_degrees[m]];
-            const cfem_real first = t[N - 1].first[cfem_effector_degrees[m]];
+            const cfem_real *c = cfem_effector + m * outputs;
+            const cfem_real value = t[n - 1].value[cfem_effector_degrees[m]];
+            const cfem_real first = t[n - 1].first[cfem_effector_degrees[m]];
             EACH(o) leaf[o] += c[o] * value, leaf_first[o] += c[o] * first;
         }
-        if (N == 1) {
+        if (n == 1) {
             EACH(o) sum[0][1][o] = leaf[o], sum[0][0][o] = leaf_first[o];
             continue;
         }
 #if CFEM_MOST_NZ > 1
-        const int l = group->degrees[N - 2];
-        const cfem_real before = t[N - 2].value[l], before_first = t[N - 2].first[l];
+        const int l = group->degrees[n - 2];
+        const cfem_real before = t[n - 2].value[l], before_first = t[n - 2].first[l];
         EACH(o) {
-            sum[N - 2][N][o] += before * leaf[o];
-            sum[N - 2][N - 1][o] += before * leaf_first[o];
-            sum[N - 2][N - 2][o] += before_first * leaf[o];
+            sum[n - 2][n][o] += before * leaf[o];
+            sum[n - 2][n - 1][o] += before * leaf_first[o];
+            sum[n - 2][n - 2][o] += before_first * leaf[o];
         }
-        for (int d = N - 3; d >= group->depth; d--) {
+        for (int d = n - 3; d >= group->depth; d--) {
             const int k = group->degrees[d];
             const cfem_real value = t[d].value[k], first = t[d].first[k];
-            EACH(o) sum[d][d][o] += first * sum[d + 1][N][o];
-            for (int i = d + 1; i <= N; i++)
+            EACH(o) sum[d][d][o] += first * sum[d + 1][n][o];
+            for (int i = d + 1; i <= n; i++)
                 EACH(o) sum[d][i][o] += value * sum[d + 1][i][o], sum[d + 1][i][o] = 0;
         }
 #endif
     }
-    for (int i = 0; i <= N; i++) EACH(o) out[i][o] = sum[0][i][o];
+    for (int i = 0; i <= n; i++) EACH(o) out[i][o] = sum[0][i][o];
 }
 
-void cfem_spectral(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts) {
+INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts *parts) {
     polynomials t[MOST];
-    quadratic psi;
+    quadratic sum[MOST], *const psi = sum;
     cfem_real e[MOST + 1][MOST_OUTPUTS];
-    for (int i = 0; i < N; i++) {
+    for (int i = 0; i < n; i++) {
         double z = cfem_offset[i];
         for (int j = 0; j < NA; j++) z += cfem_to_box[i][j] * s[j];
         evaluate(z, &t[i]);
     }
-    potential(t, &psi);
-    effectors(t, e);
+    potential(t, n, sum);
+    effectors(t, n, outputs, e);
     /* From z to s: gradients by to_box^T, the Hessian on both sides. */
-    for (int i = 0; i < N; i++)
-        for (int k = 0; k < i; k++) psi.hessian[i][k] = psi.hessian[k][i];
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < i; k++) psi->hessian[i][k] = psi->hessian[k][i];
     for (int i = 0; i < NA; i++) {
         double row[MOST];
         parts->gradient[i] = 0.0;
-        for (int k = 0; k < N; k++) {
-            parts->gradient[i] += cfem_to_box[k][i] * (double)psi.gradient[k];
+        for (int k = 0; k < n; k++) {
+            parts->gradient[i] += cfem_to_box[k][i] * (double)psi->gradient[k];
             row[k] = 0.0;
-            for (int l = 0; l < N; l++) row[k] += cfem_to_box[l][i] * (double)psi.hessian[l][k];
+            for (int l = 0; l < n; l++) row[k] += cfem_to_box[l][i] * (double)psi->hessian[l][k];
         }
         for (int j = 0; j < NA; j++) {
             parts->hessian[i][j] = 0.0;
-            for (int k = 0; k < N; k++) parts->hessian[i][j] += row[k] * cfem_to_box[k][j];
+            for (int k = 0; k < n; k++) parts->hessian[i][j] += row[k] * cfem_to_box[k][j];
         }
     }
     for (int o = 0; o < NE; o++) {
-        parts->effector[o] = (double)e[N][o];
+        parts->effector[o] = (double)e[n][o];
         for (int i = 0; i < NA; i++) {
             parts->effector_gradient[o][i] = 0.0;
-            for (int k = 0; k < N; k++) parts->effector_gradient[o][i] += (double)e[k][o] * cfem_to_box[k][i];
+            for (int k = 0; k < n; k++) parts->effector_gradient[o][i] += (double)e[k][o] * cfem_to_box[k][i];
         }
     }
 #if CFEM_FULL
-    parts->energy = (double)psi.value;
+    parts->energy = (double)psi->value;
     for (int i = 0, packed = NE; i < NE; i++)
-        for (int j = i; j < NE; j++, packed++) parts->compliance[i][j] = parts->compliance[j][i] = (double)e[N][packed];
+        for (int j = i; j < NE; j++, packed++) parts->compliance[i][j] = parts->compliance[j][i] = (double)e[n][packed];
 #endif
+}
+
+/* Loops of few and known rounds are unrolled: two actuators and one point are common. */
+void cfem_spectral(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts) {
+    if (CFEM_NZ == 2 && OUTPUTS == 3)
+        of_sizes(2, 3, s, parts);
+    else
+        of_sizes(CFEM_NZ, OUTPUTS, s, parts);
 }
 
 #endif
