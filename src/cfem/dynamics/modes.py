@@ -78,7 +78,7 @@ def _with_viscosity(
         return squares, np.zeros_like(squares)
     by_material = []
     for number in range(len(problem.viscosity)):
-        data = problem.overstress_data(at, viscous.damping(problem.body, problem.viscosity, at.response, number))
+        data = problem.overstress_data(at, viscous.damping(problem.body, at.response, number))
         by_material.append((shapes * symmetric_product(problem.pattern, data, shapes)).sum(axis=0))
     found = squares
     for _ in range(20):

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.core.errors import InputError
+from cfem.equilibrium.inertia import mass_of
 from cfem.equilibrium.problem import Evaluation, Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.factorization import Factor
-from cfem.mechanics.mass import mass_matrix
 from cfem.mechanics.viscosity import Overstress
 
 
@@ -49,13 +48,9 @@ class MovingProblem(Problem):
     Without a step it is the problem of equilibrium; `during` gives the equations of one."""
 
     def __init__(self, robot: Robot, payloads: Sequence["Payload"] = ()):
-        if robot.density is None:
-            raise InputError(
-                f"robot {robot.name} has no density, so nothing to move",
-                do="give each material of the scene its density, such as '1070 kg/m^3'",
-            )
+        mass = mass_of(robot)
         super().__init__(robot, coupled=[payload.nodes[None] for payload in payloads])
-        self.mass = mass_matrix(robot.body, robot.density)
+        self.mass = mass
         for payload in payloads:
             self.mass = sp.csr_array(self.mass + payload.matrix(len(self.rest)))
         self.viscosity = () if all(one.none for one in robot.viscosity) else robot.viscosity

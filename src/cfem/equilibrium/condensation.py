@@ -18,12 +18,13 @@ _ENOUGH = 1e-7
 @dataclass(frozen=True)
 class Condensation:
     """condensed: W and delta_free; Z: (n_dof, n) = A^-1 H^T of all rows, what the unknowns do with the multipliers;
-    y: (n_dof, k) = A^-1 of other right-hand sides; factor: that gave them."""
+    y: (n_dof, k) = A^-1 of other right-hand sides; factor: that gave them; data: lower triangle of A."""
 
     condensed: Condensed
     Z: np.ndarray
     y: np.ndarray
     factor: Factor
+    data: np.ndarray
 
 
 def condense(
@@ -35,25 +36,20 @@ def condense(
     B = np.hstack([problem.gradients(robot.effectors, at.x), at.H, others])
     data, _ = problem.stiffness(at, lam)
     factor = tangent.factor
-    Z, rest, error = _refine(problem, data, factor, B)
+    Z, rest, error = refined(problem, data, factor, B)
     if error > _ENOUGH:
         factor = problem.factor(at, lam, cost).factor
-        Z, rest, error = _refine(problem, data, factor, B)
+        Z, rest, error = refined(problem, data, factor, B)
     Z, y, rest, B = Z[:, :n], Z[:, n:], rest[:, :n], B[:, :n]
     W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2
     delta = np.concatenate([*(row.value(at.x) - row.rest for row in robot.effectors), at.delta])
     condensed = Condensed(robot.rows, W, delta - W[:, robot.rows.active] @ lam, lam.copy())
-    return Condensation(condensed, Z, y, factor)
+    return Condensation(condensed, Z, y, factor, data)
 
 
-def response(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
-    """(n, 3, n_active) mm/N: dx/dlambda of the nodes by the active rows."""
-    return problem.kinematics.spread(at.x, Z[:, problem.robot.rows.active])
-
-
-def _refine(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Z, B - A Z and its relative size, after as many corrections by the factor as pay."""
+def refined(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Z = A^-1 B, B - A Z and its relative size, after as many corrections by the factor as pay; data: of A."""
     Z = factor.solve(B)
     rest = B - symmetric_product(problem.pattern, data, Z)
     error, before = _relative(rest, B), np.inf
@@ -62,6 +58,11 @@ def _refine(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -
         rest = B - symmetric_product(problem.pattern, data, Z)
         error, before = _relative(rest, B), error
     return Z, rest, error
+
+
+def response(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
+    """(n, 3, n_active) mm/N: dx/dlambda of the nodes by the active rows."""
+    return problem.kinematics.spread(at.x, Z[:, problem.robot.rows.active])
 
 
 def _relative(rest: np.ndarray, B: np.ndarray) -> float:

@@ -205,7 +205,10 @@ class Problem:
     def _form_of_rod(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray | float:
         if at.response.beam is None:
             return 0.0
-        blocks = rod.stiffness(self.body.beam, at.response.beam, self._pulled(lam))
+        return self.rod_form(rod.stiffness(self.body.beam, at.response.beam, self._pulled(lam)), q)
+
+    def rod_form(self, blocks: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """(k, k) N mm: of changes q (n_dof, k) of the unknowns in blocks (m, 12, 12) of the rod's elements."""
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
         return np.tensordot(mine, blocks @ mine, axes=((0, 1), (0, 1)))
 

@@ -2,10 +2,14 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cfem.condensed import Condensed
+
+if TYPE_CHECKING:
+    from cfem.equilibrium.inertia import Inertia
 
 
 class Status(Enum):
@@ -62,7 +66,8 @@ class Equilibrium:
     path: share of the way to the actuation at which stability was lost or no further step was found, 1 where neither;
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
     response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
-    dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, where asked for."""
+    dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
+    rows need to move, where asked for."""
 
     status: Status
     state: State
@@ -83,6 +88,7 @@ class Equilibrium:
     response: np.ndarray | None = None
     dW: np.ndarray | None = None
     slopes: ParameterSlopes | None = None
+    inertia: "Inertia | None" = None
 
     @property
     def delta_a(self) -> np.ndarray:

@@ -10,11 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import condense as condensation
 from cfem.equilibrium.condensation import response
 from cfem.equilibrium.criticality import classify, softest_mode
+from cfem.equilibrium.inertia import inertia
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
@@ -46,12 +48,14 @@ def solve(
     slack: bool = True,
     third_order: bool = False,
     sides: Sequence[Sides] = (),
+    mass: sp.csr_array | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
 
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
-    derivatives of W; sides: and the slopes by the parameters in which these differ from the problem.
+    derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
+    the nodes, and what the rows need to move (inertia.py).
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
@@ -76,7 +80,7 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, _only(actuation, taut), near, last.state, settings, cost, slack)
-    return _answer(problem, path, _only(actuation, taut), settings, cost, begin, condense, third_order, sides)
+    return _answer(problem, path, _only(actuation, taut), settings, cost, begin, condense, third_order, sides, mass)
 
 
 @dataclass(frozen=True)
@@ -236,10 +240,11 @@ def _answer(
     condense: bool = False,
     third_order: bool = False,
     sides: Sequence[Sides] = (),
+    mass: sp.csr_array | None = None,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a, dW, slopes = result.status, None, None, None, None
+    status, condensed, response_a, dW, slopes, moves = result.status, None, None, None, None, None
     if status is Status.CONVERGED and condense:
         try:
             by_q = differences(problem, result.at, result.lam, sides) if sides else None
@@ -252,7 +257,12 @@ def _answer(
             if found.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
                 status = Status.UNSTABLE
             else:
-                dW = compliance_derivatives(problem, result.at, result.lam, found.Z) if third_order else None
+                Y = None
+                if mass is not None:
+                    moves, Y = inertia(problem, mass, result.at, found)
+                if third_order:
+                    dW, dV = compliance_derivatives(problem, result.at, result.lam, found.Z, Y, mass)
+                    moves = None if moves is None else replace(moves, dV=dV)
                 slopes = parameter_slopes(problem, result.at, condensed.W, found.Z, by_q, found.y) if sides else None
         except SingularMatrixError:
             status = Status.SINGULAR
@@ -261,7 +271,7 @@ def _answer(
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
     if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
-        status, condensed, response_a, dW, slopes = Status.INACCURATE, None, None, None, None
+        status, condensed, response_a, dW, slopes, moves = Status.INACCURATE, None, None, None, None, None
     n_a = robot.rows.n_a
     largest = np.abs(result.lam).max(initial=0.0)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -285,6 +295,7 @@ def _answer(
         response=response_a,
         dW=dW,
         slopes=slopes,
+        inertia=moves,
     )
 
 

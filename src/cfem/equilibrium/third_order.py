@@ -6,6 +6,7 @@ held. It is a central difference on the straight line x + h Z_k, off equilibrium
 summed from strains (Problem.form): with A itself the difference would lose three digits more to rounding."""
 
 import numpy as np
+import scipy.sparse as sp
 
 from cfem.equilibrium.problem import Evaluation, Problem
 
@@ -14,27 +15,55 @@ from cfem.equilibrium.problem import Evaluation, Problem
 _STEP = 2e-5
 
 
-def compliance_derivatives(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray) -> np.ndarray:
+def compliance_derivatives(
+    problem: Problem,
+    at: Evaluation,
+    lam: np.ndarray,
+    Z: np.ndarray,
+    Y: np.ndarray | None = None,
+    mass: sp.csr_array | None = None,
+) -> tuple[np.ndarray, np.ndarray | None]:
     """(n_active, n, n): dW/dlambda_k of all rows e, a, c at an equilibrium, total, other multipliers constant; mm/N^2
-    for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better."""
+    for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better. With Y = A^-1 M Z and the mass M also
+    dV/dlambda_k of V = Z^T M Z, whose expression Z^T M Z + Y^T (B - A Z) + (B - A Z)^T Y is stationary in Z."""
     motions = Z[:, problem.robot.rows.active].T
-    return np.stack([_along(problem, at, lam, Z, k, motion) for k, motion in enumerate(motions)])
+    found = [_along(problem, at, lam, Z, k, motion, Y, mass) for k, motion in enumerate(motions)]
+    n = Z.shape[1]
+    dW = np.stack([each[:, :n] for each in found])
+    return dW, None if Y is None else np.stack([each[:, n:] for each in found])
 
 
-def _along(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, k: int, motion: np.ndarray) -> np.ndarray:
-    """(n, n): by multiplier k, with which the unknowns move by `motion` (n_dof,) mm/N."""
+def _along(
+    problem: Problem,
+    at: Evaluation,
+    lam: np.ndarray,
+    Z: np.ndarray,
+    k: int,
+    motion: np.ndarray,
+    Y: np.ndarray | None,
+    mass: sp.csr_array | None,
+) -> np.ndarray:
+    """(n, n) of W, or (n, 2 n) of W and V: by multiplier k, with which the unknowns move by `motion` (n_dof,) mm/N."""
+    n, q = Z.shape[1], Z if Y is None else np.hstack([Z, Y])
 
     def compliance(h: float) -> np.ndarray:
-        """B^T Z + Z^T B - Z^T A Z, with the element pressures that x demands."""
+        """B^T Z + Z^T B - Z^T A Z, with the element pressures that x demands; and that of V."""
         there = problem.evaluate(problem.kinematics.move(at.x, h * motion), np.empty(0), at.load)
         changed = lam.copy()
         changed[k] += h
-        BZ = np.hstack([problem.gradients(problem.robot.effectors, there.x), there.H]).T @ Z
-        return BZ + BZ.T - problem.form(there, changed, Z)
+        B = np.hstack([problem.gradients(problem.robot.effectors, there.x), there.H])
+        BZ, form = B.T @ Z, problem.form(there, changed, q)
+        W = BZ + BZ.T - form[:n, :n]
+        if Y is None:
+            return W
+        YB = Y.T @ B - form[n:, :n]
+        moved = problem.kinematics.spread(there.x, Z)
+        own = np.tensordot(moved, (mass @ moved.reshape(len(moved), -1)).reshape(moved.shape), axes=((0, 1), (0, 1)))
+        return np.hstack([W, own + YB + YB.T])
 
     steepest = _steepest(problem, problem.kinematics.spread(at.x, motion))
     if steepest == 0.0:
-        return np.zeros((Z.shape[1], Z.shape[1]))  # attached to held nodes only
+        return np.zeros((n, q.shape[1]))  # attached to held nodes only
     h = _STEP / steepest
     return (compliance(h) - compliance(-h)) / (2 * h)
 

@@ -161,20 +161,41 @@ def add_stress_stiffness(
 ) -> None:
     """Adds to `data` (slots as in `tangent`) the stiffness of the stress P = share d psi_rest / dF + F B, B (m q, 3, 3)
     MPa symmetric; with bubbles but for what their own change of slope adds."""
+    C = _stress_curvature(solid, at, share, B)
+    if solid.element.bubbles:
+        add_blocks(_slaved_stiffness(solid, at, C), slots, data)
+        return
+    _scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
+
+
+def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(k, k) N mm: of motions (n, 3, k) mm in the stiffness that `add_stress_stiffness` adds."""
+    C = _stress_curvature(solid, at, share, B)
+    if solid.element.bubbles:
+        mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
+        return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, at, C) @ mine)
+    form = np.zeros((motions.shape[2], motions.shape[2]))
+    _add_form(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
+    return form
+
+
+def _stress_curvature(solid: Solid, at: Response, share: float, B: np.ndarray) -> np.ndarray:
+    """(m q, 9, 9) MPa: d/dF of share d psi_rest / dF + F B."""
     C = np.empty((len(at.D), 9, 9))
     solid.law.curvature(at.D, solid.parameters, np.zeros(len(at.D)), C)
     C *= share
     blocks = C.reshape(-1, 3, 3, 3, 3)
     for i in range(3):
         blocks[:, i, :, i, :] += B
-    if solid.element.bubbles:
-        K, slaved = _point_stiffness(replace(solid, bulk=0.0), C, at.g), _slaved(solid, at)
-        n = 3 * solid.element.n_nodes
-        both = K[:, :n, n:] @ slaved
-        on_nodes = K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
-        add_blocks(on_nodes, slots, data)
-        return
-    _scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
+    return C
+
+
+def _slaved_stiffness(solid: Solid, at: Response, C: np.ndarray) -> np.ndarray:
+    """(m, 3 n_nodes, 3 n_nodes) of a stress with that curvature, the bubbles following the nodes."""
+    K, slaved = _point_stiffness(replace(solid, bulk=0.0), C, at.g), _slaved(solid, at)
+    n = 3 * solid.element.n_nodes
+    both = K[:, :n, n:] @ slaved
+    return K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
 
 
 def _slaved(solid: Solid, at: Response) -> np.ndarray:

@@ -138,6 +138,15 @@ def add_solid_stiffness(body: Body, at: Response, over: Overstress, slots: np.nd
             region.add_stress_stiffness(solid, each, *part, slots[place], data)
 
 
+def solid_form(body: Body, at: Response, over: Overstress, motions: np.ndarray) -> np.ndarray:
+    """(k, k) N mm: of motions (n, 3, k) mm in the stiffness of the solids' overstress."""
+    form = np.zeros((motions.shape[2], motions.shape[2]))
+    for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
+        if part is not None:
+            form += region.stress_form(solid, each, *part, motions)
+    return form
+
+
 def rod_stress(body: Body, at: Response, over: Overstress) -> np.ndarray:
     """(m, 6) N and N mm: Q of the rod."""
     a, B = over.parts[-1]
@@ -150,7 +159,7 @@ def rod_stiffness(body: Body, at: Response, over: Overstress) -> np.ndarray:
     return rod.stiffness_of(body.beam.stiffness * a, rod_stress(body, at, over), body.beam, at.beam)
 
 
-def damping(body: Body, viscosity: Sequence[Viscosity], at: Response, number: int) -> Overstress:
+def damping(body: Body, at: Response, number: int) -> Overstress:
     """The overstress whose stiffness is that of S's material part in the regions of one material: dQ = dS there, with
     no stress; times Viscosity.modulus it is storage and loss."""
     parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []
