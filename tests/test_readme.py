@@ -41,10 +41,11 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     from cfem.core.spec import load_spec
     from cfem.robot.spec import SceneSpec
 
-    whole, more = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
+    whole, more, form = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
     path = tmp_path / "scene.yaml"
     path.write_text(whole)
     assert load_spec(path, SceneSpec).name == "my-robot"
-    path.write_text(whole.split("actuators:")[0] + more + "effectors:" + whole.split("effectors:")[1])
+    path.write_text(whole.split("actuators:")[0] + form + more + "effectors:" + whole.split("effectors:")[1])
     scene = load_spec(path, SceneSpec)
     assert len(scene.materials) == len(scene.rigid) == 1 and scene.actuators[0].name == "chamber"
+    assert len(scene.shape.controls) == 2 and scene.shape.walls[0].thicker == 0.4

@@ -54,7 +54,7 @@ def finite_elements(case):
 
 
 def test_a_design_that_ends_before_its_effector_is_named_with_the_point(solver):
-    said = r"design length 50 for 60 mm, near effector 'tip' at \(58, 0, 0\) mm: the m"
+    said = r"design length 50 mm for 60 mm, near effector 'tip' at \(58, 0, 0\) mm: the m"
     with pytest.raises(NumericalError, match=said):
         solver[0].at(np.array([10.0, 50.0, 0.45]))
 

@@ -18,7 +18,7 @@ from cfem.core.errors import SpecError
 from cfem.core.files import plain
 from cfem.core.kinds import other_kind
 from cfem.core.origin import Origin, key_path
-from cfem.core.units import unit_of, written
+from cfem.core.units import in_unit, unit_of, written
 from cfem.core.yaml import parse_value, read_yaml
 
 
@@ -141,15 +141,29 @@ def _set(data: dict, lines: dict, override: str) -> None:
     *parents, last = key_path(key)
     node: Any = data
     try:
+        unit = None
         for part in parents:
+            node, unit = _numbers(node, part, unit)
             node = node.setdefault(part, {}) if isinstance(node, dict) else node[part]
-        node[last] = parse_value(text)
+        node, unit = _numbers(node, last, unit)
+        node[last] = parse_value(text) if unit is None else in_unit(parse_value(text), unit)
     except (IndexError, TypeError, KeyError):
         raise SpecError(f"the spec has no key '{key}'", where="--set", do="check the key path") from None
+    except ValueError as error:
+        raise SpecError(f"{key}: {error}", where="--set") from None
     path = (*parents, last)
     for one in [one for one in lines if one[: len(path)] == path]:
         del lines[one]
     lines[path] = 0
+
+
+def _numbers(node: Any, part: str | int, unit: str | None) -> tuple[Any, str | None]:
+    """Where `part` counts from 0 and `node` is numbers under their unit, {mm: [...]}, the numbers and the unit."""
+    if isinstance(part, int) and isinstance(node, dict) and len(node) == 1:
+        ((name, numbers),) = node.items()
+        if isinstance(numbers, list):
+            return numbers, name
+    return node, unit
 
 
 def _sentences(error: ValidationError, data: dict, origin: Origin, model: type[Spec]) -> list[str]:

@@ -97,6 +97,18 @@ def parse_quantity(text: Any, system_unit: str) -> float:
     return value
 
 
+def in_unit(text: Any, unit: str) -> float:
+    """'1.5 cm' -> 15.0 for unit 'mm': one number as a list under `unit` has it. ValueError as `parse_quantity`."""
+    usual = [system_unit for system_unit, known in _USUAL.items() if unit in known]
+    for system_unit in usual or DIMENSION:
+        try:
+            size = _factor(unit, system_unit)
+        except ValueError:
+            continue
+        return parse_quantity(text, system_unit) / size
+    raise ValueError(f"'{unit}' is not a unit")
+
+
 def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None) -> np.ndarray:
     """{'mm': [[0, 10, -120]]} -> float array of the stated number of axes (and length of the last), read-only."""
     if isinstance(data, np.ndarray):
@@ -146,7 +158,7 @@ def _scalar(system_unit: str):
 
 @dataclass(frozen=True)
 class SystemUnit:
-    """Marks the annotation of a scalar field."""
+    """Marks the annotation of a field of a number, or of an array of them."""
 
     name: str
 
@@ -166,7 +178,10 @@ def written(value: float, system_unit: str) -> str:
 def _vector(system_unit: str, ndim: int, last: int | None = None):
     schema = array_schema(ndim, last, f"numbers under their unit, e.g. {{{_customary(system_unit)}: ...}}")
     return Annotated[
-        Any, BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)), WithJsonSchema(schema)
+        Any,
+        BeforeValidator(lambda value: parse_array(value, system_unit, ndim, last)),
+        WithJsonSchema(schema),
+        SystemUnit(system_unit),
     ]
 
 

@@ -26,6 +26,9 @@ def write_shapes(
     """`<name>.step` and `<name>.stl` of each design p (n_p,)."""
     if scene is None:
         raise SpecError("the shapes of designs need the key `scene`", where="cad", do="name it under `scene`")
+    if scene.shape is not None:
+        do = "leave cad out; `cfem mesh` with the `overrides` in design.json makes the mesh of a design"
+        raise SpecError("a robot with a free form has no CAD model", where="cad", do=do)
     if type(scene.geometry) not in CATALOGUE:
         raise SpecError(f"a geometry of kind {scene.geometry.kind} cannot be varied", where="cad")
     for name, p in designs.items():

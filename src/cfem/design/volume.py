@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from cfem.condensed.parameters import Parameter
+from cfem.core.errors import SpecError
 from cfem.parametric.family import from_shares, shares
 from cfem.robot.meshing import CATALOGUE, measure
 from cfem.sample.parameters import with_values
@@ -21,6 +22,8 @@ class Volume:
     and a few more. error: mm^3, the largest on those CAD models that were left out of the fit."""
 
     def __init__(self, scene: Any, parameters: Sequence[Parameter]):
+        if scene.shape is not None:
+            raise SpecError("a robot with a free form has no CAD model to tell its volume", where="constraints")
         self._scene, self._parameters = scene, tuple(parameters)
         self._shape = [i for i, one in enumerate(parameters) if one.key.startswith("geometry")]
 

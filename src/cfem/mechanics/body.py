@@ -12,7 +12,7 @@ from cfem.core.errors import InputError
 from cfem.mechanics import beam as rod
 from cfem.mechanics import solid as region
 from cfem.mechanics.beam import Beam, BeamResponse, Section
-from cfem.mechanics.element import Element
+from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
@@ -143,6 +143,18 @@ def with_materials(body: Body, materials: Sequence[Material]) -> Body:
 
     beam = None if body.beam is None else rod.with_moduli(body.beam, [(each.young, each.poisson) for each in materials])
     return replace(body, solids=tuple(map(remade, body.solids)), beam=beam)
+
+
+def on_nodes(body: Body, mesh: Mesh) -> Body:
+    """The body of solids on another mesh of the same connectivity. InputError where a cell is inverted or flat."""
+
+    def remade(part: Solid) -> Solid:
+        gradients, weights = reference_gradients(body.element, mesh.X, part.cells)
+        if not (weights > 0).all():
+            raise InputError("the moved mesh has cells that are inverted or flat", do="move it less")
+        return replace(part, X=mesh.X, gradients=gradients, weights=weights)
+
+    return replace(body, mesh=mesh, solids=tuple(map(remade, body.solids)))
 
 
 def _check(material: Material, element: Element) -> None:

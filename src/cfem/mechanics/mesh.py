@@ -1,6 +1,6 @@
 """A mesh as a value: nodes, tetrahedra or hexahedra, boundary facets, named sets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,8 @@ HEX_TETS = np.array([[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0,
 class Mesh:
     """X: (n, 3) mm; cells: (m, 4) or (m, 10) tetrahedra, mid-edge nodes at the middle of straight edges, or (m, 8)
     hexahedra; facets: (k, 3), (k, 6) or (k, 4) of the boundary, normals outward; node_sets, facet_sets, cell_sets:
-    name -> indices of nodes, facets, cells."""
+    name -> indices of nodes, facets, cells; unshaped: (n, 3) mm the nodes before the scene's free form moved them,
+    None where it has none."""
 
     X: np.ndarray
     cells: np.ndarray
@@ -27,6 +28,12 @@ class Mesh:
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     facet_sets: dict[str, np.ndarray] = field(default_factory=dict)
     cell_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    unshaped: np.ndarray | None = None
+
+    @property
+    def base(self) -> "Mesh":
+        """The mesh before its free form: what the places in a scene refer to."""
+        return self if self.unshaped is None else replace(self, X=self.unshaped, unshaped=None)
 
     @property
     def order(self) -> int:

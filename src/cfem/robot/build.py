@@ -26,7 +26,9 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, soft_finger, spec, stiff_flop
+from cfem.robot.deform import shaped
 from cfem.robot.materials import MaterialSpec
+from cfem.robot.on_mesh import on_mesh
 from cfem.robot.plausible import demand_possible
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
@@ -36,7 +38,11 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
     """Raises SpecError, with the key that is wrong and its file and line, where a point lies outside the body, a
     chamber is not closed, a selection is empty or an actuator's reach cannot be."""
     with scene.locating():
-        return _robot(scene, mesh)
+        if scene.shape is None:
+            return _robot(scene, mesh)
+        if mesh.unshaped is None:
+            mesh = shaped(scene.shape, mesh)
+        return on_mesh(scene, _robot(scene, mesh.base), mesh)
 
 
 def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
@@ -81,9 +87,9 @@ def _each(scene: spec.SceneSpec, key: str, make: Callable[[Any], Any]) -> tuple:
     return tuple(made)
 
 
-def body_of(scene: spec.SceneSpec, mesh: Mesh) -> Body:
-    """The body of a scene of one material."""
-    return _body(scene, mesh, [], [])
+def materials_of(scene: spec.SceneSpec) -> list[Material]:
+    """Of the body, then of each region."""
+    return [as_material(item) for item in (scene.material, *(other.material for other in scene.materials))]
 
 
 def as_material(material: MaterialSpec) -> Material:
@@ -92,8 +98,7 @@ def as_material(material: MaterialSpec) -> Material:
 
 
 def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections: list[np.ndarray]) -> Body:
-    others = [as_material(item.material) for item in scene.materials]
-    name, main = scene.mesh.element, as_material(scene.material)
+    name, (main, *others) = scene.mesh.element, materials_of(scene)
     parts = list(zip(regions, others, strict=True))
     if name not in SECTIONED:
         return make_body(mesh, ELEMENTS[name], main, parts)

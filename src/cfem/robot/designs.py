@@ -4,24 +4,28 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from pydantic.fields import FieldInfo
 
 from cfem.constraint.attachment import attach, show
 from cfem.constraint.cable import make_cable
-from cfem.constraint.carrier import Carrier
 from cfem.constraint.effector import CarriedEffector, PointEffector
 from cfem.core.errors import NumericalError, SpecError
+from cfem.core.units import unit_of, written
 from cfem.equilibrium.robot import Robot
+from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
-from cfem.robot.build import body_of, build_robot, cable_points, effector_points
+from cfem.robot.build import build_robot, cable_points, effector_points, materials_of
+from cfem.robot.deform import Deformation
 from cfem.robot.meshing import CATALOGUE
-from cfem.robot.morph import Morph, Unreachable, moved
+from cfem.robot.morph import Morph, Unreachable
+from cfem.robot.on_mesh import carried, moved, on_mesh
 from cfem.robot.spec import SceneSpec
 
 
 class Designs:
-    """scene, mesh: the reference. SpecError where the scene has what does not move with a design yet: anything but
-    cables and effectors in the body, of one material."""
+    """scene, mesh: the reference. Regions and rigid groups keep their cells and nodes. SpecError where the scene has
+    what does not move with a design yet: contacts, loads on points, effectors of several points."""
 
     def __init__(self, scene: SceneSpec, mesh: Mesh):
         kind = scene.geometry.kind
@@ -29,12 +33,11 @@ class Designs:
             raise SpecError(
                 f"a geometry of kind {kind} cannot be varied", do="use a catalogue geometry meshed with tetrahedra"
             )
-        foreign = [name for name in ("materials", "rigid", "contacts", "loads", "gravity") if getattr(scene, name)]
-        foreign += [item.name for item in scene.actuators if not isinstance(item, constraints.Cable)]
+        foreign = [name for name in ("contacts", "loads") if getattr(scene, name)]
         if foreign:
             raise SpecError(f"{', '.join(foreign)} cannot follow a varied geometry yet", do="leave it out")
         self.reference = build_robot(scene, mesh)
-        self._mesh = mesh
+        mesh = mesh.base
         cables = [attach(mesh, point, radius, name) for name, radius, point in _places(scene)]
         inside = [one.attachment for one in self.reference.effectors if isinstance(one, PointEffector)]
         if not all(isinstance(one, PointEffector | CarriedEffector) for one in self.reference.effectors):
@@ -43,7 +46,8 @@ class Designs:
         watched = zip(scene.effectors, self.reference.effectors, strict=True)
         self._names = [f"cable '{name}'" for name, _, _ in _places(scene)]
         self._names += [f"effector '{item.name}'" for item, one in watched if isinstance(one, PointEffector)]
-        self._geometry = scene.geometry
+        self._geometry, self._last = scene.geometry, (None, mesh)
+        self._form = None if scene.shape is None else Deformation(scene.shape, mesh)
         self._morph = Morph(mesh, CATALOGUE[type(scene.geometry)](scene.geometry), self._points)
 
     def mesh(self, scene: SceneSpec) -> Mesh:
@@ -52,8 +56,12 @@ class Designs:
         both = zip(scene.effectors, self.reference.effectors, strict=True)
         inside = [effector_points(scene, item) for item, one in both if isinstance(one, PointEffector)]
         places = np.array(cables + inside)
+        key = (repr(scene.geometry), places.tobytes())
         try:
-            return self._morph(CATALOGUE[type(scene.geometry)](scene.geometry), places)
+            if self._last[0] != key:  # robots whose free form alone differs have it in common
+                self._last = key, self._morph(CATALOGUE[type(scene.geometry)](scene.geometry), places)
+            base = self._last[1]
+            return base if scene.shape is None else self._form(scene.shape, base)
         except Unreachable as error:
             where = f"design {self._design(scene)}"
             if error.near is not None:
@@ -66,15 +74,24 @@ class Designs:
         fields = type(scene.geometry).model_fields
         both = ((name, getattr(self._geometry, name), getattr(scene.geometry, name)) for name in fields)
         return (
-            ", ".join(f"{name} {now:.4g} for {was:.4g} mm" for name, was, now in both if was != now) or "of the scene"
+            ", ".join(
+                f"{name} {_said(fields[name], now)} for {_said(fields[name], was)}"
+                for name, was, now in both
+                if was != now
+            )
+            or "of the scene"
         )
 
     def robot(self, scene: SceneSpec) -> Robot:
         """Of the scene with another geometry."""
         mesh = self.mesh(scene)
-        points = [moved(one, mesh) for one in self._points]
+        base = mesh.base
+        points = [moved(one, base) for one in self._points]
         actuators, used = [], 0
-        for item in scene.actuators:
+        for item, one in zip(scene.actuators, self.reference.actuators, strict=True):
+            if not isinstance(item, constraints.Cable):
+                actuators.append(one)
+                continue
             count = len(cable_points(scene, item))
             actuators.append(make_cable(points[used : used + count], item.pull_point, item.name))
             used += count
@@ -84,19 +101,19 @@ class Designs:
                 effectors.append(PointEffector(next(inside)))
                 continue
             place = np.asarray(effector_points(scene, item), float)
-            carrier = carried(one.carrier, mesh)
+            carrier = carried(one.carrier, base)
             effectors.append(CarriedEffector(carrier, place - carrier.centre, place))
-        body = body_of(scene, mesh)
-        return replace(self.reference, body=body, actuators=tuple(actuators), effectors=tuple(effectors))
-
-
-def carried(carrier: Carrier, mesh: Mesh) -> Carrier:
-    """The carrier on another mesh of the same connectivity."""
-    X = mesh.X[carrier.nodes]
-    centre = carrier.weights @ X
-    return replace(carrier, centre=centre, arm=X - centre)
+        body = with_materials(self.reference.body, materials_of(scene))
+        robot = replace(self.reference, body=body, actuators=tuple(actuators), effectors=tuple(effectors))
+        return on_mesh(scene, robot, mesh)
 
 
 def _places(scene: SceneSpec) -> Sequence[tuple[str, float, np.ndarray]]:
     """Name, radius and place (3,) mm of every point of a cable."""
-    return [(item.name, item.radius, point) for item in scene.actuators for point in cable_points(scene, item)]
+    cables = [item for item in scene.actuators if isinstance(item, constraints.Cable)]
+    return [(item.name, item.radius, point) for item in cables for point in cable_points(scene, item)]
+
+
+def _said(field: FieldInfo, value: float) -> str:
+    unit = unit_of(field)
+    return f"{value:.4g}" if unit == "1" else written(float(f"{value:.6g}"), unit)

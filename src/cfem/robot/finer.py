@@ -8,6 +8,7 @@ from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import SECTIONED, barycentric_gradients, shape
 from cfem.mechanics.mesh import Mesh, tet_volumes
+from cfem.robot.deform import shaped
 from cfem.robot.geometry import Assembly, MeshFile
 from cfem.robot.grading import estimate, grade
 from cfem.robot.meshing import make_mesh, with_middles
@@ -38,8 +39,9 @@ def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: 
     if _own_cells(scene):
         if mesh.cells.shape[1] == 8:
             raise SpecError("hexahedra of a mesh file are not cut")
-        finer = cut_in_eight(mesh)
-        return with_middles(finer) if mesh.order == 2 else finer
+        finer = cut_in_eight(mesh.base)
+        finer = with_middles(finer) if mesh.order == 2 else finer
+        return finer if scene.shape is None else shaped(scene.shape, finer)
     finer = _scaled(scene, ratio ** (-1 / dimensions(scene)))
     if scene.mesh.cells is None:
         return make_mesh(finer, folder)[0]

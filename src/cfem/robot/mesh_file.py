@@ -12,6 +12,7 @@ from cfem.core.files import write_whole
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
 from cfem.robot.mesh_sets import CELL_SET, SET, arrays, named_sets
 
+UNSHAPED = "unshaped"  # point data: the nodes before the free form
 # Cells by their number of nodes, as meshio calls them and their facets.
 _NAMES = {4: ("tetra", "triangle"), 10: ("tetra10", "triangle6"), 8: ("hexahedron", "quad")}
 # How the cells of the user's files are taken, by their corners: kind -> number of corners.
@@ -26,6 +27,8 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
     on_points = {SET + name: _flags(len(mesh.X), nodes) for name, nodes in mesh.node_sets.items()}
     on_facets = {SET + name: [_flags(m, []), _flags(k, facets)] for name, facets in mesh.facet_sets.items()}
     on_solid = {CELL_SET + name: [_flags(m, cells), _flags(k, [])] for name, cells in mesh.cell_sets.items()}
+    if mesh.unshaped is not None:
+        on_points[UNSHAPED] = mesh.unshaped
     blocks = [(solid, mesh.cells), (surface, mesh.facets)]
     whole = meshio.Mesh(mesh.X, blocks, point_data=on_points, cell_data=on_facets | on_solid)
     partial = path.with_suffix(".part.vtu")
@@ -49,6 +52,7 @@ def read_mesh(path: Path) -> Mesh:
         node_sets={name: np.flatnonzero(flags) for name, flags in arrays(data.point_data, SET)},
         facet_sets={name: np.flatnonzero(flags[facet_block]) for name, flags in arrays(data.cell_data, SET)},
         cell_sets={name: np.flatnonzero(flags[solid_block]) for name, flags in arrays(data.cell_data, CELL_SET)},
+        unshaped=np.asarray(data.point_data[UNSHAPED], float) if UNSHAPED in data.point_data else None,
     )
 
 

@@ -17,6 +17,7 @@ from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet
 from cfem.robot import hexahedra, selection
 from cfem.robot.bar import bar
 from cfem.robot.cad import Box, Difference, File, Placed, Solid, as_data
+from cfem.robot.deform import shaped
 from cfem.robot.diamond import diamond
 from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Trunk
 from cfem.robot.mesh_file import read_own
@@ -49,6 +50,8 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
 
     Raises InputError (file, missing libraries), SpecError (an element that the geometry cannot be meshed with),
     NumericalError (cannot be meshed)."""
+    if grading is not None:
+        grading = Grading(grading.mesh.base, grading.sizes)
     regions = [
         Box(tuple(item.region.low.tolist()), tuple(item.region.high.tolist()))
         for item in scene.materials
@@ -66,7 +69,8 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         volume = None if None in volumes else sum(volumes)
     else:
         mesh, volume = corner_mesh(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
-    return with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh, volume
+    mesh = with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh
+    return (mesh, volume) if scene.shape is None else (shaped(scene.shape, mesh), None)
 
 
 def _length(geometry: StiffFlop) -> float:

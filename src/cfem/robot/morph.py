@@ -20,12 +20,11 @@ from scipy.sparse.linalg import splu
 
 from cfem.constraint.attachment import Attachment
 from cfem.core.errors import NumericalError, SpecError
-from cfem.mechanics.element import barycentric_gradients
-from cfem.mechanics.mesh import TET_EDGES, Mesh, tet_volumes
+from cfem.mechanics.mesh import Mesh, tet_volumes
 from cfem.robot.cad import Solid
+from cfem.robot.elastic import middles, stiffness
 from cfem.robot.surfaces import Surface, surfaces
 
-POISSON = 0.3
 _ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
 _INDEPENDENT = 1e-3  # sine of the angle below which a surface says what others have said
 _ITERATIONS, _TOLERANCE = 60, 1e-10  # mm
@@ -55,10 +54,10 @@ class Morph:
     def __init__(self, mesh: Mesh, solid: Solid, points: Sequence[Attachment] = ()):
         self.mesh, self._points = mesh, tuple(points)
         self._corners = np.unique(mesh.cells[:, :4])
-        self._edges = _middles(mesh)
+        self._edges = middles(mesh)
         self._bounds = _bounds(mesh, surfaces(solid))
         J, self._kept = self._constraints(surfaces(solid))
-        K = _stiffness(mesh)
+        K = stiffness(mesh)
         n, m = K.shape[0], J.shape[0]
         scale = float(abs(K).max())
         saddle = sp.bmat([[K, scale * J.T], [scale * J, -1e-12 * scale * sp.eye(m)]], format="csc")
@@ -118,20 +117,6 @@ class Morph:
         return sp.vstack([bound, led]).tocsr(), kept
 
 
-def moved(attachment: Attachment, mesh: Mesh) -> Attachment:
-    """The attachment on another mesh of the same connectivity."""
-    return replace(attachment, point=attachment.position(mesh.X))
-
-
-def _middles(mesh: Mesh) -> np.ndarray:
-    """(k, 3) nodes at the middle of an edge, and its two ends; none of linear tetrahedra."""
-    if mesh.order == 1:
-        return np.empty((0, 3), dtype=int)
-    ends = mesh.cells[:, :4][:, TET_EDGES].reshape(-1, 2)
-    middle, first = np.unique(mesh.cells[:, 4:].ravel(), return_index=True)
-    return np.column_stack([middle, ends[first]])
-
-
 def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
     """Which nodes keep to which surface: those of facets whose corners all lie on it, and which face along it."""
     facets = mesh.facets[:, :3]
@@ -165,17 +150,3 @@ def _independent(nodes: np.ndarray, normals: np.ndarray) -> np.ndarray:
             basis.append(rest / size)
             kept.append(index)
     return np.array(kept)
-
-
-def _stiffness(mesh: Mesh) -> sp.csc_matrix:
-    """(3 corners, 3 corners) of linear elasticity with Young's modulus 1 / volume of each cell."""
-    cells = np.searchsorted(np.unique(mesh.cells[:, :4]), mesh.cells[:, :4])
-    gradients = barycentric_gradients(mesh.X, mesh.cells)  # (m, 4, 3), constant in a straight cell
-    lam, mu = POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), 1 / (2 * (1 + POISSON))
-    blocks = lam * np.einsum("mai,mbj->maibj", gradients, gradients)
-    blocks += mu * np.einsum("maj,mbi->maibj", gradients, gradients)
-    blocks += mu * np.einsum("mak,mbk,ij->maibj", gradients, gradients, np.eye(3))
-    dofs = (3 * cells[:, :, None] + np.arange(3)).reshape(len(cells), 12)
-    rows, columns = np.repeat(dofs, 12, axis=1).ravel(), np.tile(dofs, (1, 12)).ravel()
-    n = 3 * (cells.max() + 1)
-    return sp.csc_matrix((blocks.reshape(-1), (rows, columns)), (n, n))

@@ -9,6 +9,7 @@ from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
+from cfem.robot.free_form import FreeForm
 from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
@@ -54,6 +55,8 @@ class SceneSpec(Spec):
     """Shape of the robot."""
     mesh: Meshing
     """How the body is meshed."""
+    shape: FreeForm | None = None
+    """Free form: how the meshed geometry is deformed before anything acts on it."""
     material: MaterialSpec
     """Material of the body."""
     materials: list[MaterialRegion] = []
@@ -132,6 +135,12 @@ class SceneSpec(Spec):
             if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
                 what = f"chambers '{item.name}': the geometry has no module {item.module} with chambers"
                 raise ValueError(f"actuators.{index}.module: {what}")
+        return self
+
+    @model_validator(mode="after")
+    def _deformable(self):
+        if self.shape is not None and isinstance(self.geometry, StiffFlop):
+            raise ValueError("shape: a stiff-flop is of sections that do not deform, leave `shape` out")
         return self
 
     @model_validator(mode="after")

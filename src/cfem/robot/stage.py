@@ -64,7 +64,7 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
     demand_held(robot)
     demand_independent(robot)
-    demand_inside(scene, mesh)
+    demand_inside(scene, mesh.base)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
     judgement = [poor(each) for each in doubts(scene, robot)]
     return {"headline": [figures.sentence()], "judgement": judgement, **figures.as_dict()}

@@ -9,8 +9,10 @@ from cfem.condensed.parameters import Parameter, coordinates, sampled, values
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.build import as_material, build_robot
+from cfem.robot.build import build_robot, materials_of
+from cfem.robot.deform import Deformation
 from cfem.robot.designs import Designs
+from cfem.robot.on_mesh import on_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import range_coordinates, with_values
 
@@ -23,14 +25,17 @@ class RobotFamily:
 
     def __init__(self, scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter]):
         self.parameters = sampled(parameters)
-        geometry = any(one.key.startswith("geometry") for one in self.parameters)
-        self._designs = Designs(scene, mesh) if geometry else None
-        self.robot = self._designs.reference if geometry else build_robot(scene, mesh)
-        self._material_only = all(
-            one.key.startswith("material") and not one.key.endswith("density") for one in self.parameters
-        )
-        self.alike = geometry or self._material_only
+        kinds = {one.key.partition(".")[0] for one in self.parameters}
+        self._designs = Designs(scene, mesh) if "geometry" in kinds else None
+        self.robot = self._designs.reference if self._designs else build_robot(scene, mesh)
+        dense = any(one.key.endswith("density") for one in self.parameters)
+        self._built_anew = not self._designs and (dense or not kinds <= {"material", "materials", "shape"})
+        self.alike = not self._built_anew
         self._scene, self._mesh = scene, mesh
+        self._form = None
+        if "shape" in kinds and not self._designs:
+            self._form = Deformation(scene.shape, mesh.base)
+            self._unshaped = build_robot(scene.model_copy(update={"shape": None}), mesh.base)
 
     def at(self, p: np.ndarray) -> Robot:
         """p: (n_p,) values."""
@@ -39,10 +44,12 @@ class RobotFamily:
         scene = with_values(self._scene, [one.key for one in self.parameters], p)
         if self._designs:
             return self._designs.robot(scene)
-        if not self._material_only:
-            return build_robot(scene, self._mesh)
-        materials = [scene.material, *(item.material for item in scene.materials)]
-        return replace(self.robot, body=with_materials(self.robot.body, [as_material(one) for one in materials]))
+        mesh = self._form(scene.shape, self._mesh.base) if self._form else self._mesh
+        if self._built_anew:
+            return build_robot(scene, mesh)
+        robot = self._unshaped if self._form else self.robot
+        robot = replace(robot, body=with_materials(robot.body, materials_of(scene)))
+        return on_mesh(scene, robot, mesh) if self._form else robot
 
     def around(self, p: np.ndarray, index: int, step: float) -> tuple[Robot, Robot, float]:
         """The robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how

@@ -14,7 +14,7 @@ from cfem.robot.spec import SceneSpec
 from cfem.sample.spec import ParameterSpec
 
 # The rest of a scene makes the mesh, as regions do, or names things.
-_FREE = ("geometry", "material", "materials", "gravity", "loads", "actuators", "contacts", "effectors")
+_FREE = ("geometry", "shape", "material", "materials", "gravity", "loads", "actuators", "contacts", "effectors")
 Key = tuple[str | int, ...]
 
 
@@ -58,11 +58,11 @@ def _number(scene: SceneSpec, key: Key, where: str) -> tuple[float, str]:
     for part in key:
         if isinstance(node, Spec) and part in type(node).model_fields:
             unit, node = unit_of(type(node).model_fields[part]), getattr(node, part)
-        elif isinstance(node, list) and isinstance(part, int) and part < len(node):
+        elif isinstance(node, list | np.ndarray) and isinstance(part, int) and part < len(node):
             node = node[part]
         else:
             node = None
-    if not isinstance(node, int | float) or isinstance(node, bool):
+    if not isinstance(node, int | float | np.floating) or isinstance(node, bool):
         text = ".".join(str(part) for part in key)
         raise SpecError(f"key: the scene has no number at '{text}'", where=where, do="give the path of a number")
     return float(node), unit
@@ -79,6 +79,10 @@ def _replaced(node, key: Key, value: float):
     if not key:
         return value
     part, rest = key[0], key[1:]
+    if isinstance(node, np.ndarray):
+        changed = node.copy()
+        changed[tuple(key)] = value
+        return changed
     if isinstance(node, list):
         return [_replaced(item, rest, value) if index == part else item for index, item in enumerate(node)]
     return node.model_copy(update={part: _replaced(getattr(node, part), rest, value)})

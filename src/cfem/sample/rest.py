@@ -8,12 +8,13 @@ import numpy as np
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.robot.build import effector_points
+from cfem.robot.deform import displacement
 from cfem.sample.parameters import with_values
 
 
 def moves_effectors(parameters: Sequence[Parameter]) -> bool:
     """Whether robots that differ in them rest elsewhere."""
-    return any(one.key.startswith(("geometry", "effectors")) for one in parameters)
+    return any(one.key.startswith(("geometry", "effectors", "shape")) for one in parameters)
 
 
 class Rest:
@@ -59,6 +60,8 @@ class Rest:
             if point.ndim != 1:
                 do = "watch one point"
                 raise SpecError(f"effector '{item.name}' of several points cannot follow a varied geometry", do=do)
+            if scene.shape is not None:
+                point = point + displacement(scene.shape.controls, point[None])[0]
             axes = dict(zip("xyz", point, strict=True))
             places += [axes.get(axis, 0.0) for axis in item.axes]
         return np.array(places)

@@ -1,0 +1,136 @@
+"""The free form of a robot: its mesh with the nodes moved, the connectivity kept.
+
+Each control point moves all of space around it by `move` times a bump of the distance, Wendland's function of
+smoothness C4 (Adv. Comput. Math. 4, 1995), which is 1 at the point and 0 from `radius` on:
+
+    bump(r) = (1 - r)^6 (35 r^2 + 18 r + 3) / 3
+
+Walls move along the normals of their surface; the rest of the boundary stays, and the nodes between follow as an
+elastic body does, as in morph.py. The nodes are a polynomial of all these moves and a smooth function of what the mesh
+was before: no new mesh scatters what is computed on it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from cfem.constraint.attachment import show
+from cfem.constraint.cavity import enclosed
+from cfem.core.errors import NumericalError, SpecError
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.elastic import middles, stiffness
+from cfem.robot.free_form import Control, FreeForm, Wall
+from cfem.robot.selection import facets_of
+
+THINNEST = 0.1  # of a cell's volume that must be left
+
+
+def shaped(form: FreeForm, mesh: Mesh) -> Mesh:
+    """The mesh of the geometry alone, deformed. NumericalError where a cell is inverted or nearly so."""
+    return Deformation(form, mesh)(form, mesh)
+
+
+class Deformation:
+    """Of meshes of one connectivity. mesh: of the geometry alone, whose elasticity carries walls."""
+
+    def __init__(self, form: FreeForm, mesh: Mesh):
+        self._surfaces = [_surface(wall, mesh, index) for index, wall in enumerate(form.walls)]
+        self._edges = middles(mesh)
+        self._inner = _Inner(mesh) if form.walls else None
+
+    def __call__(self, form: FreeForm, mesh: Mesh) -> Mesh:
+        """The mesh deformed by `form`, which has the same walls as the first. NumericalError as `shaped`."""
+        X = mesh.X + displacement(form.controls, mesh.X)
+        if self._inner is not None and any(wall.thicker for wall in form.walls):
+            on_walls = sum(
+                _growth(wall, mesh.X, facets) for wall, facets in zip(form.walls, self._surfaces, strict=True)
+            )
+            X += self._inner.extended(on_walls)
+        X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
+        made = replace(mesh, X=X, unshaped=mesh.X)
+        left = made.volumes / mesh.volumes
+        if not left.min() > THINNEST:
+            raise _too_far(form, mesh, left)
+        return made
+
+
+def displacement(controls: Sequence[Control], points: np.ndarray) -> np.ndarray:
+    """(k, 3) mm by which control points move points (k, 3)."""
+    total = np.zeros_like(points, dtype=float)
+    for one in controls:
+        for at, move in _images(one):
+            total += bump(np.linalg.norm(points - at, axis=1) / one.radius)[:, None] * move
+    return total
+
+
+def bump(r: np.ndarray) -> np.ndarray:
+    """1 at r = 0, 0 from r = 1 on."""
+    return np.maximum(1 - r, 0) ** 6 * (35 * r**2 + 18 * r + 3) / 3
+
+
+def _images(one: Control) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Place and move of a control point, and of its mirror image."""
+    at, move = np.asarray(one.at, float), np.asarray(one.move, float)
+    if one.mirror is None:
+        return [(at, move)]
+    flip = np.where(np.arange(3) == "xyz".index(one.mirror), -1.0, 1.0)
+    return [(at, move), (flip * at, flip * move)]
+
+
+def _surface(wall: Wall, mesh: Mesh, index: int) -> np.ndarray:
+    """(k, 3 | 4 | 6) nodes of its facets."""
+    where = f"shape.walls.{index}"
+    if wall.surface is not None:
+        return facets_of(mesh, wall.surface, f"{where}.surface")
+    try:
+        return mesh.facets[enclosed(mesh, wall.inside, f"wall {index}")]
+    except SpecError as error:
+        raise SpecError(error.what, where=f"{where}.inside", do=error.do) from None
+
+
+def _growth(wall: Wall, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(n, 3) mm: the surface's corners moved along its normals, which point into the void."""
+    corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
+    a, b, c, d = (X[corners[:, i]] for i in (0, 1, 2, -1))
+    area = np.cross(c - a, d - b) if corners.shape[1] == 4 else np.cross(b - a, c - a)
+    normals = np.zeros_like(X)
+    for column in corners.T:
+        np.add.at(normals, column, area)
+    nodes = np.unique(corners)
+    normals[nodes] /= np.linalg.norm(normals[nodes], axis=1)[:, None]
+    return wall.thicker * bump(np.linalg.norm(X - wall.at, axis=1) / wall.radius)[:, None] * normals
+
+
+class _Inner:
+    """The inner corners of a mesh of tetrahedra, which follow its boundary."""
+
+    def __init__(self, mesh: Mesh):
+        if mesh.cells.shape[1] == 8:
+            raise SpecError("walls of hexahedra cannot change", where="shape.walls", do="mesh with tetrahedra")
+        self._corners = np.unique(mesh.cells[:, :4])
+        outer = np.isin(self._corners, mesh.facets[:, :3])
+        K = sp.csc_matrix(stiffness(mesh))
+        free = np.repeat(~outer, 3)
+        self._free, self._coupled = free, K[free][:, ~free]
+        self._factor = splu(K[free][:, free]) if free.any() else None
+
+    def extended(self, moves: np.ndarray) -> np.ndarray:
+        """(n, 3): moves of the boundary, and of the corners inside as they follow."""
+        total = moves.copy()
+        if self._factor is not None:
+            known = moves[self._corners].ravel()
+            known[self._free] = self._factor.solve(-(self._coupled @ known[~self._free]))
+            total[self._corners] = known.reshape(-1, 3)
+        return total
+
+
+def _too_far(form: FreeForm, mesh: Mesh, left: np.ndarray) -> NumericalError:
+    cell = int(left.argmin())
+    place = mesh.X[mesh.cells[cell, :4]].mean(axis=0)
+    places = [(f"shape.controls.{i}", at) for i, one in enumerate(form.controls) for at, _ in _images(one)]
+    places += [(f"shape.walls.{i}", np.asarray(one.at)) for i, one in enumerate(form.walls)]
+    name, _ = min(places, key=lambda each: float(np.linalg.norm(each[1] - place)))
+    what = f"the free form leaves a cell at {show(np.round(place, 2))} mm with {left[cell]:.2g} of its volume"
+    return NumericalError(what, where=name, do="move it less, or give it a larger radius")
