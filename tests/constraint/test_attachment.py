@@ -3,11 +3,13 @@ import re
 import numpy as np
 import pytest
 from constraint.meshes import bricks
+from scipy.spatial.transform import Rotation
 from support.blocks import block
 
 from cfem.constraint.attachment import attach, locate
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import shape
+from cfem.mechanics.mesh import Mesh
 
 SIZE, DIVISIONS = (20, 10, 10), (4, 2, 2)
 MESHES = {
@@ -27,6 +29,44 @@ def test_follows_every_affine_motion(mesh, point, radius):
     F = np.random.default_rng(0).standard_normal((3, 3))
     np.testing.assert_allclose(where.position(mesh.X @ F.T + 1.0), F @ point + 1.0, atol=1e-11)
     assert where.weights.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+@every_mesh
+@pytest.mark.parametrize("point", [[5.0, 5, 5], [5.0, 0, 5], [20.0, 10, 10], [0.3, 0.2, 9.9]])
+@pytest.mark.parametrize("radius", [0.0, 1.5, 3.0])
+def test_weights_turn_and_shift_with_the_body(mesh, point, radius):
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
+    elsewhere = Mesh(mesh.X @ turn.T + [30.0, -20.0, 10.0], mesh.cells, mesh.facets)
+    here = attach(mesh, np.array(point), radius, "point")
+    there = attach(elsewhere, turn @ point + [30.0, -20.0, 10.0], radius, "point")
+    np.testing.assert_allclose(weights(there, mesh), weights(here, mesh), rtol=0, atol=1e-12)
+
+
+@every_mesh
+@pytest.mark.parametrize("point", [[5.2, 4.9, 4.7], [5.0, 0, 5], [20.0, 10, 10]])  # (the lattice fits the faces)
+def test_weights_are_those_that_the_sums_over_finer_and_finer_lattices_approach(mesh, point):
+    """A lattice errs as its spacing squared: extrapolated (Richardson) from two."""
+    coarse, fine = (by_lattice(mesh, np.array(point), 3.0, count) for count in (24, 48))
+    found = weights(attach(mesh, np.array(point), 3.0, "point"), mesh)
+    np.testing.assert_allclose(found, (4 * fine - coarse) / 3, rtol=0, atol=4e-4)
+
+
+def by_lattice(mesh, point, radius, count):
+    """(n,) the bump times an affine function, summed over the points of a cubic lattice that lie in ball and body."""
+    axis = (np.arange(count) + 0.5) / (count / 2) - 1
+    offset = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    offset = offset[(offset**2).sum(axis=1) < 1]
+    cell, coordinates = locate(mesh, point + radius * offset, within=1e-9)
+    offset, cell, coordinates = offset[cell >= 0], cell[cell >= 0], coordinates[cell >= 0]
+    bump, basis = (1 - (offset**2).sum(axis=1)) ** 2, np.hstack([np.ones((len(offset), 1)), offset])
+    affine = np.linalg.solve(basis.T @ (bump[:, None] * basis), [1.0, 0, 0, 0])
+    shares = (bump * (basis @ affine))[:, None] * shape(mesh.cells.shape[1], coordinates)
+    return np.bincount(mesh.cells[cell].ravel(), shares.ravel(), len(mesh.X))
+
+
+def weights(where, mesh):
+    """(n,) of all nodes."""
+    return np.bincount(where.nodes, where.weights, len(mesh.X))
 
 
 @every_mesh

@@ -76,20 +76,29 @@ def bar(
     contact=False,
     rigid_end=False,
     weight=0.0,
+    turn=None,
+    shift=(0.0, 0.0, 0.0),
 ) -> Robot:
     """A 60 x 10 x 10 mm bar along x, held at x = 0, with cables along its lower and upper sides, watched at its end.
-    contact: at the middle of its upper side; rigid_end: the last cubes; weight: in N, downwards (-z)."""
-    body = box_body((60, 10, 10), divisions, element, law, young, poisson)
-    mesh = body.mesh
+    contact: at the middle of its upper side; rigid_end: the last cubes; weight: in N, downwards (-z). All of it, the
+    direction of the weight too, turned (3, 3) and then shifted (3,) mm."""
+    turn = np.eye(3) if turn is None else turn
+    straight = box((60, 10, 10), divisions, element)
+    mesh = Mesh(straight.X @ turn.T + shift, straight.cells, straight.facets)
+    body = make_body(mesh, ELEMENTS[element], Material(LAWS[law], young, poisson))
+
+    def place(point):
+        return turn @ point + shift
+
     actuators = []
     for index, (y, z) in enumerate([(5.0, 1.0), (3.0, 9.0), (8.0, 8.0)][:cables]):
-        points = [attach(mesh, np.array([x, y, z]), radius, f"cable-{index}") for x in (15.0, 35.0, 55.0)]
-        actuators.append(make_cable(points, np.array([0.0, y, z]), f"cable-{index}"))
-    effector = make_effector(mesh, np.array([60.0, 5.0, 5.0]), radius, 10.0, "tip")
+        points = [attach(mesh, place([x, y, z]), radius, f"cable-{index}") for x in (15.0, 35.0, 55.0)]
+        actuators.append(make_cable(points, place([0.0, y, z]), f"cable-{index}"))
+    effector = make_effector(mesh, place([60.0, 5.0, 5.0]), radius, 10.0, "tip")
     return Robot(
         name="bar",
         body=body,
-        fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
+        fixed=np.flatnonzero(straight.X[:, 0] < 1e-9),
         actuators=tuple(actuators),
         effectors=(effector,),
         rows=Rows(
@@ -100,7 +109,7 @@ def bar(
         reach=np.tile([0.0, 8.0], (cables, 1)),
         unilateral=np.ones(cables, dtype=bool),
         length=60.0,
-        contacts=(make_contact(mesh, np.array([30.0, 5.0, 9.0]), radius, "touch"),) if contact else (),
-        rigid=(np.flatnonzero(mesh.X[:, 0] > 60 - 60 / divisions[0] - 1e-9),) if rigid_end else (),
-        loads=gravity(body, weight / 6000.0, np.array([0.0, 0.0, -1.0])) if weight else None,
+        contacts=(make_contact(mesh, place([30.0, 5.0, 9.0]), radius, "touch"),) if contact else (),
+        rigid=(np.flatnonzero(straight.X[:, 0] > 60 - 60 / divisions[0] - 1e-9),) if rigid_end else (),
+        loads=gravity(body, weight / 6000.0, turn @ [0.0, 0.0, -1.0]) if weight else None,
     )

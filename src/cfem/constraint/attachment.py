@@ -5,20 +5,22 @@ limit under mesh refinement. A point therefore acts through a weighted average o
 
     y = sum_i c_i x_i,    c_i = sum_s w_s N_i(s),    sum_s w_s = 1,    sum_s w_s X_s = X_point
 
-over fixed sample points s of the ball that lie in the body. The weights are a smooth bump times the affine function
-which makes the two sums hold (moving least squares, Lancaster and Salkauskas 1981), so any affine motion is followed
-exactly, wherever in the body or on its surface the point lies."""
+over the points s of a quadrature of the part of the body that lies in the ball (ball.py), which has no axes of its own:
+a body turned with its points has the same weights. They are volume times a smooth bump times the affine function which
+makes the two sums hold (moving least squares, Lancaster and Salkauskas 1981), so any affine motion is followed exactly,
+wherever in the body or on its surface the point lies."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from cfem.constraint.ball import points_in_ball
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import barycentric_gradients, shape, shape_derivatives
 from cfem.mechanics.mesh import Mesh
 
-_LATTICE = 11  # sample points across the ball; from 9 to 21 of them W of the finger moves by 2e-4
+_LEAST = 0.01  # share of the ball that the body fills at least
 _NEWTON, _FAR = 30, 4.0  # steps at most to the coordinates in a hexahedron, and how far out they are followed
 
 
@@ -53,17 +55,16 @@ def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.nd
         )
     if radius == 0.0:
         return _combine(mesh, point, cell, coordinates, np.ones(1))
-    samples = point + radius * _ball()
-    cell, coordinates = locate(mesh, samples, within=1e-9, cells=cells)
-    inside = cell >= 0
-    if inside.sum() < 8:
+    among = np.arange(len(mesh.cells)) if cells is None else np.asarray(cells)
+    cell, coordinates, places, volumes = points_in_ball(mesh, point, radius, among)
+    if volumes.sum() < _LEAST * 4 / 3 * np.pi * radius**3:
         raise SpecError(
             f"{name} at {show(point)} mm has too little of the body within its radius of {radius:g} mm",
             do="enlarge the radius or move the point into the body",
         )
-    offset = (samples[inside] - point) / radius
-    weights = _moving_least_squares(offset, (1 - (offset**2).sum(axis=1)) ** 2)
-    return _combine(mesh, point, cell[inside], coordinates[inside], weights)
+    offset = (places - point) / radius
+    weights = _moving_least_squares(offset, volumes / volumes.sum() * (1 - (offset**2).sum(axis=1)) ** 2)
+    return _polished(mesh, _combine(mesh, point, cell, coordinates, weights))
 
 
 def locate(
@@ -162,18 +163,20 @@ def _gap(mesh: Mesh, cells: np.ndarray, coordinates: np.ndarray, points: np.ndar
     return np.linalg.norm(points - np.einsum("ka,kad->kd", weights, mesh.X[_corners(mesh, cells)]), axis=1)
 
 
-def _ball() -> np.ndarray:
-    """(k, 3) points of a cubic lattice strictly inside the unit ball."""
-    axis = np.linspace(-1, 1, _LATTICE + 2)[1:-1]
-    lattice = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    return lattice[(lattice**2).sum(axis=1) < 1]
-
-
 def _moving_least_squares(offset: np.ndarray, bump: np.ndarray) -> np.ndarray:
     """(k,) weights bump * (a + b . offset) with sum 1 and first moment 0, the smallest such."""
     basis = np.hstack([np.ones((len(offset), 1)), offset])
     moment = basis.T @ (bump[:, None] * basis)
     return bump * (basis @ np.linalg.lstsq(moment, np.array([1.0, 0, 0, 0]), rcond=1e-12)[0])
+
+
+def _polished(mesh: Mesh, raw: Attachment) -> Attachment:
+    """Without the rounding that sums of thousands of points gather: sum 1 and first moment 0, of the nodes' weights."""
+    arm = mesh.X[raw.nodes] - raw.point
+    basis = np.hstack([np.ones((len(arm), 1)), arm / np.abs(arm).max()])
+    missing = np.array([1.0, 0, 0, 0]) - raw.weights @ basis
+    size = np.abs(raw.weights)[:, None]
+    return replace(raw, weights=raw.weights + (size * basis) @ np.linalg.lstsq(basis.T @ (size * basis), missing)[0])
 
 
 def _combine(
