@@ -48,6 +48,7 @@ OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast
 def changes(tree: ast.Module) -> list[tuple[ast.AST, str]]:
     """Places that can be changed, and how."""
     found: list[tuple[ast.AST, str]] = []
+    negative = {node.operand for node in ast.walk(tree) if _negative(node)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISONS:
             found.append((node, "comparison"))
@@ -62,7 +63,7 @@ def changes(tree: ast.Module) -> list[tuple[ast.AST, str]]:
         elif isinstance(node, ast.Expr | ast.AugAssign) and not _docstring(node):
             found.append((node, "left out"))
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            found.append((node, "number"))
+            found.append((node, "negative number" if node in negative else "number"))
     return found
 
 
@@ -93,9 +94,15 @@ class Change(ast.NodeTransformer):
             node.test = ast.UnaryOp(ast.Not(), node.test)
         elif self.kind == "left out":
             return ast.copy_location(ast.Pass(), node)
+        elif self.kind == "negative number":
+            node.value -= 1  # -1 as an index, an axis or a size becomes 0: -2 may mean the same
         else:
             node.value = node.value + 1 if node.value else 1
         return node
+
+
+def _negative(node: ast.AST) -> bool:
+    return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and isinstance(node.operand, ast.Constant)
 
 
 def named(file: Path) -> list[str]:

@@ -22,6 +22,7 @@ class Energy:
     seed: int = 0
     cubic: float = 0.02
     stiff: float = 1.0
+    scale: float = 1.0
     rows = Rows(("x",), ("a", "b"))
 
     def at_displacement(self, t):
@@ -34,18 +35,20 @@ class Energy:
         lam = A @ d + 3 * ridges.T @ ridge**2
         hessian = A + 6 * np.einsum("r,ri,rj->ij", ridge, ridges, ridges)
         rows = Rows(("x",), ("a", "b"), tuple(f"c{i}" for i in range(9)))
+        lam, hessian = self.scale * lam, self.scale * hessian
         points = from_energy(rows, np.concatenate([[0.0], d]), lam, hessian, np.zeros((1, 11)), np.eye(1))
         return onto_patch(points, patch, t[2:])
 
 
-def two_robots(turns=True, cubic=0.02, stiff=1.0, wrench=(0.1, -0.2, 0.05), updates=None, places=None):
+def two_robots(turns=True, cubic=0.02, stiff=1.0, wrench=(0.1, -0.2, 0.05), updates=None, places=None, scale=1.0):
     n = 6 if turns else 3
     places = places or [(np.eye(3), np.zeros(3)), (HALF_TURN, np.array([1.0, 9.0, 0.5]))]
     centre = places[0][0] @ np.array([0.2, 4.0, 0.1]) + places[0][1]
     held = RigidObject(centre, turns, np.concatenate([places[0][0] @ np.array(wrench), np.zeros(n - 3)]))
     origin = POINTS.mean(axis=0)
     holds = [
-        Hold(f"r{i}", Energy(i, cubic, stiff), 2, n, turn, shift, origin) for i, (turn, shift) in enumerate(places)
+        Hold(f"r{i}", Energy(i, cubic, stiff, scale), 2, n, turn, shift, origin)
+        for i, (turn, shift) in enumerate(places)
     ]
     return Coupled(holds, held, updates=updates)
 
@@ -82,6 +85,19 @@ def test_turning_and_moving_the_scene_turns_and_moves_the_answer():
     here, there = two_robots().at_displacement(DELTA), two_robots(places=moved).at_displacement(DELTA)
     np.testing.assert_allclose(there.delta_e, turn @ here.delta_e, atol=1e-11)
     np.testing.assert_allclose(there.lambda_a, here.lambda_a, atol=1e-11)
+
+
+def test_the_robots_push_the_object_against_its_load():
+    at = two_robots().at_displacement(DELTA)
+    np.testing.assert_allclose(at.forces.sum(axis=0), [-0.1, 0.2, -0.05], atol=1e-9)
+
+
+def test_robots_ten_times_as_stiff_under_ten_times_the_load_do_the_same():
+    one = two_robots().at_displacement(DELTA)
+    ten = two_robots(scale=10.0, wrench=(1.0, -2.0, 0.5)).at_displacement(DELTA)
+    np.testing.assert_allclose(ten.X, one.X, atol=1e-9)
+    np.testing.assert_allclose(ten.forces, 10 * one.forces, atol=1e-8)
+    assert ten.softest == pytest.approx(one.softest, rel=1e-6)
 
 
 def test_one_update_of_linear_robots_is_the_papers_formula():

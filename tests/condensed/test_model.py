@@ -37,6 +37,15 @@ def test_steps_beyond_what_the_model_knows_are_shortened():
         under_force(model, 3 * there.lambda_a, there)
 
 
+def test_a_first_step_too_far_is_shortened():
+    """The robot grows stiffer: Newton's first step from rest ends beyond the state, and beyond what the model knows."""
+    there = ArcRobot().at_displacement(np.array([8.5, 8.4]))
+    rest = ArcRobot().at_displacement(np.zeros(2))
+    assert (rest.W_aa @ there.lambda_a).max() > 8.55
+    found = under_force(ArcRobot(limit=8.55), there.lambda_a, rest)
+    np.testing.assert_allclose(found.delta_a, [8.5, 8.4], atol=1e-10)
+
+
 def test_a_model_of_the_forces_is_asked_once():
     class ByForce:
         form = "force"

@@ -1,0 +1,37 @@
+"""Parameters and the coordinates in which robots are smooth in them."""
+
+import numpy as np
+import pytest
+
+from cfem.condensed.parameters import Parameter, coordinates, from_json, sampled, slopes, to_json, values
+
+YOUNG = Parameter("E", "material.young", "MPa", 1.0, 10.0, 3.0, "log", exact=True)
+POISSON = Parameter("nu", "material.poisson", "1", 0.4, 0.499, 0.47, "log(1-2p)")
+LENGTH = Parameter("l", "geometry.length", "mm", 38.0, 42.0, 40.0)
+ALL = (YOUNG, POISSON, LENGTH)
+P = np.array([[1.5, 0.41, 38.5], [9.0, 0.495, 41.0]])
+
+
+def test_each_coordinate_is_the_function_it_is_named_after():
+    expected = np.stack([np.log(P[:, 0]), np.log(1 - 2 * P[:, 1]), P[:, 2]], axis=1)
+    np.testing.assert_allclose(coordinates(ALL, P), expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 3), (2, 1, 3)])
+def test_values_are_the_inverse_for_one_and_for_many(shape):
+    p = np.broadcast_to(P[0], shape)
+    q = coordinates(ALL, p)
+    assert q.shape == shape and slopes(ALL, p).shape == shape
+    np.testing.assert_allclose(values(ALL, q), p, rtol=1e-13)
+
+
+def test_slopes_are_the_derivatives():
+    h = 1e-6
+    for i in range(3):
+        step = h * np.eye(3)[i]
+        difference = (coordinates(ALL, P + step) - coordinates(ALL, P - step))[:, i] / (2 * h)
+        np.testing.assert_allclose(slopes(ALL, P)[:, i], difference, rtol=1e-6)
+
+
+def test_they_are_kept_as_json_and_exact_ones_have_no_columns():
+    assert from_json(to_json(ALL)) == ALL and sampled(ALL) == (POISSON, LENGTH)
