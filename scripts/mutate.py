@@ -31,6 +31,7 @@ CORE = {
     "plant/": ["tests/plant"],
     "control/active_set.py": ["tests/control/test_qp.py"],
     "control/qp.py": ["tests/control/test_qp.py"],
+    "control/qp_program.py": ["tests/control/test_qp.py"],
     "control/inverse.py": ["tests/control/test_inverse.py"],
     "control/loop.py": ["tests/control"],
     "control/tick.py": ["tests/control"],

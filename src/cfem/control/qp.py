@@ -6,24 +6,21 @@ The objective is a least-squares problem, whose condition is the root of that of
 bounds. Multipliers are positive where an upper bound holds and negative where a lower one does:
 M^T (M x - d) + A^T y + z = 0.
 
-The coordinates are those of the objective, S V^T x with M = U S V^T, and residuals are lengths in them, in the unit of
-M x: mm for an inverse step. The units of the variables and the widths of their bounds have no part in either."""
+Residuals are lengths in the unit of M x (`qp_program`)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from math import sqrt
 from typing import Literal
 
 import numpy as np
 
 from cfem.control.active_set import ActiveSet, least_length
+from cfem.control.qp_program import TOLERANCE, Answer, Kkt, Program, scaled
 
 Backend = Literal["active_set", "osqp"]
-TOLERANCE = 1e-9  # largest residual of a solved program, relative to d and M x and to the terms of a bound
 _ROUNDING, _DOUBTFUL = 8e-15, 1e-6  # the same where M is ill-conditioned: times its condition, and at most
 _ROUNDED = 1e-13  # a residual that no further round improves
-_FLAT, _HELD = 1e-13, 1e-5  # singular values: below the first M is flat, and gets the second about the last answer
 _ROUNDS, _REFINEMENTS = 6, 4
 
 
@@ -37,28 +34,6 @@ class QpStatus(Enum):
 
 
 @dataclass(frozen=True)
-class Kkt:
-    """Residuals of the optimality conditions, recomputed from x and the multipliers alone.
-
-    stationarity: in the unit of M x, what M x would have to move by for the forces to balance
-    complementarity: in the unit of M x, of each multiplier the smaller of its force and the distance from its bound
-    feasibility: largest violation of a bound, relative to the bound and to the terms of the row"""
-
-    stationarity: float
-    complementarity: float
-    feasibility: float
-
-    def of(self, unit: float) -> "Kkt":
-        """In a unit of M x that is `unit` times smaller."""
-        return Kkt(self.stationarity * unit, self.complementarity * unit, self.feasibility)
-
-    @property
-    def missed(self) -> float:
-        """How far M x is from the optimum, to first order."""
-        return max(self.stationarity, self.complementarity)
-
-
-@dataclass(frozen=True)
 class QpSolution:
     """x (n,), y (m,) multipliers of the rows, z (n,) of the box, all in the user's units; NaN where there is
     no answer. iterations: changes of the active set, or of splitting."""
@@ -69,64 +44,6 @@ class QpSolution:
     status: QpStatus
     kkt: Kkt
     iterations: int
-
-
-@dataclass(frozen=True)
-class Program:
-    """The program in units in which M's columns, the rows of G (the box, then A) and the sizes of d and of what bounds
-    demand are one.
-
-    S (n,), V (n, n): M V = U S, where M is flat with S of their own; shadow: (n,) U^T d; normals: (n + m, n) of unit
-    length, of the constraints on S V^T x; length: (n + m,) they had before; unit: that of
-    d and M x"""
-
-    M: np.ndarray
-    d: np.ndarray
-    G: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    S: np.ndarray
-    V: np.ndarray
-    shadow: np.ndarray
-    normals: np.ndarray
-    length: np.ndarray
-    unit: float
-
-    def gradient(self, x: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
-        """(n,) in the unit of M x: of objective and constraints on S V^T x."""
-        return ((self.M @ x - self.d) @ self.M + multipliers @ self.G) @ self.V / self.S
-
-    def judged(self, x: np.ndarray, multipliers: np.ndarray) -> "Answer":
-        at, moved = self.G @ x, self.M @ x
-        balance = ((moved - self.d) @ self.M + multipliers @ self.G) @ self.V / self.S
-        complementarity = feasibility = 0.0
-        held = multipliers.nonzero()[0]
-        if len(held):
-            claimed, length = multipliers[held], self.length[held]
-            apart = np.abs(at[held] - np.where(claimed > 0, self.high[held], self.low[held]))
-            complementarity = float(np.minimum(np.abs(claimed) * length, apart / length).max())
-        outside = np.maximum(self.low - at, at - self.high)
-        broken = (outside > 0).nonzero()[0]
-        if len(broken):
-            nearest = np.where(self.low > at, self.low, self.high)[broken]
-            terms = np.abs(self.G[broken]) @ np.abs(x)
-            # A length of 1e-14 in M x is rounding, whatever the terms.
-            size = np.maximum(np.maximum(np.abs(nearest), terms), 1e-14 / TOLERANCE * self.length[broken])
-            feasibility = float((outside[broken] / size).max())
-        kkt = Kkt(sqrt(balance @ balance), complementarity, feasibility)
-        size = sqrt(max(self.d @ self.d, moved @ moved)) or 1.0
-        return Answer(x, multipliers, kkt, max(kkt.missed / size, feasibility))
-
-
-@dataclass(frozen=True)
-class Answer:
-    """x (n,) and the multipliers (n + m,) of a program, with their residuals; error: the largest, relative to d and
-    M x."""
-
-    x: np.ndarray
-    multipliers: np.ndarray
-    kkt: Kkt
-    error: float
 
 
 def solve_qp(
@@ -145,7 +62,7 @@ def solve_qp(
     m, n = A.shape
     low, high = np.concatenate([box[:, 0], lower]), np.concatenate([box[:, 1], upper])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        program, variables, multipliers = _scaled(M, d, A, low, high)
+        program, variables, multipliers = scaled(M, d, A, low, high)
         if program is None:
             return _no_answer(m, n, _complaint(M, d, A, low, high), 0)
         answer, iterations = _BACKENDS[backend](program)
@@ -176,7 +93,7 @@ def residuals(
 ) -> Kkt:
     """Of any x and multipliers of a program that has a solution."""
     low, high = np.concatenate([box[:, 0], lower]), np.concatenate([box[:, 1], upper])
-    program, variables, multipliers = _scaled(M, d, A, low, high)
+    program, variables, multipliers = scaled(M, d, A, low, high)
     return program.judged(x / variables, np.concatenate([z, y]) / multipliers).kkt.of(program.unit)
 
 
@@ -186,43 +103,6 @@ def _complaint(M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, hig
         return QpStatus.NOT_FINITE
     closed = (low > high).any() or (low == np.inf).any() or (high == -np.inf).any()
     return QpStatus.INFEASIBLE if closed else QpStatus.INACCURATE  # the latter: numbers too far apart for arithmetic
-
-
-def _scaled(
-    M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[Program | None, np.ndarray, np.ndarray]:
-    """The program, None where it cannot be one, and the units of its x and multipliers. Scaled by largest entries:
-    their squares need not be numbers."""
-    n = A.shape[1]
-    column = np.abs(M).max(axis=0, initial=0.0)
-    if not column.all():  # a variable without part in the objective: its box is its measure
-        width = high[:n] - low[:n]
-        column = np.where(column > 0, column, np.where(np.isfinite(width) & (width > 0), 1 / width, 1.0))
-    A = A / column
-    row = np.abs(A).max(axis=1, initial=0.0)
-    row = 1 / np.where(row > 0, row, 1.0)
-    scale = np.concatenate([column, row])
-    demanded = np.maximum(np.maximum(low, -high), 0.0) * scale
-    unit = float(max(np.abs(d).max(initial=0.0), demanded.max())) or 1.0
-    M, d, A, low, high = M / column, d / unit, A * row[:, None], low * (scale / unit), high * (scale / unit)
-    if not (np.isfinite(M.sum() + d.sum() + A.sum()) and (low <= high).all()):
-        return None, column, row
-    return _program(M, d, A, low, high, unit), unit / column, unit * scale
-
-
-def _program(
-    M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray, unit: float = 1.0
-) -> Program:
-    n = M.shape[1]
-    U, found, Vt = np.linalg.svd(M, full_matrices=len(M) < n)
-    k = int((found > _FLAT * found[0]).sum()) if len(found) else 0
-    S, shadow = np.full(n, _HELD * found[0] if k else 1.0), np.zeros(n)
-    S[:k], shadow[:k] = found[:k], d @ U[:, :k]
-    G = np.concatenate([np.eye(n), A])
-    normals = G @ Vt.T / S
-    length = np.sqrt((normals * normals).sum(axis=1))
-    length = np.where(length > 0, length, 1.0)
-    return Program(M, d, G, low, high, S, Vt.T, shadow, normals / length[:, None], length, unit)
 
 
 def _no_answer(m: int, n: int, status: QpStatus, iterations: int) -> QpSolution:

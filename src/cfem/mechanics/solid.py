@@ -14,12 +14,19 @@ at given x, so that energy, force and tangent depend on x alone."""
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material import Law
 from cfem.mechanics.material.law import Material
+from cfem.mechanics.solid_kernels import (
+    add_form,
+    displacement_gradients,
+    scatter_force,
+    scatter_pressure,
+    scatter_stiffness,
+    smallest_J,
+)
 
 
 @dataclass(frozen=True)
@@ -83,7 +90,7 @@ def make_solid(X: np.ndarray, cells: np.ndarray, element: Element, material: Mat
 def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> Response:
     """Energy at positions x (n, 3) mm, and the internal force added to `force` (n, 3) N. pressure: (m,) MPa, or empty
     for what x itself demands."""
-    D = _displacement_gradients(x - solid.X, solid.cells, solid.gradients)
+    D = displacement_gradients(x - solid.X, solid.cells, solid.gradients)
     settled = _settle_bubbles(solid, D) if solid.element.bubbles else True
     psi, theta, P, g = _law_response(solid, D)
     m, q = solid.weights.shape
@@ -97,15 +104,15 @@ def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarra
     else:
         p, mismatch, point_pressure = np.empty(0), np.empty(0), solid.bulk * theta
         energy = (psi + solid.bulk / 2 * theta**2) @ solid.weights.ravel()
-    _scatter_force(P, g, point_pressure, solid.gradients, solid.weights, solid.cells, force)
-    min_J = _smallest_J(D) if settled else np.nan
+    scatter_force(P, g, point_pressure, solid.gradients, solid.weights, solid.cells, force)
+    min_J = smallest_J(D) if settled else np.nan
     return Response(float(energy), mismatch, p, min_J, D, P, g, point_pressure)
 
 
 def pressure_force(solid: Solid, dtheta: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> None:
     """Adds to `force` (n, 3) N the sum over elements of pressure (m,) times dtheta (m, n_nodes, 3), the gradient of
     theta_mean V."""
-    _scatter_pressure(dtheta, pressure, solid.cells, force)
+    scatter_pressure(dtheta, pressure, solid.cells, force)
 
 
 def tangent(
@@ -126,7 +133,7 @@ def tangent(
         return np.zeros((0, solid.element.n_nodes, 3))
     mixed = solid.element.pressure
     dtheta = np.zeros((*solid.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
-    _scatter_stiffness(C, at.g, solid.bulk, mixed, solid.gradients, solid.weights, slots, data, dtheta)
+    scatter_stiffness(C, at.g, solid.bulk, mixed, solid.gradients, solid.weights, slots, data, dtheta)
     return dtheta
 
 
@@ -139,7 +146,7 @@ def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
         mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
         return np.einsum("mik,mil->kl", mine, K @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    _add_form(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
+    add_form(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
 
 
@@ -290,161 +297,3 @@ def _condensed(K: np.ndarray, n_nodes: int) -> np.ndarray:
     """(m, 3 n_nodes, 3 n_nodes) without the bubbles: K_uu - K_ub K_bb^-1 K_bu."""
     n = 3 * n_nodes
     return K[:, :n, :n] - K[:, :n, n:] @ np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
-
-
-@njit(cache=True)
-def _smallest_J(D):
-    min_J = np.inf
-    for k in range(len(D)):
-        d = D[k]
-        f00, f11, f22 = 1.0 + d[0, 0], 1.0 + d[1, 1], 1.0 + d[2, 2]
-        J = (
-            f00 * (f11 * f22 - d[1, 2] * d[2, 1])
-            - d[0, 1] * (d[1, 0] * f22 - d[1, 2] * d[2, 0])
-            + d[0, 2] * (d[1, 0] * d[2, 1] - f11 * d[2, 0])
-        )
-        if not (min_J <= J):  # a NaN ends up in min_J, where it is seen
-            min_J = J
-    return min_J
-
-
-@njit(cache=True)
-def _displacement_gradients(u, cells, gradients):
-    """D = F - 1 at every quadrature point, (m q, 3, 3), without bubbles."""
-    m, q = gradients.shape[:2]
-    n = cells.shape[1]
-    D = np.zeros((m * q, 3, 3))
-    for e in range(m):
-        for point in range(q):
-            d = D[e * q + point]
-            for a in range(n):
-                node = cells[e, a]
-                for i in range(3):
-                    for j in range(3):
-                        d[i, j] += u[node, i] * gradients[e, point, a, j]
-    return D
-
-
-@njit(cache=True)
-def _scatter_force(P, g, pressure, gradients, weights, cells, force):
-    m, q = weights.shape
-    n = cells.shape[1]
-    S = np.empty((3, 3))
-    for e in range(m):
-        for point in range(q):
-            k = e * q + point
-            for i in range(3):
-                for j in range(3):
-                    S[i, j] = (P[k, i, j] + pressure[k] * g[k, i, j]) * weights[e, point]
-            for a in range(n):
-                node = cells[e, a]
-                for i in range(3):
-                    force[node, i] += (
-                        S[i, 0] * gradients[e, point, a, 0]
-                        + S[i, 1] * gradients[e, point, a, 1]
-                        + S[i, 2] * gradients[e, point, a, 2]
-                    )
-
-
-@njit(cache=True)
-def _scatter_pressure(dtheta, pressure, cells, force):
-    for e in range(dtheta.shape[0]):
-        for a in range(dtheta.shape[1]):
-            node = cells[e, a]
-            for i in range(3):
-                force[node, i] += pressure[e] * dtheta[e, a, i]
-
-
-@njit(cache=True)
-def _scatter_stiffness(C, g, bulk, mixed, gradients, weights, slots, data, dtheta):
-    m, q, n, _ = gradients.shape
-    K = np.empty((n, n, 3, 3))
-    T = np.empty((9, 3))
-    theta_a = np.empty((n, 3))
-    for e in range(m):
-        K[:] = 0.0
-        volume = 0.0
-        for point in range(q):
-            k = e * q + point
-            w = weights[e, point]
-            volume += w
-            dN = gradients[e, point]
-            for a in range(n):
-                for i in range(3):
-                    theta_a[a, i] = g[k, i, 0] * dN[a, 0] + g[k, i, 1] * dN[a, 1] + g[k, i, 2] * dN[a, 2]
-                    if mixed:
-                        dtheta[e, a, i] += w * theta_a[a, i]
-            for b in range(n):
-                for row in range(9):
-                    for i in range(3):
-                        c = 3 * i
-                        T[row, i] = w * (
-                            C[k, row, c] * dN[b, 0] + C[k, row, c + 1] * dN[b, 1] + C[k, row, c + 2] * dN[b, 2]
-                        )
-                for a in range(b, n):
-                    for i in range(3):
-                        for j in range(3):
-                            r = 3 * i
-                            K[a, b, i, j] += dN[a, 0] * T[r, j] + dN[a, 1] * T[r + 1, j] + dN[a, 2] * T[r + 2, j]
-                    if not mixed:
-                        for i in range(3):
-                            for j in range(3):
-                                K[a, b, i, j] += w * bulk * theta_a[a, i] * theta_a[b, j]
-        for b in range(n):
-            for a in range(b, n):
-                if mixed:
-                    for i in range(3):
-                        for j in range(3):
-                            K[a, b, i, j] += bulk / volume * dtheta[e, a, i] * dtheta[e, b, j]
-                if slots[e, a, b, 0] >= 0:
-                    for j in range(3):
-                        for i in range(j if a == b else 0, 3):
-                            data[slots[e, a, b, j] + i] += K[a, b, i, j]
-                elif slots[e, b, a, 0] >= 0:
-                    for i in range(3):
-                        for j in range(3):
-                            data[slots[e, b, a, i] + j] += K[a, b, i, j]
-
-
-@njit(cache=True)
-def _add_form(C, g, bulk, mixed, gradients, weights, cells, motions, form):
-    m, q = weights.shape
-    n, count = cells.shape[1], motions.shape[2]
-    M, CM = np.empty((9, count)), np.empty((9, count))
-    theta, theta_sum = np.empty(count), np.empty(count)
-    for e in range(m):
-        theta_sum[:] = 0.0
-        volume = 0.0
-        for point in range(q):
-            k = e * q + point
-            w = weights[e, point]
-            volume += w
-            M[:] = 0.0
-            for a in range(n):
-                node = cells[e, a]
-                for i in range(3):
-                    for j in range(3):
-                        dN = gradients[e, point, a, j]
-                        for c in range(count):
-                            M[3 * i + j, c] += motions[node, i, c] * dN
-            theta[:] = 0.0
-            for row in range(9):
-                CM[row] = 0.0
-                for column in range(9):
-                    for c in range(count):
-                        CM[row, c] += C[k, row, column] * M[column, c]
-                for c in range(count):
-                    theta[c] += g[k, row // 3, row % 3] * M[row, c]
-            for b in range(count):
-                theta_sum[b] += w * theta[b]
-                for c in range(count):
-                    work = 0.0
-                    for row in range(9):
-                        work += M[row, b] * CM[row, c]
-                    form[b, c] += w * work
-                    if not mixed:
-                        form[b, c] += w * bulk * theta[b] * theta[c]
-        if mixed:
-            for b in range(count):
-                for c in range(count):
-                    form[b, c] += bulk / volume * theta_sum[b] * theta_sum[c]

@@ -12,9 +12,9 @@ ELEMENTS = ("tet10p0", "hex8")
 
 def is_warm() -> bool:
     """Whether machine code of the kernels is on disk."""
-    from cfem.mechanics.solid import _scatter_stiffness
+    from cfem.mechanics.solid_kernels import scatter_stiffness
 
-    return any(Path(_scatter_stiffness.stats.cache_path).glob("*_scatter_stiffness*.nbi"))
+    return any(Path(scatter_stiffness.stats.cache_path).glob("*scatter_stiffness*.nbi"))
 
 
 def warm_up() -> None:
