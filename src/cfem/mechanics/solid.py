@@ -155,7 +155,7 @@ def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> 
     positions as elasticity has settled them."""
     count, none = solid.element.n_nodes, np.zeros(len(P))
     if not solid.element.bubbles:
-        _scatter_force(P, P, none, solid.gradients, solid.weights, solid.cells, force)
+        scatter_force(P, P, none, solid.gradients, solid.weights, solid.cells, force)
         return
     weighted = P.reshape(*solid.weights.shape, 3, 3) * solid.weights[:, :, None, None]
     on_all = np.einsum("mqab,mqkb->mka", weighted, solid.gradients, optimize=True).reshape(len(solid.cells), -1)
@@ -172,7 +172,7 @@ def add_stress_stiffness(
     if solid.element.bubbles:
         add_blocks(_slaved_stiffness(solid, at, C), slots, data)
         return
-    _scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
+    scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
 
 
 def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions: np.ndarray) -> np.ndarray:
@@ -182,7 +182,7 @@ def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions
         mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
         return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, at, C) @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    _add_form(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
+    add_form(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
 
 
