@@ -158,7 +158,7 @@ def test_a_file_of_an_older_format_says_so(file):
     table = read_table(file)
     meta = metadata(table) | {"format": 1}
     pq.write_table(table.replace_schema_metadata({KEY: json.dumps(meta)}), file, write_page_checksum=True)
-    with pytest.raises(InputError, match="has format 1; this cfem reads 2"):
+    with pytest.raises(InputError, match="has format 1; this cfem reads 3"):
         read_dataset(file)
 
 

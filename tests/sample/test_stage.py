@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cfem.condensed.skin import read_skin
 from cfem.core.errors import GateError, OutputError
 from cfem.core.stage import Options, artefact_file, read_manifest
 from cfem.dataset.inspect import describe
@@ -35,6 +36,11 @@ def folder(tmp_path_factory):
     return root
 
 
+def finite_elements(folder):
+    pipeline, mesh = folder / "pipelines" / "bar" / "scene.yaml", folder / "data" / "bar" / "mesh"
+    return Problem(build_robot(*load_scene_and_mesh(pipeline, mesh)))
+
+
 @pytest.fixture
 def spec(folder):
     return folder / "pipelines" / "bar" / "sample.yaml"
@@ -46,7 +52,8 @@ def samples(folder):
 
 
 def test_the_folder_holds_the_splits_and_nothing_of_the_work(samples):
-    assert sorted(path.name for path in samples.iterdir()) == ["manifest.json", "test.parquet", "train.parquet"]
+    names = sorted(path.name for path in samples.iterdir())
+    assert names == ["manifest.json", "skin.npz", "test.parquet", "train.parquet"]
     assert [path.name for path in samples.parent.iterdir() if "partial" in path.name] == []
     results = read_manifest(samples)["results"]
     assert results["rows"] == {"train": 6, "test": 3} and results["failed"] == 0
@@ -131,3 +138,55 @@ def solved(scene, mesh, keys, p, asked):
 def test_one_worker_gives_the_same_content_as_two(spec, samples, tmp_path):
     alone = run(spec, SMALL, tmp_path / "samples", QUIET, workers=1)
     assert alone["content"] == read_manifest(samples)["content"]
+
+
+@pytest.fixture(scope="module")
+def skin(folder):
+    return read_skin(artefact_file(folder / "data" / "bar" / "samples", "skin.npz"))
+
+
+def test_rows_of_the_skin_give_the_surface_of_a_state_and_how_it_moves(folder, samples, skin):
+    """Against finite elements, solved again here at a delta_a that is the dataset's, and at two beside it."""
+    test = read_dataset(artefact_file(samples, "test.parquet"))
+    whole, solver, nodes = test.whole, finite_elements(folder), skin.nodes
+    assert whole.rows.skin == skin.names and whole.W.shape == (3, whole.rows.n, whole.rows.n)
+
+    def surface(delta_a):
+        solved = solve(solver, displacement(delta_a), settings=Settings(tolerance=1e-11))
+        return solved.state.x[nodes] - skin.rest, solved.lambda_a
+
+    moved, _ = surface(test.delta_a[0])
+    shape = skin.displacements(whole.delta_s[0])
+    apart = np.linalg.norm(shape - moved, axis=1)
+    assert apart.max() == pytest.approx(whole.left[0, 1], rel=1e-4) and apart.max() < 0.02
+    h = 1e-3
+    (ahead, lam_ahead), (behind, lam_behind) = surface(test.delta_a[0] + h), surface(test.delta_a[0] - h)
+    slope = skin.rows(ahead - behind) / (lam_ahead - lam_behind)
+    np.testing.assert_allclose(
+        whole.W[0][whole.rows.s, whole.rows.a][:, 0], slope, rtol=1e-5, atol=1e-6 * abs(slope).max()
+    )
+    assert np.linalg.eigvalsh(whole.W[0]).min() > 0
+
+
+def test_the_skin_changes_no_other_number_and_costs_no_factorisation_but_in_the_skeleton(folder, samples, spec):
+    plain = folder / "plain"
+    run(spec, [*SMALL, "skin=null"], plain, QUIET, workers=1)
+    for split in ("train.parquet", "test.parquet"):
+        mine, other = (read_dataset(artefact_file(one, split)) for one in (samples, plain))
+        assert other.whole is None and mine.rows == other.rows and mine.meta.keys() == other.meta.keys()
+        np.testing.assert_allclose(mine.W, other.W, rtol=1e-7, atol=1e-9 * abs(other.W).max())
+        np.testing.assert_allclose(mine.delta_e, other.delta_e, atol=1e-7)
+    extra = {
+        split: read_dataset(artefact_file(samples, split)).cost["factorizations"]
+        - read_dataset(artefact_file(plain, split)).cost["factorizations"]
+        for split in ("train.parquet", "test.parquet")
+    }
+    counts = np.concatenate(list(extra.values()))
+    assert sorted(counts) == [0] * 5 + [1] * 4  # the four of the skeleton are condensed twice
+    assert not (plain / "skin.npz").exists()
+
+
+def test_a_tolerance_that_is_not_reached_says_how_far_it_came(folder, spec):
+    lines = run(spec, [*SMALL, "skin.tolerance=1 nm", "skin.largest=2"], folder / "two", QUIET, workers=1)["results"]
+    assert lines["skin"]["modes"] == 2 and lines["skin"]["largest_mm"] > 1e-3
+    assert "the tolerance of 1 nm is NOT reached; allow more modes" in lines["headline"][1]

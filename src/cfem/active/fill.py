@@ -60,14 +60,15 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
         workers,
         lambda executor: explore(spec, factory, folder / "shards", executor, made_from, workers.timeout),
     )
+    artefact.keep_skin(folder / "shards", folder)
     for split, table in tables.items():
         write_table(folder / f"{split}.parquet", table)
     shutil.rmtree(folder / "shards")
-    found = verdict(spec.until, tables, rounds)
+    found, plain = verdict(spec.until, tables, rounds), artefact.results(tables, artefact.kept_skin(folder))
     return {
-        **artefact.results(tables),
+        **plain,
         "until": found,
-        "headline": headline(found),
+        "headline": [*headline(found), *artefact.skin_line(plain["skin"])],
         "wall_seconds": time.perf_counter() - begin,
         "content": content_hash(tables),
     }
@@ -88,7 +89,8 @@ def explore(
     known = np.union1d(pool[: until.first], np.flatnonzero(np.array(job.split) != "train"))
     rounds: list[Round] = []
     first = known[tour.skeleton(job.u[known], spec.skeleton)]
-    files = [solve_skeleton(job, first), *solve_rows(job, np.setdiff1d(known, first), spec.shard)]
+    job = solve_skeleton(job, first)
+    files = [job.skeleton_rows, *solve_rows(job, np.setdiff1d(known, first), spec.shard)]
     chosen = pool[: until.first]
     while len(chosen) < min(until.largest, len(pool)) and not settled(rounds, until):
         doing(f"choosing the next states, {len(chosen)} of at most {min(until.largest, len(pool))} solved")

@@ -19,11 +19,12 @@ class RowsCard(Data, extra="forbid"):
     effectors: list[Name] = Field(min_length=1, max_length=MOST)
     actuators: list[Name] = Field(min_length=1, max_length=MOST)
     contacts: list[Name] = Field([], max_length=MOST)
+    skin: list[Name] = Field([], max_length=MOST)
 
     @model_validator(mode="after")
     def _differ(self) -> "RowsCard":
-        names = [*self.actuators, *self.contacts]
-        if len(set(self.effectors)) < len(self.effectors) or len(set(names)) < len(names):
+        names, watched = [*self.actuators, *self.contacts], [*self.effectors, *self.skin]
+        if len(set(watched)) < len(watched) or len(set(names)) < len(names):
             raise ValueError("two rows have the same name")
         return self
 

@@ -11,7 +11,7 @@ from cfem.condensed.rows import Rows
 class Condensed:
     """delta = W lambda + delta_free, linearised at one equilibrium (Navez, Menager et al. 2025).
 
-    rows:       names and order e, a, c of the n scalar rows
+    rows:       names and order e, skin, a, c of the n scalar rows
     W:          (n, n) symmetric compliance, row unit per column's multiplier unit (mm/N for cables and effectors)
     delta_free: (n,) displacement of each row with the active multipliers removed at this tangent
     lam:        (n_a + n_c,) multipliers of the active rows at the state itself (N, or MPa for pressures)
@@ -31,6 +31,11 @@ class Condensed:
     @property
     def delta_e(self) -> np.ndarray:
         return self.delta[self.rows.e]
+
+    @property
+    def delta_s(self) -> np.ndarray:
+        """(n_s,) mm of the skin's rows from rest."""
+        return self.delta[self.rows.s]
 
     @property
     def delta_a(self) -> np.ndarray:

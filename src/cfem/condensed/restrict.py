@@ -4,7 +4,8 @@ With delta_c = g(X) the energy of the actuators and the pose is Psi(delta_a, g(X
 
     wrench = g'^T lambda_c        hess = T^T W_act^-1 T + lambda_c . g''        grad e = W_e,act W_act^-1 T
 
-and C_ee = W_ee - W_e,act W_act^-1 W_act,e stays. W of the rows e, a, pose follows as W of any energy does."""
+and C_ee = W_ee - W_e,act W_act^-1 W_act,e stays; e are the effectors, and the skin's rows with them. W of the
+rows e, a, pose follows as W of any energy does."""
 
 import numpy as np
 
@@ -18,7 +19,7 @@ def onto_patch(condensed: Condensed, patch: Patch, X: np.ndarray) -> Condensed:
     """The condensed robot whose contact rows are the coordinates of the pose X, at a state whose contact points stand
     there; its multipliers by them are the wrench that holds the patch (N, N mm)."""
     rows, n_a = condensed.rows, condensed.rows.n_a
-    act, e = rows.active, rows.e
+    act, e = rows.active, rows.watched
     T = np.zeros((n_a + rows.n_c, n_a + patch.n))
     T[:n_a, :n_a] = np.eye(n_a)
     T[n_a:, n_a:] = patch.jacobian(X)
@@ -29,7 +30,7 @@ def onto_patch(condensed: Condensed, patch: Patch, X: np.ndarray) -> Condensed:
     locked = condensed.W[e, e] - gradient_e @ condensed.W[act, e]
     delta = np.concatenate([condensed.delta[e], condensed.delta[rows.a], X])
     return from_energy(
-        Rows(rows.effectors, rows.actuators, patch.names),
+        Rows(rows.effectors, rows.actuators, patch.names, rows.skin),
         delta,
         T.T @ condensed.lam,
         hessian,
@@ -42,7 +43,7 @@ def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.
     """(n_a + n, rows, rows) dW/dlambda of the rows of `onto_patch`, from dW (n_a + n_c, rows, rows) of all rows of
     `condensed`: the chain rule once more, with the third derivative of g by central differences of the second."""
     rows, n_a = condensed.rows, condensed.rows.n_a
-    act, e, n = rows.active, rows.e, n_a + patch.n
+    act, e, n = rows.active, rows.watched, n_a + patch.n
     T = np.zeros((n_a + rows.n_c, n))
     T[:n_a, :n_a] = np.eye(n_a)
     T[n_a:, n_a:] = patch.jacobian(X)
@@ -84,8 +85,8 @@ def from_energy(
     rows: Rows, delta: np.ndarray, lam: np.ndarray, hessian: np.ndarray, gradient_e: np.ndarray, locked: np.ndarray
 ) -> Condensed:
     """The condensed model of one state of an energy Psi of the active displacements: delta (n,), lam = grad Psi, its
-    Hessian, grad e (n_e, n_act) and C_ee = locked."""
-    act, e = rows.active, rows.e
+    Hessian, grad e (n_e, n_act) and C_ee = locked, of effectors and skin."""
+    act, e = rows.active, rows.watched
     W = np.empty((rows.n, rows.n))
     W_act = np.linalg.inv(hessian)
     W[act, act] = (W_act + W_act.T) / 2

@@ -1,19 +1,23 @@
-"""Names and order of the rows of W: effectors, then actuators, then contacts."""
+"""Names and order of the rows of W: effectors, then the skin, then actuators, then contacts."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Rows:
-    """One name a scalar row, e.g. effectors ('tip.x', 'tip.y', 'tip.z'), actuators ('left', 'right')."""
+    """One name a scalar row, e.g. effectors ('tip.x', 'tip.y', 'tip.z'), actuators ('left', 'right').
+
+    skin: modes of the surface (`cfem.condensed.skin`), which only those have who ask for the shape; goals and errors
+    are the effectors' alone."""
 
     effectors: tuple[str, ...]
     actuators: tuple[str, ...]
     contacts: tuple[str, ...] = ()
+    skin: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
-        return self.effectors + self.actuators + self.contacts
+        return self.effectors + self.skin + self.actuators + self.contacts
 
     @property
     def effector_units(self) -> tuple[tuple[str, str], ...]:
@@ -24,6 +28,10 @@ class Rows:
     @property
     def n_e(self) -> int:
         return len(self.effectors)
+
+    @property
+    def n_s(self) -> int:
+        return len(self.skin)
 
     @property
     def n_a(self) -> int:
@@ -42,17 +50,26 @@ class Rows:
         return slice(0, self.n_e)
 
     @property
+    def s(self) -> slice:
+        return slice(self.n_e, self.n_e + self.n_s)
+
+    @property
+    def watched(self) -> slice:
+        """Rows that carry no multiplier: effectors and skin."""
+        return slice(0, self.n_e + self.n_s)
+
+    @property
     def a(self) -> slice:
-        return slice(self.n_e, self.n_e + self.n_a)
+        return slice(self.watched.stop, self.watched.stop + self.n_a)
 
     @property
     def c(self) -> slice:
-        return slice(self.n_e + self.n_a, self.n)
+        return slice(self.a.stop, self.n)
 
     @property
     def active(self) -> slice:
         """Rows that carry a multiplier: actuators and contacts."""
-        return slice(self.n_e, self.n)
+        return slice(self.watched.stop, self.n)
 
     def difference(self, other: "Rows", whose: str) -> str:
         """In words, of another robot's rows: 'drives left and right, the scene cable'."""

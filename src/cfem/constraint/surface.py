@@ -1,11 +1,14 @@
 """Plain geometry of surfaces made of facets: what is connected, what is open, what winds around a point."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 # The rim of a facet of so many nodes, from node to node.
 _RIM = {3: [0, 1, 2], 6: [0, 3, 1, 4, 2, 5], 4: [0, 1, 2, 3]}
+_TRIANGLES = {3: [0, 1, 2], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2, 3, 4, 5], 4: [0, 1, 2, 0, 2, 3]}
 
 
 def components(groups: np.ndarray) -> tuple[int, np.ndarray]:
@@ -47,3 +50,33 @@ def solid_angles(corners: np.ndarray) -> np.ndarray:
     la, lb, lc = np.linalg.norm(corners, axis=2).T
     below = la * lb * lc + (a * b).sum(axis=1) * lc + (a * c).sum(axis=1) * lb + (b * c).sum(axis=1) * la
     return 2 * np.arctan2((a * np.cross(b, c)).sum(axis=1), below)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The outer surface of a body. nodes: (m,) numbers in the mesh; rest: (m, 3) mm; triangles: (t, 3) indices into
+    nodes, normals outward; weights: (m,) each node's share of the area, of sum 1."""
+
+    nodes: np.ndarray
+    rest: np.ndarray
+    triangles: np.ndarray
+    weights: np.ndarray
+
+
+def outer_surface(X: np.ndarray, facets: np.ndarray) -> Surface:
+    """Of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm: all but closed cavities. Quadratic triangles become four."""
+    triangles = triangulated(facets)
+    _, part = components(triangles)
+    corners = X[triangles] - X[triangles].mean(axis=(0, 1))
+    volumes = np.bincount(part, np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]))
+    nodes, triangles = np.unique(triangles[volumes[part] > 0], return_inverse=True)
+    triangles, rest = triangles.reshape(-1, 3), X[nodes]
+    a, b, c = rest[triangles].swapaxes(0, 1)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    weights = np.bincount(triangles.ravel(), np.repeat(areas, 3))
+    return Surface(nodes, rest, triangles, weights / weights.sum())
+
+
+def triangulated(facets: np.ndarray) -> np.ndarray:
+    """(t, 3): triangles as they are, quadrilaterals as two, quadratic triangles as four."""
+    return facets[:, _TRIANGLES[facets.shape[1]]].reshape(-1, 3)

@@ -11,7 +11,7 @@ from cfem.core.reading import Data
 
 class DatasetCard(Data):
     """robot: what the scene said of it. plan: what sample.yaml says of the draws.
-    compliance: at rest, of all rows that carry a multiplier."""
+    compliance: at rest, of all rows that carry a multiplier. skin: SHA-256 of the file of its modes."""
 
     scene: Name
     robot: dict[str, Any] | None = None
@@ -24,13 +24,16 @@ class DatasetCard(Data):
     length: float = Field(gt=0)
     plan: dict[str, Any] = {}
     compliance: list[list[float]] | None = None
+    skin: str | None = None
 
     @model_validator(mode="after")
     def _sizes(self) -> "DatasetCard":
         rows = self.rows
         n_e, n_a, n_c = len(rows.effectors), len(rows.actuators), len(rows.contacts)
+        if bool(rows.skin) != (self.skin is not None):
+            raise ValueError("skin: the rows of a skin need its file's SHA-256")
         for what, found, expected in (
-            ("row_units", len(self.row_units), n_e + n_a + n_c),
+            ("row_units", len(self.row_units), n_e + len(rows.skin) + n_a + n_c),
             ("rest_e", len(self.rest_e), n_e),
             ("reach", len(self.reach), n_a),
             ("compliance", len(self.compliance or []), n_a + n_c if self.compliance else 0),

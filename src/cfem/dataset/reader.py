@@ -14,7 +14,7 @@ from cfem.core.errors import InputError
 from cfem.core.reading import checked
 from cfem.dataset.card import DatasetCard
 from cfem.dataset.parquet import damaged, open_parquet
-from cfem.dataset.schema import COLUMNS, FORMAT, metadata, metadata_of, parameters_of, rows_of, schema
+from cfem.dataset.schema import COLUMNS, FORMAT, metadata, metadata_of, parameters_of, rows_of, schema, without_skin
 
 CONVERGED = "converged"
 LARGEST = 1e100  # of any number of a converged state: products of it still are numbers
@@ -35,6 +35,7 @@ class Dataset:
     it was not asked for; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, dlambda_dp
     (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
     cost: (m,) each of COST by name; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ...
+    whole: the same states with the rows of the skin, `skin`; None where there is none
 
     Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
     both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that
@@ -61,6 +62,7 @@ class Dataset:
     failed: pa.Table
     meta: dict[str, Any]
     n_c: int = 0
+    whole: "WithSkin | None" = None
 
     def __len__(self) -> int:
         return len(self.id)
@@ -74,7 +76,28 @@ class Dataset:
         """The rows that `index` (numbers, a mask or a slice) picks, in its order."""
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         picked = {name: array[index] for name, array in arrays.items() if isinstance(array, np.ndarray)}
-        return replace(self, **picked, cost={name: values[index] for name, values in self.cost.items()})
+        whole = None if self.whole is None else self.whole.take(index)
+        return replace(self, **picked, cost={name: values[index] for name, values in self.cost.items()}, whole=whole)
+
+
+@dataclass(frozen=True)
+class WithSkin:
+    """What a dataset of m states knows of the skin. rows: with n_s of the skin between effectors and actuators, of
+    which there are n in all; delta_s (m, n_s) mm from rest; W (m, n, n); dW (m, n_a, n, n) and ddelta_s_dp
+    (m, n_s, n_p), None where the dataset has none; left (m, 2) mm: root mean square and largest distance of the surface
+    nodes from where the rows put them; sha256: of the file of the modes."""
+
+    rows: Rows
+    delta_s: np.ndarray
+    W: np.ndarray
+    dW: np.ndarray | None
+    ddelta_s_dp: np.ndarray | None
+    left: np.ndarray
+    sha256: str
+
+    def take(self, index: np.ndarray | slice) -> "WithSkin":
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
 
 
 def read_dataset(path: Path) -> Dataset:
@@ -118,30 +141,44 @@ def as_dataset(table: pa.Table) -> Dataset:
         parts = [column_array(good, f"{name}_{block}") for block in ("a", "c") if f"{name}_{block}" in has]
         return np.hstack(parts)
 
-    def by_p(name: str) -> np.ndarray | None:
-        return column_array(good, name).reshape(len(good), -1, p.shape[1]) if name in has else None
-
     slack = column_array(good, "slack")
     p = column_array(good, "p") if "p" in has else np.zeros((len(good), 0))
-    triangles = (len(good), rows.n_a, rows.n * (rows.n + 1) // 2)
+    W = unpack_upper(column_array(good, "W"))
+    triangles = (len(good), rows.n_a, stored.n * (stored.n + 1) // 2)
+    dW = unpack_upper(column_array(good, "dW").reshape(triangles)) if "dW" in has else None
+    own = np.r_[stored.e, stored.active]  # all rows but the skin's
     return Dataset(
         rows=rows,
-        **{name: column_array(good, name) for name in ("id", "u", "delta_e", "delta_free")},
+        **{name: column_array(good, name) for name in ("id", "u", "delta_e")},
+        delta_free=column_array(good, "delta_free")[:, own],
         delta_a=active("delta"),
         lambda_a=active("lambda"),
         p=p,
-        W=unpack_upper(column_array(good, "W")),
-        dW=unpack_upper(column_array(good, "dW").reshape(triangles)) if "dW" in has else None,
+        W=W[:, own[:, None], own],
+        dW=None if dW is None else dW[:, :, own[:, None], own],
         dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
-        dlambda_dp=by_p("dlambda_dp"),
-        ddelta_e_dp=by_p("ddelta_e_dp"),
+        dlambda_dp=_by_p(good, "dlambda_dp", p),
+        ddelta_e_dp=_by_p(good, "ddelta_e_dp", p),
         energy=column_array(good, "energy"),
         slack=np.hstack([slack, np.zeros((len(good), stored.n_c), dtype=bool)]),
         n_c=stored.n_c,
         cost={name: column_array(good, name) for name in COST},
         failed=table.filter(pc.invert(solved)),
-        meta=meta,
+        meta=without_skin(meta),
+        whole=_whole(good, meta, rows, W, dW, p) if stored.n_s else None,
     )
+
+
+def _whole(
+    good: pa.Table, meta: dict[str, Any], rows: Rows, W: np.ndarray, dW: np.ndarray | None, p: np.ndarray
+) -> WithSkin:
+    left = np.column_stack([column_array(good, name) for name in ("skin_rms", "skin_max")])
+    rows = replace(rows, skin=rows_of(meta).skin)
+    return WithSkin(rows, column_array(good, "delta_s"), W, dW, _by_p(good, "ddelta_s_dp", p), left, meta["skin"])
+
+
+def _by_p(good: pa.Table, name: str, p: np.ndarray) -> np.ndarray | None:
+    return column_array(good, name).reshape(len(good), -1, p.shape[1]) if name in good.column_names else None
 
 
 def read_table(path: Path) -> pa.Table:

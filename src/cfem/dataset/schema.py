@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import pyarrow as pa
@@ -10,8 +10,9 @@ import pyarrow as pa
 from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter, from_json, sampled, to_json
 
-FORMAT = 2
+FORMAT = 3
 KEY = b"cfem"
+SKIN = "skin.npz"  # beside the rows: see cfem.condensed.skin
 CABLE = ("mm", "N")
 # What made the numbers, not what they are: left out of the content hash.
 _PROVENANCE = ("versions", "made_from")
@@ -39,6 +40,7 @@ COLUMNS = (
     Column("p", _F, "", "parameters"),
     Column("delta_a", _F, "mm", "actuators", state=True),
     Column("delta_e", _F, "mm", "effectors", state=True),
+    Column("delta_s", _F, "mm", "skin", state=True),
     Column("lambda_a", _F, "N", "actuators", state=True),
     Column("delta_c", _F, "mm", "contacts", state=True),
     Column("lambda_c", _F, "N", "contacts", state=True),
@@ -49,6 +51,9 @@ COLUMNS = (
     Column("dpsi_dp", _F, "N mm", "parameters", state=True),
     Column("dlambda_dp", _F, "N", "actuators x parameters", state=True),
     Column("ddelta_e_dp", _F, "mm", "effectors x parameters", state=True),
+    Column("ddelta_s_dp", _F, "mm", "skin x parameters", state=True),
+    Column("skin_rms", _F, "mm", state=True),
+    Column("skin_max", _F, "mm", state=True),
     Column("slack", pa.bool_(), "", "actuators", state=True),
     Column("iterations", _N),
     Column("factorizations", _N),
@@ -58,6 +63,7 @@ COLUMNS = (
     Column("seconds", _F, "s"),
 )
 BY_PARAMETERS = frozenset(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))  # all or none
+OF_SKIN = frozenset(("delta_s", "skin_rms", "skin_max"))  # all or none
 
 
 def schema(
@@ -78,15 +84,18 @@ def schema(
         "parameters": len(varied),
         "actuators": rows.n_a,
         "effectors": rows.n_e,
+        "skin": rows.n_s,
         "contacts": rows.n_c,
         "rows": rows.n,
         "upper triangle": triangle,
         "active x upper triangle": (rows.n_a + rows.n_c) * triangle,
         "actuators x parameters": rows.n_a * len(varied),
         "effectors x parameters": rows.n_e * len(varied),
+        "skin x parameters": rows.n_s * len(varied),
     }
     there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order}
     there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
+    there |= dict.fromkeys(OF_SKIN, rows.n_s > 0) | {"ddelta_s_dp": bool(varied) and rows.n_s > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
     fields = [
         pa.field(
@@ -95,15 +104,35 @@ def schema(
         for column in columns
     ]
     row_units = list(row_units) or [CABLE] * rows.n
-    full = {
+    own = {
         "format": FORMAT,
         "rows": asdict(rows),
         "row_units": [list(pair) for pair in row_units],
         "parameters": to_json(parameters),
         "units": _units(columns, rows, row_units, [one.unit for one in varied]),
-        **meta,
     }
-    return pa.schema(fields, metadata={KEY: json.dumps(full, sort_keys=True, allow_nan=False).encode()})
+    return pa.schema(fields, metadata={KEY: json.dumps({**meta, **own}, sort_keys=True, allow_nan=False).encode()})
+
+
+def with_skin_rows(plain: pa.Schema, names: Sequence[str], sha256: str) -> pa.Schema:
+    """The schema with the rows of a skin, of which the metadata then have the SHA-256 of its file."""
+    meta = metadata_of(plain)
+    rows = replace(rows_of(meta), skin=tuple(names))
+    units = [tuple(pair) for pair in meta["row_units"]]
+    units[rows.n_e : rows.n_e] = [CABLE] * rows.n_s
+    return schema(rows, {**meta, "skin": sha256}, parameters_of(meta), "dW" in plain.names, units)
+
+
+def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
+    """What the metadata would say had the dataset no skin."""
+    rows = rows_of(meta)
+    if not rows.n_s:
+        return meta
+    units = [tuple(pair) for pair in meta["row_units"]]
+    del units[rows.s]
+    known = {key: value for key, value in meta.items() if key != "skin"}
+    plain = schema(replace(rows, skin=()), known, parameters_of(meta), "dW" in meta["units"], units)
+    return metadata_of(plain)
 
 
 def _units(
@@ -139,6 +168,8 @@ def _units(
         units["dpsi_dp"] = [f"N mm{each}" for each in per]
         units["dlambda_dp"] = [f"{unit}{each}" for unit in multiplier[rows.a] for each in per]
         units["ddelta_e_dp"] = [f"{unit}{each}" for unit in displacement[rows.e] for each in per]
+        if rows.n_s:
+            units["ddelta_s_dp"] = [f"{unit}{each}" for unit in displacement[rows.s] for each in per]
     return units
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.equilibrium.problem import Cost, Evaluation, Problem, Tangent
+from cfem.equilibrium.robot import watched_displacements
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.factorization import Factor
 
@@ -33,7 +34,7 @@ def condense(
     """At an equilibrium; others: (n_dof, k) further right-hand sides. Raises SingularMatrixError where A has to be
     factored anew and is singular."""
     robot, n = problem.robot, problem.robot.rows.n
-    B = np.hstack([problem.gradients(robot.effectors, at.x), at.H, others])
+    B = np.hstack([problem.gradients(robot.watched, at.x), at.H, others])
     data, _ = problem.stiffness(at, lam)
     factor = tangent.factor
     Z, rest, error = refined(problem, data, factor, B)
@@ -43,7 +44,7 @@ def condense(
     Z, y, rest, B = Z[:, :n], Z[:, n:], rest[:, :n], B[:, :n]
     W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2
-    delta = np.concatenate([*(row.value(at.x) - row.rest for row in robot.effectors), at.delta])
+    delta = np.concatenate([watched_displacements(robot, at.x), at.delta])
     condensed = Condensed(robot.rows, W, delta - W[:, robot.rows.active] @ lam, lam.copy())
     return Condensation(condensed, Z, y, factor, data)
 
@@ -60,9 +61,9 @@ def refined(problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray) -
     return Z, rest, error
 
 
-def response(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
-    """(n, 3, n_active) mm/N: dx/dlambda of the nodes by the active rows."""
-    return problem.kinematics.spread(at.x, Z[:, problem.robot.rows.active])
+def response(problem: Problem, at: Evaluation, Z: np.ndarray, rows: slice) -> np.ndarray:
+    """(n, 3, k) mm/N: how the nodes move with the multipliers of these k rows."""
+    return problem.kinematics.spread(at.x, Z[:, rows])
 
 
 def _relative(rest: np.ndarray, B: np.ndarray) -> float:

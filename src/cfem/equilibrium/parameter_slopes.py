@@ -5,8 +5,8 @@ state (x, lambda), element pressures eliminated in each:
 
     dPsi/dq = dL/dq        dlambda/dq = -W_aa^-1 (ddelta/dq - H_a^T y)        du/dq = -y + A^-1 H_a dlambda/dq,
 
-y = A^-1 dR/dq; the first because L is stationary in the state (envelope theorem). The effectors move as du/dq moves
-them and as they themselves differ. Contacts stay free of force."""
+y = A^-1 dR/dq; the first because L is stationary in the state (envelope theorem). Effectors and skin move as du/dq
+moves them and as they themselves differ. Contacts stay free of force."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.equilibrium.problem import Evaluation, Problem
-from cfem.equilibrium.robot import effector_displacements
+from cfem.equilibrium.robot import watched_displacements
 from cfem.equilibrium.solution import ParameterSlopes
 
 
@@ -29,12 +29,12 @@ class Sides:
 
 @dataclass(frozen=True)
 class Differences:
-    """At the fixed state: of R (n_dof, n_q), delta (n_active, n_q), delta_e (n_e, n_q) and the Lagrangian (n_q,), by
-    each parameter."""
+    """At the fixed state: of R (n_dof, n_q), delta (n_active, n_q), the effectors and the skin (n_e + n_s, n_q) and the
+    Lagrangian (n_q,), by each parameter."""
 
     residual: np.ndarray
     delta: np.ndarray
-    delta_e: np.ndarray
+    watched: np.ndarray
     lagrangian: np.ndarray
 
 
@@ -45,7 +45,7 @@ def differences(problem: Problem, at: Evaluation, lam: np.ndarray, sides: Sequen
         x = at.x if side.rest is problem.rest else at.x + (side.rest - problem.rest)
         there = side.evaluate(x, np.empty(0), at.load)
         lagrangian = side.potential(there) - float(lam @ there.delta)
-        return there.residual(lam), there.delta, effector_displacements(side.robot, x), lagrangian
+        return there.residual(lam), there.delta, watched_displacements(side.robot, x), lagrangian
 
     pairs = [(parts(side.behind), parts(side.ahead), side.width) for side in sides]
     columns = [
@@ -63,5 +63,6 @@ def parameter_slopes(
     n_a = a.stop - a.start
     lam = -np.linalg.solve(W[a, a], found.delta[:n_a] - at.H[:, :n_a].T @ y)
     motion = Z[:, a] @ lam - y
-    delta_e = found.delta_e + problem.gradients(problem.robot.effectors, at.x).T @ motion
-    return ParameterSlopes(found.lagrangian, lam, delta_e, problem.kinematics.spread(at.x, motion))
+    watched = found.watched + problem.gradients(problem.robot.watched, at.x).T @ motion
+    delta_e, delta_s = np.split(watched, [problem.robot.rows.n_e])
+    return ParameterSlopes(found.lagrangian, lam, delta_e, problem.kinematics.spread(at.x, motion), delta_s)

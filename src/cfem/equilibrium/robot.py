@@ -25,7 +25,8 @@ class Robot:
     loads:      (n, 3) N constant external nodal forces, None without any
     forces:     (n_a, 2) smallest and largest multiplier of each actuator, None where not all state it
     density:    t/mm^3, one or one a cell of the mesh (m,), None where not all materials state it
-    viscosity:  of each material of the body, the main one first; empty where none has any"""
+    viscosity:  of each material of the body, the main one first; empty where none has any
+    skin:       modes of the surface, in the order of rows.skin, None where nobody asks for the shape"""
 
     name: str
     body: Body
@@ -42,6 +43,7 @@ class Robot:
     forces: np.ndarray | None = None
     density: np.ndarray | float | None = None
     viscosity: tuple[Viscosity, ...] = ()
+    skin: Watched | None = None
 
     @property
     def X(self) -> np.ndarray:
@@ -60,6 +62,11 @@ class Robot:
         return self.actuators + self.contacts
 
     @property
+    def watched(self) -> tuple[Watched, ...]:
+        """What carries no multiplier: effectors, then the skin."""
+        return self.effectors if self.skin is None else (*self.effectors, self.skin)
+
+    @property
     def actuator_units(self) -> tuple[tuple[str, str], ...]:
         """Of each actuator's displacement and multiplier."""
         return tuple(one.units for one in self.actuators)
@@ -68,6 +75,11 @@ class Robot:
     def rest_e(self) -> np.ndarray:
         """(n_e,) rest positions (mm) and orientations (rad) of the effectors."""
         return np.concatenate([effector.rest for effector in self.effectors])
+
+
+def watched_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:
+    """(n_e + n_s,) mm and rad from rest of effectors and skin, nodes at x (n, 3)."""
+    return np.concatenate([row.value(x) - row.rest for row in robot.watched])
 
 
 def effector_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:

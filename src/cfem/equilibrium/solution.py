@@ -1,6 +1,6 @@
 """The answer of an equilibrium solve: a value that can be checked without trusting the solver."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -46,12 +46,13 @@ class State:
 @dataclass(frozen=True)
 class ParameterSlopes:
     """By each of the robot's parameters, at constant delta_a and contacts free: psi (n_q,) N mm, lam (n_a, n_q) N,
-    delta_e (n_e, n_q) and x (n, 3, n_q) mm, each a unit of the parameter."""
+    delta_e (n_e, n_q), x (n, 3, n_q) and delta_s (n_s, n_q) mm, each a unit of the parameter."""
 
     psi: np.ndarray
     lam: np.ndarray
     delta_e: np.ndarray
     x: np.ndarray
+    delta_s: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class Equilibrium:
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
     response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
     dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
-    rows need to move, where asked for."""
+    rows need to move, where asked for; delta_s: (n_s,) mm of the skin's rows; skin_response: (n, 3, n_s) mm/N of the
+    nodes to forces on them, where asked for."""
 
     status: Status
     state: State
@@ -89,6 +91,8 @@ class Equilibrium:
     dW: np.ndarray | None = None
     slopes: ParameterSlopes | None = None
     inertia: "Inertia | None" = None
+    delta_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    skin_response: np.ndarray | None = None
 
     @property
     def delta_a(self) -> np.ndarray:

@@ -20,7 +20,7 @@ from cfem.equilibrium.inertia import inertia
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
-from cfem.equilibrium.robot import effector_displacements
+from cfem.equilibrium.robot import watched_displacements
 from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.equilibrium.third_order import compliance_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
@@ -49,13 +49,15 @@ def solve(
     third_order: bool = False,
     sides: Sequence[Sides] = (),
     mass: sp.csr_array | None = None,
+    skin_response: bool = False,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
 
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
-    the nodes, and what the rows need to move (inertia.py).
+    the nodes, and what the rows need to move (inertia.py); skin_response: and how all nodes yield to forces on the
+    skin's rows.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
@@ -80,7 +82,8 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, _only(actuation, taut), near, last.state, settings, cost, slack)
-    return _answer(problem, path, _only(actuation, taut), settings, cost, begin, condense, third_order, sides, mass)
+    wanted = (condense, third_order, sides, mass, skin_response)
+    return _answer(problem, path, _only(actuation, taut), settings, cost, begin, *wanted)
 
 
 @dataclass(frozen=True)
@@ -241,16 +244,18 @@ def _answer(
     third_order: bool = False,
     sides: Sequence[Sides] = (),
     mass: sp.csr_array | None = None,
+    skin_response: bool = False,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a, dW, slopes, moves = result.status, None, None, None, None, None
+    status, condensed, response_a, response_s, dW, slopes, moves = result.status, *[None] * 6
     if status is Status.CONVERGED and condense:
         try:
             by_q = differences(problem, result.at, result.lam, sides) if sides else None
             others = by_q.residual if sides else np.zeros((problem.pattern.n_dof, 0))
             found = condensation(problem, result.at, result.lam, result.tangent, cost, others)
-            condensed, response_a = found.condensed, response(problem, result.at, found.Z)
+            condensed, response_a = found.condensed, response(problem, result.at, found.Z, robot.rows.active)
+            response_s = response(problem, result.at, found.Z, robot.rows.s) if skin_response else None
             # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
             act = robot.rows.active
             held = actuation.C @ condensed.W[act, act] @ actuation.C.T
@@ -271,16 +276,16 @@ def _answer(
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
     if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
-        status, condensed, response_a, dW, slopes, moves = Status.INACCURATE, None, None, None, None, None
+        status, condensed, response_a, response_s, dW, slopes, moves = Status.INACCURATE, *[None] * 6
     n_a = robot.rows.n_a
-    largest = np.abs(result.lam).max(initial=0.0)
+    largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
     return Equilibrium(
         status=status,
         state=result.state,
         n_a=n_a,
         delta=result.at.delta,
-        delta_e=effector_displacements(robot, x),
+        delta_e=watched[: robot.rows.n_e],
         slack=slack,
         energy=problem.potential(settled),
         residual=residual,
@@ -296,6 +301,8 @@ def _answer(
         dW=dW,
         slopes=slopes,
         inertia=moves,
+        delta_s=watched[robot.rows.n_e :],
+        skin_response=response_s,
     )
 
 

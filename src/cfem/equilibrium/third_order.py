@@ -23,7 +23,7 @@ def compliance_derivatives(
     Y: np.ndarray | None = None,
     mass: sp.csr_array | None = None,
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """(n_active, n, n): dW/dlambda_k of all rows e, a, c at an equilibrium, total, other multipliers constant; mm/N^2
+    """(n_active, n, n): dW/dlambda_k of all rows at an equilibrium, total, other multipliers constant; mm/N^2
     for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better. With Y = A^-1 M Z and the mass M also
     dV/dlambda_k of V = Z^T M Z, whose expression Z^T M Z + Y^T (B - A Z) + (B - A Z)^T Y is stationary in Z."""
     motions = Z[:, problem.robot.rows.active].T
@@ -51,7 +51,7 @@ def _along(
         there = problem.evaluate(problem.kinematics.move(at.x, h * motion), np.empty(0), at.load)
         changed = lam.copy()
         changed[k] += h
-        B = np.hstack([problem.gradients(problem.robot.effectors, there.x), there.H])
+        B = np.hstack([problem.gradients(problem.robot.watched, there.x), there.H])
         BZ, form = B.T @ Z, problem.form(there, changed, q)
         W = BZ + BZ.T - form[:n, :n]
         if Y is None:

@@ -6,17 +6,22 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from cfem.condensed.skin import Skin, read_skin
 from cfem.core.errors import InputError, NumericalError
+from cfem.core.files import write_whole
 from cfem.core.judgement import FAILED_SHARE, poor
-from cfem.core.shown import duration
+from cfem.core.shown import duration, length
 from cfem.dataset.inspect import cost
-from cfem.dataset.reader import CONVERGED, read_table
+from cfem.dataset.reader import CONVERGED, column_array, read_table
+from cfem.dataset.schema import SKIN, metadata
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import sample
+from cfem.sample.skin import TOLERANCE
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
@@ -33,13 +38,26 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
         tables = with_workers(
             workers, lambda executor: sample(spec, factory, shards, executor, made_from, workers.timeout)
         )
+        keep_skin(shards, folder)
         for split, table in tables.items():
             write_table(files[split], table)
     shutil.rmtree(shards, ignore_errors=True)
-    return {**results(tables), "wall_seconds": time.perf_counter() - begin, "content": content_hash(tables)}
+    found = results(tables, kept_skin(folder))
+    return {**found, "wall_seconds": time.perf_counter() - begin, "content": content_hash(tables)}
 
 
-def results(tables: dict[str, pa.Table]) -> dict[str, Any]:
+def keep_skin(found: Path, folder: Path) -> None:
+    """Copies the file of the skin to the dataset's folder, if there is one."""
+    if (found / SKIN).exists():
+        write_whole(folder / SKIN, (found / SKIN).read_bytes())
+
+
+def kept_skin(folder: Path) -> Skin | None:
+    """The skin of a dataset's folder, if there is one."""
+    return read_skin(folder / SKIN) if (folder / SKIN).exists() else None
+
+
+def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, Any]:
     """What the sampling gave and cost. Raises NumericalError where no row of a split converged."""
     for split, table in tables.items():
         if not pc.any(pc.equal(table["status"], CONVERGED)).as_py():
@@ -47,20 +65,53 @@ def results(tables: dict[str, pa.Table]) -> dict[str, Any]:
     table = pa.concat_tables(tables.values())
     solved = table.filter(pc.equal(table["status"], CONVERGED))
     failed = len(table) - len(solved)
-    costs = cost(table)
+    costs, found = cost(table), None if skin is None else skin_results(solved, skin)
     worst = pc.max(solved["residual"]).as_py()
     return {
         "headline": [
             f"{len(solved)} of {len(table)} states converged, largest residual {worst:.1e}; "
             f"per state {costs['factorizations_per_sample']:.2f} factorisations and "
-            f"{duration(pc.mean(table['seconds']).as_py())} on one core"
+            f"{duration(pc.mean(table['seconds']).as_py())} on one core",
+            *skin_line(found),
         ],
         "judgement": failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
         **costs,
         "residual_max": worst,
+        "skin": found,
     }
+
+
+def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
+    """Of the modes, and of how far they leave the surface of the converged rows from its place."""
+    largest, rms = (column_array(solved, name) for name in ("skin_max", "skin_rms"))
+    meta = metadata(solved)
+    asked = meta["plan"].get("skin") or {}
+    tolerance = None if asked.get("modes") else asked.get("tolerance") or TOLERANCE * meta["length"]
+    return {
+        "modes": len(skin.modes),
+        "nodes": len(skin.nodes),
+        "tolerance_mm": tolerance,
+        "left_out_mm": skin.front[len(skin.modes)].tolist(),
+        "largest_mm": float(largest.max()),
+        "rms_mm": float(np.sqrt(np.mean(rms**2))),
+        "front_mm": skin.front.tolist(),
+    }
+
+
+def skin_line(skin: dict[str, Any] | None) -> list[str]:
+    if skin is None:
+        return []
+    largest = f"every surface node to {length(skin['largest_mm'])}"
+    tolerance, reached = skin["tolerance_mm"], skin["left_out_mm"][1]
+    if tolerance is None or reached <= tolerance:
+        return [f"skin: {skin['modes']} modes give {largest}"]
+    came = f"{length(reached)} in states left out"
+    return [
+        f"skin: {skin['modes']} modes give {largest}, and {came}: the tolerance of {length(tolerance)} is NOT reached; "
+        "allow more modes (skin.largest), or a larger skeleton"
+    ]
 
 
 def failures(failed: pa.Table, rows: int) -> list[dict[str, Any]]:

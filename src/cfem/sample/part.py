@@ -16,10 +16,10 @@ import numpy as np
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import read_table
-from cfem.dataset.schema import content
+from cfem.dataset.schema import SKIN, content
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import tour
-from cfem.sample.artefact import results
+from cfem.sample.artefact import keep_skin, kept_skin, results
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
@@ -62,7 +62,7 @@ def fill_part(
         first = tour.skeleton(job.u, spec.skeleton)
         rest = np.setdiff1d(np.arange(len(job.u)), first)
         share = slice(part.index - 1, None, part.count)
-        solve_skeleton(job, first)
+        job = solve_skeleton(job, first)
         solve_rows(job, rest, spec.shard, share)
         return sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
 
@@ -75,6 +75,8 @@ def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: st
     missing, damaged, twice there, or of another dataset."""
     manifests = _check_parts(parts, whole)
     skeletons = [artefact_file(part, SKELETON) for part in parts]
+    for part in (part for part, manifest in zip(parts, manifests, strict=True) if SKIN in manifest["files"]):
+        artefact_file(part, SKIN)
     _demand_one_skeleton(skeletons)
     shards = [
         artefact_file(part, name)
@@ -87,8 +89,14 @@ def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: st
         if table["id"].to_pylist() != list(range(spec.splits[split].rows)):
             raise InputError(f"the parts lack rows of '{split}'", where="merge", do="run the parts again with --force")
         write_table(folder / f"{split}.parquet", table)
+    keep_skin(parts[0], folder)
     wall = max(manifest["results"]["wall_seconds"] for manifest in manifests)
-    return {**results(tables), "parts": len(parts), "wall_seconds": wall, "content": content_hash(tables)}
+    return {
+        **results(tables, kept_skin(folder)),
+        "parts": len(parts),
+        "wall_seconds": wall,
+        "content": content_hash(tables),
+    }
 
 
 def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:

@@ -4,10 +4,11 @@ A shard starts its rows from the skeleton and from its own rows only: which proc
 and how often the work was interrupted, leaves no trace in the numbers. Workers are sent all they need and send back
 files, which are written here: they need to see no disk of this machine."""
 
+import hashlib
 import pickle  # nosec B403
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -18,6 +19,7 @@ import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
 from cfem.condensed.pose import COORDINATES
+from cfem.condensed.skin import read_skin, skin_from
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
 from cfem.core.files import plain, write_whole
@@ -25,14 +27,14 @@ from cfem.core.progress import doing, progress
 from cfem.core.provenance import versions
 from cfem.core.spec import meaning
 from cfem.dataset.reader import column_array, read_table
-from cfem.dataset.schema import schema
+from cfem.dataset.schema import SKIN, schema, with_skin_rows
 from cfem.mechanics.factorization import solver_name
 from cfem.sample import shard, tour
 from cfem.sample.contact import ContactPlan
 from cfem.sample.plan import unit_rows
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
-from cfem.sample.spec import SampleSpec
+from cfem.sample.spec import SampleSpec, SkinSpec
 from cfem.sample.workers import WorkersLost
 
 
@@ -41,13 +43,20 @@ class Job(Piece):
     """All rows, who solves them, and where they are kept.
 
     robot: a pickled SolverFactory; folder: of the shards; skeleton: folder of the states that all rows start from;
+    asked: how the skin is to be found, None where there is none; skin: its file, empty where it is not known yet;
     timeout: s without a finished shard after which the workers are given up, None to wait for ever"""
 
     robot: bytes
     executor: Executor
     skeleton: Path
     folder: Path
+    asked: SkinSpec | None = None
+    skin: bytes = b""
     timeout: float | None = None
+
+    @property
+    def skin_file(self) -> Path:
+        return self.skeleton / SKIN
 
     @property
     def skeleton_states(self) -> Path:
@@ -85,8 +94,8 @@ def sample(
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     first = tour.skeleton(job.u, spec.skeleton)
     rest = np.setdiff1d(np.arange(len(job.u)), first)
-    files = [solve_skeleton(job, first), *solve_rows(job, rest, spec.shard)]
-    return merge(files, list(spec.splits))
+    job = solve_skeleton(job, first)
+    return merge([job.skeleton_rows, *solve_rows(job, rest, spec.shard)], list(spec.splits))
 
 
 def make_job(
@@ -135,6 +144,7 @@ def make_job(
         skeleton=folder,
         folder=folder,
         contact=contact_plan(spec, facts),
+        asked=None if facts.surface is None or spec.space == "rest" else spec.skin,
     )
 
 
@@ -151,15 +161,27 @@ def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
     return ContactPlan(tuple(low), tuple(high), turns, about_rest)
 
 
-def solve_skeleton(job: Job, rows: np.ndarray) -> Path:
-    """The file with these rows (indices into job.u), made if it is not there, and beside it their states."""
+def solve_skeleton(job: Job, rows: np.ndarray) -> Job:
+    """With the skin that these rows (indices into job.u) show, if one is asked for. Makes the file of the rows, and
+    beside it those of their states and of the skin, where they are not there."""
     if not _has_skeleton(job):
-        call = (shard.solve_skeleton, job.robot, job.piece(rows))
+        call = (shard.solve_skeleton, job.robot, job.piece(rows), job.asked)
         with progress("skeleton, from which all other states start", len(rows), poll=_solved(job), estimate=False):
-            _, (table, states) = next(_results(job.executor, job.timeout, {"skeleton": call}))
+            _, (records, states, skin) = next(_results(job.executor, job.timeout, {"skeleton": call}))
+        with_skin = skinned(job, skin)
+        if skin:
+            write_whole(job.skin_file, skin)
         write_whole(job.skeleton_states, states)
-        write_whole(job.skeleton_rows, table)
-    return job.skeleton_rows
+        write_whole(job.skeleton_rows, shard.rows_bytes(records, with_skin.schema))
+    return skinned(job, job.skin_file.read_bytes()) if job.asked else job
+
+
+def skinned(job: Job, skin: bytes) -> Job:
+    """With the rows of the skin in this file; as it is where that is empty."""
+    if not skin:
+        return job
+    names = skin_from(skin).names
+    return replace(job, skin=skin, schema=with_skin_rows(job.schema, names, hashlib.sha256(skin).hexdigest()))
 
 
 def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)) -> list[Path]:
@@ -172,7 +194,7 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
     if waiting:
         states = job.skeleton_states.read_bytes()
         calls = {
-            job.shard_rows(number).name: (shard.solve_shard, job.robot, states, job.piece(pieces[number]))
+            job.shard_rows(number).name: (shard.solve_shard, job.robot, job.skin, states, job.piece(pieces[number]))
             for number in waiting
         }
         poll = _solved(job)
@@ -225,6 +247,8 @@ def _has_skeleton(job: Job) -> bool:
     try:
         read_table(job.skeleton_rows)
         shard.read_knots(job.skeleton_states)
+        if job.asked:
+            read_skin(job.skin_file)
     except InputError:
         return False
     return True

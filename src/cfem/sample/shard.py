@@ -18,6 +18,7 @@ from cfem.condensed import Condensed, pack_upper
 from cfem.condensed.parameters import sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.restrict import onto_patch, slopes_onto_patch
+from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.actuation import Actuation
@@ -27,7 +28,9 @@ from cfem.sample import tally
 from cfem.sample.contact import ContactPlan
 from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
+from cfem.sample.skin import Seen, find_skin, patches, probed
 from cfem.sample.solver import Facts, Solver
+from cfem.sample.spec import SkinSpec
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,49 +60,122 @@ def facts(robot: bytes) -> Facts:
     return _solver(robot).facts
 
 
-def solve_skeleton(robot: bytes, piece: Piece) -> tuple[bytes, bytes]:
-    """The Parquet file of the rows, and that of their states, from which all others start."""
-    records, knots = _solve_rows(_solver(robot), piece, [])
-    return _file(records, piece.schema), knots_bytes(knots)
+@lru_cache(maxsize=1)
+def _watching(robot: bytes, skin: bytes) -> tuple[Solver, Skin | None]:
+    """The robot of this process with the rows of a skin; as it is where that is empty."""
+    if not skin:
+        return _solver(robot), None
+    found = skin_from(skin)
+    return _solver(robot).watching(found), found
 
 
-def solve_shard(robot: bytes, skeleton: bytes, piece: Piece) -> bytes:
+Record = dict[str, Any]
+
+
+def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[list[Record], bytes, bytes]:
+    """The records of the rows; the file of their states, from which all others start; that of the skin which they show,
+    empty where none is asked for.
+
+    Which rows the skin has is known once all these states are. Each is then condensed again where it stands, with one
+    factorisation more."""
+    solver = _solver(robot)
+    if asked is None:
+        records, knots = _solve_rows(solver, None, piece, [])
+        return records, knots_bytes(knots), b""
+    surface, pushing = solver.facts.surface, solver.watching(patches(solver.facts.surface), pushed=True)
+    pushed = set(probed(len(piece.u)).tolist())
+    begun, knots, seen = [], [], []
+    for index in range(len(piece.u)):
+        row = _solve_row(pushing if index in pushed else solver, piece, index, knots)
+        begun.append(row)
+        if row.solved.converged:
+            knots.append(row.knot)
+            seen.append(_seen(surface.nodes, surface.rest, row.solved))
+        tally.add_one()
+    states = knots_bytes(knots)
+    skin = find_skin(surface, seen, asked, solver.facts.length)
+    watching = solver.watching(skin)
+    return [_again(watching, skin, piece, index, row) for index, row in enumerate(begun)], states, skin_bytes(skin)
+
+
+def solve_shard(robot: bytes, skin: bytes, skeleton: bytes, piece: Piece) -> bytes:
     """The Parquet file of the rows, started from the states of `skeleton`."""
-    return _file(_solve_rows(_solver(robot), piece, read_knots(io.BytesIO(skeleton)))[0], piece.schema)
+    return rows_bytes(_solve_rows(*_watching(robot, skin), piece, read_knots(io.BytesIO(skeleton)))[0], piece.schema)
 
 
-def _file(records: list[dict[str, Any]], schema: pa.Schema) -> bytes:
+def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
+    """A Parquet file."""
     return table_bytes(pa.Table.from_pylist(records, schema=schema))
 
 
-def _solve_rows(solver: Solver, piece: Piece, known: Sequence[Knot]) -> tuple[list[dict[str, Any]], list[Knot]]:
+@dataclass(frozen=True)
+class Solved:
+    """A row: asked and X, what it prescribes and its pose, if any; p: its parameters; seconds: that it took."""
+
+    asked: Actuation
+    X: np.ndarray | None
+    p: np.ndarray
+    solved: Equilibrium
+    knot: Knot | None
+    seconds: float
+
+
+def _solve_rows(solver: Solver, skin: Skin | None, piece: Piece, known: Sequence[Knot]) -> tuple[list[Record], list]:
     """Records of the rows, and the states that are known after them."""
-    facts, knots, records = solver.facts, list(known), []
-    n_a, parameters = facts.rows.n_a, sampled(facts.parameters)
-    for index, u in enumerate(piece.u):
-        begin = time.perf_counter()
-        if piece.contact:
-            (asked, X), p = piece.contact.actuation(u, facts.patch, facts.compliance), np.zeros(0)
-        else:
-            asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
-            p = drawn(parameters, u[n_a:])
-        q = place(parameters, p)
-        solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
-        record = _record(piece, index, solved, None if X is None else (facts.patch, X))
-        if parameters:
-            record["p"] = p
-        if parameters and solved.converged:
-            record |= _slopes(solved.slopes, slopes(parameters, p))
-        if solved.converged:
-            knots.append(knot(u, solved, contacts=piece.contact is not None, q=q))
-        records.append(record | {"seconds": time.perf_counter() - begin})
+    knots, records = list(known), []
+    for index in range(len(piece.u)):
+        row = _solve_row(solver, piece, index, knots)
+        records.append(_record(solver.facts, skin, piece, index, row))
+        if row.solved.converged:
+            knots.append(row.knot)
         tally.add_one()
     return records, knots
+
+
+def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) -> Solved:
+    begin, facts, u = time.perf_counter(), solver.facts, piece.u[index]
+    n_a, parameters = facts.rows.n_a, sampled(facts.parameters)
+    if piece.contact:
+        (asked, X), p = piece.contact.actuation(u, facts.patch, facts.compliance), np.zeros(0)
+    else:
+        asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
+        p = drawn(parameters, u[n_a:])
+    q = place(parameters, p)
+    solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
+    known = knot(u, solved, contacts=piece.contact is not None, q=q) if solved.converged else None
+    return Solved(asked, X, p, solved, known, time.perf_counter() - begin)
+
+
+def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> Seen:
+    yields = solved.skin_response
+    return Seen(
+        solved.state.x[nodes] - rest,
+        solved.response[nodes][:, :, : solved.n_a],
+        solved.lambda_a,
+        None if yields is None else yields[nodes],
+    )
+
+
+def _again(solver: Solver, skin: Skin, piece: Piece, index: int, row: Solved) -> Record:
+    """The record of a state of the skeleton with the rows of the skin, at the cost of both times."""
+    if not row.solved.converged:
+        return _record(solver.facts, skin, piece, index, row)
+    begin, first = time.perf_counter(), row.solved
+    solved = solver.solve(row.asked, first.state, row.p)
+    solved = replace(
+        solved,
+        iterations=solved.iterations + first.iterations,
+        factorizations=solved.factorizations + first.factorizations,
+        steps=solved.steps + first.steps,
+    )
+    again = replace(row, solved=solved, seconds=row.seconds + time.perf_counter() - begin)
+    return _record(solver.facts, skin, piece, index, again)
 
 
 def _slopes(by_q: ParameterSlopes, dq_dp: np.ndarray) -> dict[str, np.ndarray]:
     """Columns of the derivatives by p, from those by its coordinates q."""
     by_p = {"dpsi_dp": by_q.psi, "dlambda_dp": by_q.lam, "ddelta_e_dp": by_q.delta_e}
+    by_p |= {"ddelta_s_dp": by_q.delta_s} if by_q.delta_s.size else {}
     return {name: (values * dq_dp).ravel() for name, values in by_p.items()}
 
 
@@ -110,9 +186,22 @@ def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation,
     return None if len(q) else nearest(knots, u)
 
 
-def _record(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> dict[str, Any]:
-    """One row of the dataset. held: the patch and its pose, where one holds the contact points. A failed solve has no
-    state: its columns stay empty and its reason says why."""
+def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, found: Solved) -> Record:
+    """One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
+    solved, parameters = found.solved, sampled(facts.parameters)
+    row = _state(piece, index, solved, None if found.X is None else (facts.patch, found.X))
+    if parameters:
+        row["p"] = found.p
+    if parameters and solved.converged:
+        row |= _slopes(solved.slopes, slopes(parameters, found.p))
+    if skin and solved.converged:
+        rms, largest = skin.left(solved.state.x[skin.nodes] - skin.rest)
+        row |= {"delta_s": solved.delta_s, "skin_rms": rms, "skin_max": largest}
+    return row | {"seconds": found.seconds}
+
+
+def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> Record:
+    """held: the patch and its pose, where one holds the contact points."""
     row: dict[str, Any] = {
         "id": piece.id[index],
         "split": piece.split[index],
@@ -139,7 +228,7 @@ def _record(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np
     if solved.converged and held:
         row |= {"delta_c": held[1], "lambda_c": condensed.lam[solved.n_a :]}
     if solved.converged and solved.dW is not None:
-        n = solved.condensed.rows.n_e + solved.n_a
+        n = solved.condensed.rows.c.start
         dW = solved.dW[: solved.n_a, :n, :n] if held is None else slopes_onto_patch(solved.condensed, solved.dW, *held)
         row["dW"] = pack_upper(dW).ravel()
     return row
@@ -147,7 +236,7 @@ def _record(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np
 
 def _without_contacts(condensed: Condensed) -> Condensed:
     """Where nothing holds the contact points."""
-    n = condensed.rows.n_e + condensed.rows.n_a
+    n = condensed.rows.c.start
     rows, n_a = replace(condensed.rows, contacts=()), condensed.rows.n_a
     return Condensed(rows, condensed.W[:n, :n], condensed.delta_free[:n], condensed.lam[:n_a])
 

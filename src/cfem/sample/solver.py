@@ -9,6 +9,8 @@ import numpy as np
 from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter
 from cfem.condensed.pose import Patch
+from cfem.condensed.skin import Skin
+from cfem.constraint.surface import Surface, outer_surface
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
@@ -27,7 +29,8 @@ class Facts:
     pose of the patch behind the actuators where there is one; patch: that holds the contact points, None where they are
     free. rows: its pose's coordinates are the contacts, if any; forces: (n_a, 2) smallest and largest multipliers, None
     where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
-    best starts from the nearest. robot: what the scene says of it, None where there is no scene."""
+    best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
+    scene's own robot, None where it has none."""
 
     scene: str
     rows: Rows
@@ -41,6 +44,7 @@ class Facts:
     forces: np.ndarray | None = None
     in_a_row: bool = False
     robot: Mapping[str, Any] | None = None
+    surface: Surface | None = None
 
 
 class Solver(Protocol):
@@ -49,6 +53,10 @@ class Solver(Protocol):
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         """Of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by the sampled
         parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
+
+    def watching(self, skin: Skin, pushed: bool = False) -> "Solver":
+        """The same, whose equilibria have the rows of the skin. pushed: instead of derivatives of W, they have how all
+        nodes yield to forces on these rows. Needs facts.surface."""
 
 
 # Built once in every process: picklable to it.
@@ -103,40 +111,59 @@ class FiniteElements:
             robot.forces,
             problem.kinematics.row is not None,
             robot_of(self.scene),
+            outer_surface(robot.X, robot.body.mesh.facets),
         )
         return _FiniteElementSolver(facts, family, problem, settings, self.third_order)
 
 
 @dataclass(frozen=True)
 class _FiniteElementSolver:
-    """problem: of the scene's own robot."""
+    """problem: of the scene's own robot; skin: watched too, None where it is not; pushed: see `Solver.watching`."""
 
     facts: Facts
     family: Any
     problem: Any
     settings: Any
     third_order: bool
+    skin: Skin | None = None
+    pushed: bool = False
+
+    def watching(self, skin: Skin, pushed: bool = False) -> "_FiniteElementSolver":
+        problem = self._problem(self.problem.robot, skin, self.problem)
+        return replace(self, problem=problem, skin=skin, pushed=pushed, third_order=self.third_order and not pushed)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         from cfem.equilibrium.parameter_slopes import Sides
-        from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
 
         problem, sides = self.problem, ()
         if len(p):
-            problem = Problem(self.family.at(p), like=self.problem if self.family.alike else None)
+            problem = self._problem(self.family.at(p), self.skin, self.problem if self.family.alike else None)
             around = (self.family.around(p, index, _STEP) for index in range(len(p)))
             sides = [
-                Sides(Problem(behind, like=problem), Problem(ahead, like=problem), width)
+                Sides(self._problem(behind, self.skin, problem), self._problem(ahead, self.skin, problem), width)
                 for behind, ahead, width in around
             ]
         # states of other shapes are told by how far nodes are from their rest, put upon the reference's rest
         shift = problem.rest - self.problem.rest
-        if not shift.any():
-            return solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
-        start = None if start is None else replace(start, x=start.x + shift)
-        found = solve(problem, actuation, start, settings=self.settings, third_order=self.third_order, sides=sides)
-        return replace(found, state=replace(found.state, x=found.state.x - shift))
+        moved = bool(shift.any())
+        start = start if start is None or not moved else replace(start, x=start.x + shift)
+        found = solve(
+            problem,
+            actuation,
+            start,
+            settings=self.settings,
+            third_order=self.third_order,
+            sides=sides,
+            skin_response=self.pushed,
+        )
+        return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
+
+    def _problem(self, robot: Any, skin: Skin | None, like: Any) -> Any:
+        from cfem.equilibrium.problem import Problem
+        from cfem.equilibrium.skinned import skinned
+
+        return Problem(robot if skin is None else skinned(robot, skin), like=like)
 
 
 def row_units(robot: Any, turns: bool | None = None) -> tuple[tuple[str, str], ...]:

@@ -93,6 +93,24 @@ class ContactSpec(Spec):
         return self
 
 
+class SkinSpec(Spec):
+    """Modes of the surface, from which the whole shape follows. Each is a row of W beside the effectors."""
+
+    tolerance: Length | None = Field(None, gt=0)
+    """Largest distance of a surface node from where the modes put it, in skeleton states that had no part in them.
+    0.02 % of the robot's length unless given."""
+    modes: int | None = Field(None, ge=1, le=100)
+    """Number of modes, instead of a tolerance."""
+    largest: int = Field(32, ge=1, le=100)
+    """Largest number of modes that a tolerance may take."""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "SkinSpec":
+        if self.modes is not None and self.tolerance is not None:
+            raise ValueError("modes: the tolerance decides their number; leave one of them out")
+        return self
+
+
 class SampleSpec(Spec):
     """Which equilibria `cfem sample` solves, and where it stores them. Young's modulus of a robot of one material
     without loads need not vary: W ~ 1/E and lambda ~ E are exact."""
@@ -117,6 +135,8 @@ class SampleSpec(Spec):
     """Numbers of the scene, by a name, that are drawn with the actuation."""
     third_order: bool = False
     """Whether to record dW/dlambda too. Energy models learn from it; it costs no factorisation."""
+    skin: SkinSpec | None = SkinSpec()
+    """Modes of the surface, for shapes without finite elements. Null leaves them out."""
     until: Until | None = None
     """Sample until a stated error instead of a stated number of rows."""
     contact: ContactSpec | None = None

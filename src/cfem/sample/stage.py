@@ -14,7 +14,7 @@ from cfem.sample.parameters import scene_parameters
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
 
-VERSION = 6
+VERSION = 7
 
 
 def run(

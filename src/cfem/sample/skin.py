@@ -1,0 +1,117 @@
+"""The modes of a robot's surface: principal components of what its skeleton's states show of it.
+
+Snapshots are, at the surface nodes and weighted by their shares of it: the displacements of every state; what one
+standard deviation of each actuator's force adds to them, to first order; and, in a few of the states, how the surface
+yields to forces on patches spread over it. Displacements decide, responses make the modes fit for contact and
+vibration: HALF of the actuators' size, and a HUNDREDTH, in total, of all displacements for the patches.
+
+How many modes are enough is judged by displacements of states that were left out, a quarter of them at a time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.condensed.skin import Skin
+from cfem.constraint.surface import Surface
+from cfem.sample.spec import SkinSpec
+
+PATCHES, PROBED = 24, 6  # patches of the surface, and states in which they are pushed
+HALF, HUNDREDTH = 0.5, 0.01
+FOLDS = 4
+TOLERANCE = 2e-4  # of the robot's length
+NOTHING = 1e-9  # of the strongest mode: the share of one that is rounding
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one state shows of the surface. displacements (m, 3) mm; by_force (m, 3, n_a) mm/N; forces (n_a,) N; yields
+    (m, 3, p) mm/N to forces on patches, None where they were not pushed."""
+
+    displacements: np.ndarray
+    by_force: np.ndarray
+    forces: np.ndarray
+    yields: np.ndarray | None = None
+
+
+def probed(count: int) -> np.ndarray:
+    """Which of `count` states of a walk have their patches pushed."""
+    return np.unique(np.linspace(0, count - 1, min(PROBED, count)).round().astype(int))
+
+
+def patches(surface: Surface) -> Skin:
+    """Mean positions of patches spread over the surface, x, y and z of each as a row: a skin to push at."""
+    rest, centres = surface.rest, []
+    apart = np.linalg.norm(rest - rest.mean(axis=0), axis=1)
+    for _ in range(min(PATCHES, len(rest) // 4)):  # each the farthest from those before
+        centres.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.linalg.norm(rest - rest[centres[-1]], axis=1))
+    near = np.linalg.norm(rest[centres][:, None] - rest, axis=2) / apart.max()
+    bump = np.maximum(1 - near**2, 0) ** 2
+    bump /= (bump @ surface.weights)[:, None]
+    modes = np.einsum("pm,ij->pimj", bump, np.eye(3)).reshape(-1, len(rest), 3)
+    return Skin(surface.nodes, rest, surface.triangles, surface.weights, modes, np.zeros((1, 2)))
+
+
+def find_skin(surface: Surface, seen: list[Seen], spec: SkinSpec, length: float) -> Skin:
+    """length: mm, of the robot."""
+    root = np.sqrt(np.maximum(surface.weights, 1e-12 / len(surface.weights)))
+    snapshots, state = _snapshots(seen, root)
+    gram = snapshots.T @ snapshots
+    most = spec.modes or spec.largest
+    front = _front(snapshots, state, gram, root, len(seen), most)
+    count = most
+    if spec.modes is None:
+        enough = np.flatnonzero(front[1:, 1] <= (spec.tolerance or TOLERANCE * length))
+        count = int(enough[0]) + 1 if len(enough) else most
+    modes = _principal(snapshots, gram, np.arange(len(state)), count)
+    modes = (modes / np.repeat(root, 3)[:, None]).T.reshape(-1, len(root), 3)
+    return Skin(surface.nodes, surface.rest, surface.triangles, root**2, modes, front)
+
+
+def _snapshots(seen: list[Seen], root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(3 m, c), the displacements of all states first, and the state (c,) that each column is of."""
+    number = np.arange(len(seen))
+    displaced = np.stack([one.displacements for one in seen], axis=-1)
+    spread = np.std([one.forces for one in seen], axis=0)
+    by_force = np.concatenate([HALF * spread * one.by_force for one in seen], axis=-1)
+    pushed = [number for number, one in enumerate(seen) if one.yields is not None]
+    columns, state = [displaced, by_force], [number, np.repeat(number, len(spread))]
+    if pushed:
+        yields = np.concatenate([seen[one].yields for one in pushed], axis=-1)
+        size, reference = (np.linalg.norm(root[:, None, None] * one) for one in (yields, displaced))
+        columns.append(yields * (HUNDREDTH * reference / size if size > 0 else 0.0))
+        state.append(np.repeat(pushed, seen[pushed[0]].yields.shape[-1]))
+    stacked = root[:, None, None] * np.concatenate(columns, axis=-1)
+    return stacked.reshape(-1, stacked.shape[-1]), np.concatenate(state)
+
+
+def _principal(snapshots: np.ndarray, gram: np.ndarray, chosen: np.ndarray, most: int) -> np.ndarray:
+    """(3 m, k <= most) orthonormal modes of the chosen columns, the strongest first, each with its largest entry
+    positive."""
+    sizes, mixes = np.linalg.eigh(gram[np.ix_(chosen, chosen)])
+    sizes, mixes = sizes[::-1][:most], mixes[:, ::-1][:, :most]
+    mixes = mixes[:, sizes > NOTHING**2 * max(sizes[0], np.finfo(float).tiny)]
+    modes, upper = np.linalg.qr(snapshots[:, chosen] @ mixes)
+    modes = modes[:, np.abs(np.diag(upper)) > 0]
+    largest = np.abs(modes).argmax(axis=0)
+    return modes * np.sign(modes[largest, np.arange(modes.shape[1])])
+
+
+def _front(
+    snapshots: np.ndarray, state: np.ndarray, gram: np.ndarray, root: np.ndarray, states: int, most: int
+) -> np.ndarray:
+    """(most + 1, 2) as `Skin.front`."""
+    square, largest = np.zeros(most + 1), np.zeros(most + 1)
+    folds = min(FOLDS, states)
+    for fold in range(folds):
+        chosen = np.flatnonzero(state % folds != fold) if folds > 1 else np.arange(len(state))
+        modes = _principal(snapshots, gram, chosen, most)
+        left = snapshots[:, fold:states:folds].copy()
+        for count in range(most + 1):
+            if 0 < count <= modes.shape[1]:
+                mode = modes[:, count - 1]
+                left -= np.outer(mode, mode @ left)
+            apart = (left.reshape(len(root), 3, -1) ** 2).sum(axis=1)
+            square[count] += apart.sum()
+            largest[count] = max(largest[count], np.sqrt((apart / root[:, None] ** 2).max()))
+    return np.column_stack([np.sqrt(square / states), largest])
