@@ -9,6 +9,7 @@ from cfem.condensed.given import vector
 from cfem.condensed.packing import upper_indices
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
+from cfem.export.c_series import Group, trees_of
 from cfem.export.spec import ControllerSpec, CSpec
 from cfem.predict.energy import layout
 from cfem.predict.load import build
@@ -27,16 +28,6 @@ class Layer:
     weight: np.ndarray
     step: np.ndarray | None
     bias: np.ndarray
-
-
-@dataclass(frozen=True)
-class Group:
-    """Terms of a series up to `end` that share all degrees but the last; depth: the coordinate from which on their sums
-    are complete."""
-
-    end: int
-    depth: int
-    degrees: list[int]
 
 
 @dataclass(frozen=True)
@@ -60,9 +51,11 @@ class Surrogate:
         )
 
 
-def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
-    """The model's constants, and the values (n_p,) of its parameters. InputError for a model that the C controller
-    cannot hold."""
+def surrogate(
+    meta: dict, arrays: dict[str, np.ndarray], spec: CSpec, others: dict[str, np.ndarray] | None = None
+) -> tuple[Surrogate, np.ndarray]:
+    """The model's constants, and the values (n_p,) of its parameters; others: series by name, (outputs, M) on the
+    model's basis, to be had beside its own. InputError for a model that the C controller cannot hold."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no C code", do=f"train kind: {', '.join(KINDS)}, or export ONNX")
     if meta["kind"] == "serial" and meta["module"]["kind"] != "spectral":
@@ -73,15 +66,23 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
         raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
     p = vector(predictor.parameters, spec.parameters, "c.parameters")
-    kinds = {"spectral": _spectral, "mlp": _mlp, "serial": _serial}
-    return kinds[meta["kind"]](predictor, arrays, p, spec), p
+    if meta["kind"] == "mlp":
+        return _mlp(predictor, arrays, p, spec), p
+    kinds = {"spectral": _spectral, "serial": _serial}
+    return kinds[meta["kind"]](predictor, arrays, p, spec, others or {}), p
 
 
 def _softer(predictor: Predictor, p: np.ndarray) -> float:
     return float(predictor.softer(p)) if len(p) else 1.0
 
 
-def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
+def _spectral(
+    predictor: Predictor,
+    arrays: dict[str, np.ndarray],
+    p: np.ndarray,
+    spec: CSpec,
+    others: dict[str, np.ndarray],
+) -> Surrogate:
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     softer, scalar = _softer(predictor, p), np.dtype(spec.scalar if spec.scalar == "double" else "float32")
     parts = layout(n_a, n_e)
@@ -94,9 +95,9 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
     if predictor.form == "force":
         to_box = to_box * softer
     outputs = np.vstack([effector, compliance]) if spec.full else effector
-    series = {"potential": potential, "effector": outputs}
+    series = {"potential": potential, "effector": outputs, **others}
     kept = {name: np.flatnonzero((value != 0).any(axis=0)) for name, value in series.items()}
-    axes, trees = _trees(indices, kept)
+    axes, trees = trees_of(indices, kept)
     constants = {"cfem_to_box": to_box[axes], "cfem_offset": offset[axes]}
     for name, tree in trees.items():
         constants[f"cfem_{name}"] = series[name][:, tree.order].T.ravel().astype(scalar)  # term by term
@@ -109,61 +110,29 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
         "CFEM_SERIES_NE": n_e,
         "CFEM_SERIES_OUTPUTS": len(outputs),
         "CFEM_NZ": len(axes),
-        "CFEM_DEGREE": max(int(indices[np.union1d(*kept.values())].max(initial=1)), 1),
+        "CFEM_DEGREE": max(int(indices[np.concatenate([*kept.values()])].max(initial=1)), 1),
         **{f"CFEM_{name.upper()}_GROUPS": len(tree.groups) for name, tree in trees.items()},
     }
     return Surrogate(sizes, constants, [], {name: tree.groups for name, tree in trees.items()}, predictor)
 
 
-def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
+def _serial(
+    predictor: SerialPredictor,
+    arrays: dict[str, np.ndarray],
+    p: np.ndarray,
+    spec: CSpec,
+    others: dict[str, np.ndarray],
+) -> Surrogate:
     """The module's series, and what the modules are beside it."""
     if spec.full:
         raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
-    module = _spectral(predictor.module, arrays, p, spec)
+    module = _spectral(predictor.module, arrays, p, spec, others)
     softer = np.asarray(predictor.meta["softer"], float)
     return replace(
         module,
         defines={**module.defines, "CFEM_SERIAL": 1, "CFEM_MODULES": len(softer)},
         arrays={**module.arrays, "cfem_softer": softer, "cfem_module_rest": predictor.module.rest_e[:3]},
         reference=predictor,
-    )
-
-
-@dataclass(frozen=True)
-class Tree:
-    """order (M,) of the terms, by degree in the first coordinate, then in the second, ...; groups of terms that differ
-    in the last coordinate only."""
-
-    order: np.ndarray
-    groups: list[Group]
-
-
-def _trees(indices: np.ndarray, kept: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, Tree]]:
-    """Of the terms `kept` of each series: the order of the coordinates (n,), the same for all, that makes the fewest
-    groups among those that differ in which is last."""
-    n = indices.shape[1]
-    best = None
-    for last in range(n):
-        axes = np.array([*(i for i in range(n) if i != last), last])
-        trees = {name: _tree(indices[:, axes], terms) for name, terms in kept.items()}
-        count = sum(len(tree.groups) for tree in trees.values())
-        if best is None or count < best[0]:
-            best = count, axes, trees
-    return best[1:]
-
-
-def _tree(indices: np.ndarray, kept: np.ndarray) -> Tree:
-    order = kept[np.lexsort(indices[kept].T[::-1])]
-    others = indices[order][:, :-1]
-    apart = others[1:] != others[:-1]
-    ends = np.append(np.flatnonzero(apart.any(axis=1)) + 1, len(order))
-    # What a group adds to is complete from the first coordinate in which the next group differs.
-    return Tree(
-        order,
-        [
-            Group(int(end), int(apart[end - 1].argmax()) if end < len(order) else 0, others[end - 1].tolist())
-            for end in ends
-        ],
     )
 
 

@@ -1,0 +1,141 @@
+"""The robot in a file: one page that runs anywhere, with the C controller as WebAssembly and this robot as data."""
+
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.core.shown import length
+from cfem.export.c_constants import Surrogate, controller, surrogate
+from cfem.export.embedding import Embedding
+from cfem.export.page_block import block
+from cfem.export.page_body import Body, body, lines
+from cfem.export.page_data import Fixed, pack
+from cfem.export.spec import CSpec
+from cfem.predict.protocol import Predictor
+
+ASSETS = files("cfem.export") / "web"
+SCRIPTS = ("data.js", "robot.js", "scene.js", "words.js", "reach.js", "hands.js", "app.js")
+KINDS = ("spectral", "serial")
+EXACT = 1e-7  # mm: about what rounding moves a point by
+POINT = ("x", "y", "z")
+
+
+def page(
+    meta: dict, arrays: dict[str, np.ndarray], spec: CSpec, skin: Any, series: np.ndarray, robot: Embedding
+) -> str:
+    """The whole file. skin: rest (n, 3) mm, triangles (t, 3), modes (k, n, 3); series: (k, M) of its rows, on the
+    model's basis. InputError where the page has no room for the robot."""
+    if meta["kind"] not in KINDS:
+        raise InputError(f"kind {meta['kind']!r} has no page", do=f"train kind: {' or '.join(KINDS)}")
+    if robot.rest_e is not None:
+        meta = {**meta, "rest_e": robot.rest_e.tolist()}
+    spec = spec.model_copy(update={"scalar": "double", "full": False})
+    model, p = surrogate(meta, arrays, spec, {"skin": series})
+    predictor = model.reference
+    points = watched(predictor)
+    chosen = spec.controller
+    if chosen.weights is None:
+        weights = np.isin(np.arange(predictor.rows.n_e), [row for one in points for row in range(*one["rows"])])
+        chosen = chosen.model_copy(update={"weights": weights.astype(float).tolist()})
+    defines, constants = controller(predictor, p, chosen, "double", robot.pressures)
+    drawn = body(skin.rest, skin.modes, skin.triangles, lines(meta["robot"], predictor.length))
+    said = {
+        "actuators": actuators(predictor, constants),
+        "points": points,
+        "rest_e": predictor.rest_e.tolist(),
+        "skin": len(skin.modes),
+        "length": predictor.length,
+        "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
+        "command": chosen.command,
+        "tolerance": float(chosen.tolerance),
+        "paced": chosen.rate is not None or chosen.force_rate is not None,
+    }
+    data = {
+        "code": (ASSETS / "cfem.wasm").read_bytes(),
+        "block": block(model, defines, constants, len(skin.modes)),
+        "rest": Fixed(drawn.rest, np.array([max(np.abs(drawn.rest).max() / 2**30, EXACT / 4)])),
+        "modes": Fixed(drawn.modes, steps(drawn, model, meta)),
+        "triangles": drawn.triangles,
+        "states": predictor.domain.states[:, : predictor.rows.n_a],
+    }
+    return fill(said, data, meta["scene"], about(meta, predictor))
+
+
+def watched(predictor: Predictor) -> list[dict[str, Any]]:
+    """The points that can be dragged: name, first row and the row behind the last. InputError where there is none."""
+    found = []
+    names = predictor.rows.effectors
+    for row in range(len(names) - 2):
+        name, _, axis = names[row].rpartition(".")
+        if axis == "x" and names[row : row + 3] == tuple(f"{name}.{one}" for one in POINT):
+            found.append({"name": name, "rows": [row, row + 3]})
+    if not found:
+        raise InputError("no effector is a point with rows x, y and z, so there is no goal to drag")
+    return found
+
+
+def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """delta: smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force of
+    any training state, which the colours end at."""
+    scale, found = float(np.abs(constants["cfem_domain_lambda_a"]).max()), []
+    for i, name in enumerate(predictor.rows.actuators):
+        cable = predictor.actuator_units[i][0] == "mm"
+        low, high = (constants[f"cfem_lambda_{end}"][i] for end in ("low", "high"))
+        found.append(
+            {
+                "name": name,
+                "kind": "cable" if cable else "chamber",
+                "unit": "mm" if cable else "mm³",
+                "forceUnit": "N" if cable else "kPa",
+                "forceFactor": 1 if cable else 1000,
+                "delta": [float(constants[f"cfem_delta_{end}"][i]) for end in ("low", "high")],
+                "lambda": [float(one) if np.isfinite(one) else None for one in (low, high)],
+                "scale": scale,
+            }
+        )
+    return found
+
+
+def steps(drawn: Body, model: Surrogate, meta: dict) -> np.ndarray:
+    """(k,) of each mode, so fine that its rounding moves no point by more than a part of EXACT where the model was
+    trained."""
+    terms = np.asarray(model.arrays["cfem_skin"]).reshape(-1, len(drawn.modes))
+    largest = np.abs(terms).sum(axis=0)  # |T_k| <= 1 on the box
+    finest = np.abs(drawn.modes).max(axis=(1, 2)) / 2**30
+    return np.maximum(EXACT / np.maximum(largest, 1e-12), np.maximum(finest, 1e-300))
+
+
+def about(meta: dict, predictor: Predictor) -> str:
+    """What the reader should know of the model."""
+    error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
+    known = ""
+    if error is not None:
+        known = f" Its tip is off the finite-element model's by at most {length(max(error, 1e-4))} in unseen states."
+    return (
+        f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "
+        "Nothing is sent anywhere. Made by cfem."
+    )
+
+
+def fill(said: dict[str, Any], data: dict[str, Any], title: str, words: str) -> str:
+    """The page of what is said and the arrays of `data`."""
+    packed = pack(said, data)
+    text = {
+        "title": escape(title),
+        "about": escape(words),
+        "style": _asset("page.css"),
+        "script": "".join(map(_asset, SCRIPTS)),
+        "bytes": packed.bytes,
+        "crc": packed.crc,
+        "data": packed.text,
+    }
+    first, *others = _asset("page.html").split("{{")
+    split = (one.partition("}}") for one in others)
+    return first + "".join(f"{text[name]}{rest}" for name, _, rest in split)
+
+
+def _asset(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")

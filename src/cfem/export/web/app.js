@@ -1,0 +1,206 @@
+// The page: what the pointer, the keys and the sliders do, and what is said.
+const $ = id => document.getElementById(id);
+const TICKS = 6; // a frame, until the robot stands still
+const MOST = 600; // ticks for one goal: where several actuations are as good, the last digits take their time
+const COLOURS = [[0.27, 0.45, 0.77], [0.16, 0.63, 0.62], [0.55, 0.76, 0.29], [0.97, 0.77, 0.23], [0.90, 0.29, 0.18]];
+const SLACK = [0.55, 0.58, 0.62];
+
+function colourOf(share) {
+  const at = Math.min(Math.max(share, 0), 1) * (COLOURS.length - 1), i = Math.min(Math.floor(at), COLOURS.length - 2);
+  return COLOURS[i].map((value, k) => value + (at - i) * (COLOURS[i + 1][k] - value));
+}
+const css = rgb => `rgb(${rgb.map(value => Math.round(255 * value)).join(" ")})`;
+
+function themeColours() {
+  const style = getComputedStyle(document.documentElement), out = {};
+  for (const name of ["ground", "body", "rim", "reach", "goal", "ink"]) {
+    const hex = style.getPropertyValue(`--${name}`).trim();
+    out[name] = [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16) / 255);
+  }
+  return out;
+}
+
+function bounds(places) {
+  const low = [Infinity, Infinity, Infinity], high = low.map(value => -value);
+  for (let i = 0; i < places.length; i++) { low[i % 3] = Math.min(low[i % 3], places[i]); high[i % 3] = Math.max(high[i % 3], places[i]); }
+  return { low, high };
+}
+
+function start(robot) {
+  const { said } = robot, canvas = $("view"), scene = makeScene(canvas, robot);
+  const state = { byHand: false, status: 0, moving: true, theme: themeColours(), camera: null, dragged: null, still: 0, ticks: 0, quick: false, shown: true };
+  const reach = makeReach(robot);
+  robot.home();
+  robot.shape();
+  scene.setReach(reach.places, reach.lines);
+
+  // The view: the whole body and the reach, seen from where the reach is widest.
+  function firstCamera() {
+    const all = [...robot.drawn, ...reach.places], { low, high } = bounds(all), centre = low.map((value, i) => (value + high[i]) / 2);
+    const spread = azimuth => {
+      const { right, up } = axesOf({ azimuth, elevation: 14 }), box = [Infinity, -Infinity, Infinity, -Infinity];
+      for (let i = 0; i < reach.places.length; i += 3) {
+        const p = [...reach.places.slice(i, i + 3)], u = dot(right, p), v = dot(up, p);
+        box[0] = Math.min(box[0], u); box[1] = Math.max(box[1], u); box[2] = Math.min(box[2], v); box[3] = Math.max(box[3], v);
+      }
+      return reach.places.length ? (box[1] - box[0]) * (box[3] - box[2]) : 0;
+    };
+    let azimuth = 40;
+    for (const one of [40, 22, -22, -40, 65, -65, 115, 140, 160, -140]) if (spread(one) > 1.02 * spread(azimuth)) azimuth = one;
+    const camera = { azimuth, elevation: 14, height: 1, centre, size: Math.hypot(...high.map((value, i) => value - low[i])) };
+    const { right, up } = axesOf(camera);
+    let u = 0, v = 0;
+    for (let i = 0; i < all.length; i += 3) {
+      const p = add([all[i], all[i + 1], all[i + 2]], centre, -1);
+      u = Math.max(u, Math.abs(dot(right, p))); v = Math.max(v, Math.abs(dot(up, p)));
+    }
+    const aspect = canvas.clientWidth / canvas.clientHeight || 1;
+    camera.height = 2.25 * Math.max(v, u / aspect);
+    return camera;
+  }
+  state.camera = firstCamera();
+
+  const goals = said.points.map(one => ({ ...one, get place() { return [...robot.goal.slice(...one.rows)]; }, get tip() { return [...robot.x_e.slice(...one.rows)]; } }));
+  const missed = () => Math.max(...goals.map(one => Math.hypot(...add(one.place, one.tip, -1))));
+  const wake = () => { state.moving = true; state.still = state.ticks = 0; state.shown = true; };
+  const follow = () => { if (state.byHand) { state.byHand = false; showMode(); } wake(); };
+  function moveGoal(one, place) { robot.goal.set(place, one.rows[0]); follow(); }
+
+  // --- the panel
+  const rows = said.actuators.map((actuator, i) => {
+    const box = document.createElement("div"), by = said.command === "force";
+    const [low, high] = by ? [actuator.lambda[0] ?? 0, actuator.lambda[1] ?? actuator.scale] : actuator.delta;
+    box.className = "actuator";
+    box.innerHTML = `<label for="a${i}"><b></b><span></span></label><input id="a${i}" type="range"><em></em>`;
+    box.querySelector("b").textContent = actuator.name;
+    const slider = box.querySelector("input");
+    Object.assign(slider, { min: low, max: high, step: (high - low) / 1000 });
+    slider.addEventListener("input", () => {
+      state.byHand = true;
+      const before = [[...robot.delta_a], [...robot.lambda_a]];
+      const status = robot.set(rows.map(one => Number(one.slider.value)), by);
+      if (status & ~STATUS.OUTSIDE) { robot.delta_a.set(before[0]); robot.lambda_a.set(before[1]); }
+      else for (const one of goals) robot.goal.set(one.tip, one.rows[0]);
+      state.status = status;
+      showMode(); wake();
+    });
+    $("actuators").append(box);
+    return { slider, box, said: box.querySelector("span"), limit: box.querySelector("em"), by };
+  });
+  const scale = Math.max(...said.actuators.map(one => one.scale));
+  const factor = said.actuators[0].forceFactor;
+  $("legend").children[0].textContent = "0";
+  $("legend").children[1].style.background = `linear-gradient(to right, ${COLOURS.map(css).join(", ")})`;
+  $("legend").children[2].textContent = `${short(scale * factor, 1)} ${said.actuators[0].forceUnit}`;
+  $("what").textContent = said.actuators.every(one => one.kind === "cable") ? "Tension of the cables" : "Pressure in the chambers";
+
+  function showMode() {
+    $("follow").setAttribute("aria-pressed", String(!state.byHand));
+    $("hand").setAttribute("aria-pressed", String(state.byHand));
+  }
+
+  let lastSaid = "";
+  function tell() {
+    const limits = [], binding = !state.byHand && missed() > 0.01;
+    said.actuators.forEach((actuator, i) => {
+      const row = rows[i], limit = limitOf(actuator, robot.delta_a[i], robot.lambda_a[i]);
+      row.said.textContent = `${short(robot.delta_a[i])} ${actuator.unit} · ${short(robot.lambda_a[i] * actuator.forceFactor)} ${actuator.forceUnit}`;
+      row.limit.textContent = limit; row.limit.hidden = !limit;
+      row.limit.className = binding ? "binding" : "";
+      row.box.style.setProperty("--force", css(forceColour(i)));
+      if (!state.byHand) row.slider.value = row.by ? robot.lambda_a[i] : robot.delta_a[i];
+      row.slider.setAttribute("aria-valuetext", row.said.textContent + (limit ? `, ${limit}` : ""));
+      if (limit) limits.push(`${actuator.name} is ${limit}`);
+    });
+    const [kind, words] = sentence(state.status, missed(), state.quick && !state.byHand, state.byHand, limits.slice(0, 3));
+    if (words !== lastSaid) { lastSaid = $("words").textContent = words; $("status").className = kind; }
+    $("note").textContent = aside(state.status);
+    goals.forEach((one, k) => [one.place, one.tip].forEach((place, column) => place.forEach((value, i) => {
+      $("places").tBodies[k].rows[i].cells[column + 1].textContent = short(value);
+    })));
+  }
+  const forceColour = i => (robot.lambda_a[i] <= 1e-3 * scale ? SLACK : colourOf(robot.lambda_a[i] / scale));
+  for (const one of goals) {
+    const body = document.createElement("tbody");
+    "xyz".split("").forEach(axis => { body.insertRow().innerHTML = `<th scope="row">${goals.length > 1 ? `<span></span> ` : ""}${axis}</th><td></td><td></td>`; });
+    if (goals.length > 1) body.querySelectorAll("span").forEach(span => { span.textContent = one.name; });
+    $("places").append(body);
+  }
+
+  // --- every frame
+  let busy = 0;
+  function frame() {
+    requestAnimationFrame(frame);
+    if (!state.shown) return;
+    const begin = performance.now();
+    if (reach.more(8)) scene.setReach(reach.places, reach.lines);
+    if (state.moving && !state.byHand) step(said.paced ? 1 : TICKS);
+    robot.shape();
+    draw();
+    tell();
+    if (state.byHand) state.moving = false;
+    state.shown = state.moving || state.dragged !== null || !reach.done;
+    busy = performance.now() - begin;
+  }
+  function step(most) {
+    const from = goals.map(one => one.tip);
+    for (let k = 0; k < most; k++) {
+      const before = [...robot.delta_a];
+      state.status = robot.tick();
+      const moved = Math.max(...before.map((value, i) => Math.abs(value - robot.delta_a[i])));
+      state.still = moved <= said.tolerance ? state.still + 1 : 0;
+      if (state.still > 1 || ++state.ticks > MOST) { state.moving = false; break; }
+    }
+    state.quick = state.moving && Math.max(...goals.map((one, i) => Math.hypot(...add(one.tip, from[i], -1)))) > 1e-4 * said.length;
+    state.shown = true;
+  }
+  function draw() {
+    const lines = said.lines.map(line => {
+      const points = [];
+      for (let p = line.first; p < line.first + line.count; p++) points.push([...robot.drawn.subarray(3 * p, 3 * p + 3)]);
+      return [points, line.radius, forceColour(line.actuator)];
+    });
+    scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip, colour: state.theme.goal })) }, state.theme);
+  }
+  const again = () => { state.shown = true; };
+  canvas.addEventListener("pointerdown", () => { $("hint").classList.add("known"); });
+
+  pointers(canvas, scene, state, goals, moveGoal, again);
+  keys(canvas, state, goals, moveGoal, again);
+  $("follow").onclick = () => { follow(); showMode(); again(); };
+  $("hand").onclick = () => { state.byHand = true; showMode(); wake(); again(); };
+  $("home").onclick = () => { robot.home(); follow(); again(); };
+  $("camera").onclick = () => { state.camera = firstCamera(); again(); };
+  $("reach").onclick = () => { $("reach").setAttribute("aria-pressed", String($("reach").getAttribute("aria-pressed") !== "true")); again(); };
+  $("theme").onclick = () => {
+    const root = document.documentElement, dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+    root.dataset.theme = dark ? "light" : "dark";
+    state.theme = themeColours(); again();
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { state.theme = themeColours(); again(); });
+  new ResizeObserver(again).observe(canvas);
+  canvas.addEventListener("webglcontextlost", () => trouble("The graphics card let go of this page. Load it again."));
+  document.addEventListener("input", again);
+  document.addEventListener("visibilitychange", again);
+  showMode(); tell();
+  requestAnimationFrame(frame);
+  // For those who script the page, and for its tests.
+  document.documentElement.dataset.state = "ready";
+  window.cfem = { robot, state, scene, goals, moveGoal, step, draw, STATUS, busy: () => busy };
+}
+
+function trouble(words) {
+  $("page").hidden = true;
+  $("trouble").hidden = false;
+  $("trouble").textContent = words;
+  document.documentElement.dataset.state = "trouble";
+}
+
+addEventListener("DOMContentLoaded", async () => {
+  try {
+    const data = await unpack($("robot"));
+    $("trouble").hidden = true;
+    $("page").hidden = false;
+    start(await makeRobot(data));
+  } catch (error) { console.error(error); trouble(error instanceof TypeError || error instanceof RangeError || error instanceof ReferenceError ? CUT : error.message); }
+});

@@ -1,0 +1,270 @@
+/* The controller of ../c for a page: reads the robot from a block of bytes, ticks it, sets its actuators by hand, and gives the surface
+ * that its skin has there. No heap and no imports: the page lays its data behind __heap_base. */
+#include <stddef.h>
+
+
+
+#include "cfem_linear.h"
+#include "cfem_parts.h"
+
+#define SERVED(name) __attribute__((export_name(#name))) cfem_page_##name
+
+cfem_robot cfem_here;
+static cfem_controller controller;
+
+/* What the page reads and writes; the order is that of `FIELDS` in robot.js. */
+static struct {
+    double goal[CFEM_MOST_NE];
+    double delta_a[CFEM_MOST_NA], lambda_a[CFEM_MOST_NA]; /* of the command, or of the actuators set by hand */
+    double x_e[CFEM_MOST_NE];                             /* mm, absolute: where the model has the effectors */
+    double skin[CFEM_MOST_SKIN];                          /* mm */
+} io;
+
+double *SERVED(io)(void) { return &io.goal[0]; }
+
+/* --- the block: numbers of four bytes, then of eight, then the series -------------------------------------------------- */
+
+typedef struct {
+    const unsigned char *at, *end;
+    int good;
+} reader;
+
+/* `size` bytes; what follows begins at a multiple of eight. */
+static const void *take(reader *r, size_t size) {
+    static const double nothing[CFEM_MOST_NZ * CFEM_MOST_NZ];
+    const size_t padded = (size + 7) / 8 * 8;
+    const unsigned char *found = r->at;
+    if (padded > (size_t)(r->end - r->at)) {
+        r->good = 0;
+        return nothing;
+    }
+    r->at += padded;
+    return found;
+}
+
+static void numbers(reader *r, double *to, int count) {
+    const void *from = take(r, (size_t)count * sizeof *to);
+    if (r->good) __builtin_memcpy(to, from, (size_t)count * sizeof *to);
+}
+
+/* A matrix (rows, columns) into rows of CFEM_MOST_NA. */
+static void matrix(reader *r, double to[][CFEM_MOST_NA], int rows, int columns) {
+    for (int i = 0; i < rows; i++) numbers(r, to[i], columns);
+}
+
+static int between(reader *r, int least, int value, int most) {
+    r->good &= least <= value && value <= most;
+    return r->good;
+}
+
+static void a_series(reader *r, cfem_series *f, int outputs) {
+    const int32_t *sizes = take(r, 2 * sizeof *sizes);
+    if (!r->good || !between(r, 0, sizes[0], 1 << 16) || !between(r, 0, sizes[1], sizes[0])) return;
+    f->outputs = outputs, f->terms = sizes[0], f->groups = sizes[1];
+    f->coefficients = take(r, (size_t)f->terms * (size_t)outputs * sizeof *f->coefficients);
+    f->degrees = take(r, (size_t)f->terms);
+    f->group = take(r, (size_t)f->groups * sizeof *f->group);
+    for (int m = 0; r->good && m < f->terms; m++) between(r, 0, f->degrees[m], cfem_here.degree);
+    for (int g = 0, end = 0; r->good && g < f->groups; end = f->group[g++].end) {
+        between(r, end, f->group[g].end, f->terms);
+        between(r, 0, f->group[g].depth, cfem_here.n_z - 1);
+        for (int d = 0; r->good && d < cfem_here.n_z - 1; d++) between(r, 0, f->group[g].degrees[d], cfem_here.degree);
+    }
+    if (r->good && f->groups) between(r, f->terms, f->group[f->groups - 1].end, f->terms);
+}
+
+/* 0, or 1 where the block is not of a robot that this code has room for. It is not copied: it has to stay. */
+int SERVED(load)(const unsigned char *block, int size) {
+    reader r = {block, block + size, 1};
+    cfem_robot *const to = &cfem_here;
+    int *const counts = &to->kind;
+    const int32_t *head = take(&r, 16 * sizeof *head);
+    if (!r.good) return 1;
+    for (int i = 0; i < 14; i++) counts[i] = head[i];
+    const int skin = head[14], n_a = to->n_a, n_e = to->n_e;
+    between(&r, CFEM_KIND_SPECTRAL, to->kind, CFEM_KIND_SERIAL);
+    between(&r, 1, n_a, CFEM_MOST_NA), between(&r, 1, n_e, CFEM_MOST_NE);
+    between(&r, 1, to->n_z, CFEM_MOST_NZ), between(&r, 1, to->degree, CFEM_MOST_DEGREE);
+    between(&r, 0, skin, CFEM_MOST_SKIN), between(&r, 1, to->modules, CFEM_MOST_MODULES);
+    if (to->kind == CFEM_KIND_SERIAL)
+        between(&r, 6, to->series_n_e, 6), between(&r, n_a, to->modules * to->series_n_a, n_a), between(&r, 3, n_e, 3);
+    else
+        between(&r, n_e, to->series_n_e, n_e), between(&r, n_a, to->series_n_a, n_a);
+    between(&r, 0, to->observer, 2), between(&r, 0, to->observer_iterations, 100);
+    between(&r, 1, to->iterations, 50), between(&r, 0, to->halvings, CFEM_MOST_HALVINGS);
+    if (!r.good) return 1;
+    numbers(&r, &to->observer_tolerance, 5);
+    numbers(&r, to->rest_e, n_e), numbers(&r, to->effector_weight, n_e);
+    double *const by_actuator[] = {to->ridge,      to->damping,    to->lambda_low, to->lambda_high, to->delta_low,
+                                   to->delta_high, to->step_limit, to->delta_rate, to->lambda_rate, to->home};
+    for (size_t i = 0; i < sizeof by_actuator / sizeof *by_actuator; i++) numbers(&r, by_actuator[i], n_a);
+    matrix(&r, to->domain_delta_a, 2, n_a), matrix(&r, to->domain_lambda_a, 2, n_a);
+    matrix(&r, to->to_box, to->n_z, to->series_n_a), numbers(&r, to->offset, to->n_z);
+    numbers(&r, to->softer, to->modules), numbers(&r, to->module_rest, 3);
+    a_series(&r, &to->potential, 1);
+    a_series(&r, &to->effector, to->series_n_e);
+    a_series(&r, &to->skin, skin);
+    return !(r.good && r.at == r.end);
+}
+
+/* --- the skin ----------------------------------------------------------------------------------------------------------- */
+
+/* Values of a series at s, summed from the leaves as in cfem_spectral.c. out (outputs,). */
+static void values(const cfem_series *f, const double *s, double *out) {
+    double T[CFEM_MOST_NZ][CFEM_MOST_DEGREE + 1], sum[CFEM_MOST_NZ][CFEM_MOST_SKIN];
+    const int N = cfem_here.n_z, outputs = f->outputs;
+    for (int i = 0; i < N; i++) {
+        const double z = cfem_here.offset[i] + cfem_dot(cfem_here.series_n_a, cfem_here.to_box[i], s);
+        T[i][0] = 1.0, T[i][1] = z;
+        for (int k = 2; k <= cfem_here.degree; k++) T[i][k] = 2.0 * z * T[i][k - 1] - T[i][k - 2];
+        for (int o = 0; o < outputs; o++) sum[i][o] = 0.0;
+    }
+    for (int g = 0, m = 0; g < f->groups; g++) {
+        const cfem_group *group = f->group + g;
+        for (; m < group->end; m++)
+            for (int o = 0; o < outputs; o++)
+                sum[N - 1][o] += f->coefficients[m * outputs + o] * T[N - 1][f->degrees[m]];
+        for (int d = N - 2; d >= group->depth; d--)
+            for (int o = 0; o < outputs; o++)
+                sum[d][o] += T[d][group->degrees[d]] * sum[d + 1][o], sum[d + 1][o] = 0.0;
+    }
+    for (int o = 0; o < outputs; o++) out[o] = sum[0][o];
+}
+
+static struct {
+    int points, triangles;
+    const double *rest, *modes; /* (points, 3) mm; (skin, points, 3) */
+    const uint32_t *triangle;   /* (triangles, 3) */
+} surface;
+
+/* points (n, 3) that move with the skin, and the triangles between the first of them. */
+void SERVED(surface)(int points, int triangles, const double *rest, const double *modes, const uint32_t *triangle) {
+    surface.points = points, surface.triangles = triangles;
+    surface.rest = rest, surface.modes = modes, surface.triangle = triangle;
+}
+
+/* Where the skin is: io.skin, and x (points, 3) mm; drawn, normals: the same for a graphics card, normals of length one (0 of lone points). */
+void SERVED(shape)(double *x, float *drawn, float *normals) {
+    const int count = 3 * surface.points;
+    values(&cfem_here.skin, CFEM_FORM_DISPLACEMENT ? io.delta_a : io.lambda_a, io.skin);
+    __builtin_memcpy(x, surface.rest, (size_t)count * sizeof *x);
+    for (int k = 0; k < cfem_here.skin.outputs; k++) {
+        const double *mode = surface.modes + (size_t)k * (size_t)count, s = io.skin[k];
+        for (int i = 0; i < count; i++) x[i] += s * mode[i];
+    }
+    for (int i = 0; i < count; i++) drawn[i] = (float)x[i], normals[i] = 0.0f;
+    for (int t = 0; t < surface.triangles; t++) {
+        const uint32_t *corner = surface.triangle + 3 * t;
+        const float *a = drawn + 3 * corner[0], *b = drawn + 3 * corner[1], *c = drawn + 3 * corner[2];
+        float u[3], v[3];
+        for (int i = 0; i < 3; i++) u[i] = b[i] - a[i], v[i] = c[i] - a[i];
+        const float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+        for (int k = 0; k < 3; k++)
+            for (int i = 0; i < 3; i++) normals[3 * corner[k] + i] += n[i];
+    }
+    for (int p = 0; p < count; p += 3) {
+        float *n = normals + p;
+        const float length = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        if (length > 0.0f) n[0] /= length, n[1] /= length, n[2] /= length;
+    }
+}
+
+/* --- the robot, of which the page knows only this model ------------------------------------------------------------------ */
+
+static void show(const cfem_condensed *m) {
+    for (int e = 0; e < CFEM_NE; e++) io.x_e[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(CFEM_NA, m->W_ea[e], m->lambda_a);
+    for (int i = 0; i < CFEM_NA; i++) io.delta_a[i] = m->delta_a[i], io.lambda_a[i] = m->lambda_a[i];
+}
+
+/* The robot under forces: Newton's method begins where the controller stands. */
+static unsigned under(const double *lambda_a, cfem_condensed *m) {
+    double s[CFEM_MOST_NA];
+    if (!CFEM_FORM_DISPLACEMENT) return cfem_model(lambda_a, m);
+    for (int i = 0; i < CFEM_NA; i++) s[i] = controller.delta_a[i];
+    return cfem_find(lambda_a, s, m);
+}
+
+/* The robot whose actuators are set to delta_a. What would pull with less than its smallest force, or push a cable, has that force and
+ * goes where the others lead: lambda_a at the bound where delta_a is more than asked. Newton's method for d delta_a = W_aa d lambda_a,
+ * of which each actuator knows the one side or the other. */
+static unsigned set_to(const double *delta_a, cfem_condensed *m) {
+    const int n = CFEM_NA;
+    double s[CFEM_MOST_NA], scale = 0.0, course = 0.0;
+    char slack[CFEM_MOST_NA] = {0};
+    for (int i = 0; i < n; i++) {
+        s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : controller.lambda_a[i];
+        scale = fmax(scale, fabs(cfem_domain_lambda_a[1][i])), course = fmax(course, fabs(cfem_domain_delta_a[1][i]));
+    }
+    for (int round = 0; round < 60; round++) {
+        double W[CFEM_MOST_NA][CFEM_MOST_NA], by_delta[CFEM_MOST_NA], by_lambda[CFEM_MOST_NA], left = 0.0;
+        const unsigned status = cfem_model(s, m);
+        if (status) return status;
+        for (int i = 0; i < n; i++) {
+            if (m->lambda_a[i] < cfem_lambda_low[i] - 1e-9 * scale) slack[i] = 1;
+            if (slack[i] && m->delta_a[i] < delta_a[i] - 1e-9 * course) slack[i] = 0;
+            by_delta[i] = slack[i] ? 0.0 : delta_a[i] - m->delta_a[i];
+            by_lambda[i] = slack[i] ? cfem_lambda_low[i] - m->lambda_a[i] : 0.0;
+            left = fmax(left, fmax(fabs(by_delta[i]) / course, fabs(by_lambda[i]) / scale));
+        }
+        if (left <= 1e-11) return CFEM_OK;
+        for (int i = 0; i < n; i++) { /* W of those whose delta_a is known; the others' rows and columns are of the identity */
+            for (int j = 0; j < n; j++) W[i][j] = slack[i] || slack[j] ? i == j : m->W_aa[i][j];
+            for (int j = 0; j < n && !slack[i]; j++) by_delta[i] -= m->W_aa[i][j] * by_lambda[j];
+        }
+        if (cfem_invert(n, CFEM_MOST_NA, &W[0][0])) return CFEM_NO_MODEL;
+        double d_lambda[CFEM_MOST_NA];
+        for (int i = 0; i < n; i++) d_lambda[i] = slack[i] ? by_lambda[i] : cfem_dot(n, W[i], by_delta);
+        for (int i = 0; i < n; i++) s[i] += CFEM_FORM_DISPLACEMENT ? cfem_dot(n, m->W_aa[i], d_lambda) : d_lambda[i];
+    }
+    return CFEM_NOT_FOUND;
+}
+
+static unsigned outside(const cfem_condensed *m) {
+    for (int i = 0; i < CFEM_NA; i++)
+        if (m->delta_a[i] < cfem_domain_delta_a[0][i] || m->delta_a[i] > cfem_domain_delta_a[1][i] ||
+            m->lambda_a[i] < cfem_domain_lambda_a[0][i] || m->lambda_a[i] > cfem_domain_lambda_a[1][i])
+            return CFEM_OUTSIDE;
+    return CFEM_OK;
+}
+
+/* The start; io.goal is where the effectors are. */
+void SERVED(home)(void) {
+    cfem_init(&controller);
+    cfem_condensed m;
+    cfem_model(cfem_home, &m);
+    show(&m);
+    for (int e = 0; e < CFEM_NE; e++) io.goal[e] = io.x_e[e];
+}
+
+/* One tick towards io.goal; the status is the controller's. */
+unsigned SERVED(tick)(void) {
+    cfem_input in;
+    cfem_output out;
+    cfem_condensed m;
+    in.measured = 0;
+    for (int e = 0; e < CFEM_NE; e++) in.goal[e] = io.goal[e];
+    for (int i = 0; i < CFEM_NA; i++) in.delta_a[i] = io.delta_a[i];
+    const unsigned status = cfem_step(&controller, &in, &out);
+    if (CFEM_HALVINGS && controller.stands) {
+        show(&controller.at);
+        return status;
+    }
+    const unsigned there = CFEM_COMMAND_FORCE ? under(out.lambda_a, &m) : set_to(out.delta_a, &m);
+    if (!(there & CFEM_NO_MODEL)) show(&m);
+    return status | there;
+}
+
+/* The robot with io.delta_a, or io.lambda_a (by_force), and the controller there; nothing changes where the model knows no such
+ * state (CFEM_NO_MODEL, CFEM_NOT_FOUND). keep: 0 to look only, the controller stays. */
+unsigned SERVED(set)(int by_force, int keep) {
+    cfem_condensed m;
+    const unsigned status = by_force ? under(io.lambda_a, &m) : set_to(io.delta_a, &m);
+    if (status) return status;
+    show(&m);
+    if (keep) {
+        for (int i = 0; i < CFEM_NA; i++) controller.delta_a[i] = m.delta_a[i], controller.lambda_a[i] = m.lambda_a[i];
+        for (int e = 0; e < CFEM_NE; e++) controller.reference[e] = io.x_e[e];
+        controller.at = m, controller.stands = 1;
+    }
+    return outside(&m);
+}

@@ -1,0 +1,47 @@
+// The robot in WebAssembly: its controller, its model, the surface that its skin gives. Lengths in mm; forces in N or MPa.
+const ROOM = { effector: 12, actuator: 8, skin: 40 };
+const STATUS = { LIMITED: 1, SOFTENED: 2, OUTSIDE: 4, NOT_FOUND: 8, HELD: 16, BAD_INPUT: 32, NO_MODEL: 64, NO_QP: 128 };
+
+async function makeRobot({ said, arrays }) {
+  if (typeof WebAssembly === "undefined") throw new Error("This page needs WebAssembly, which this browser lacks or has switched off, so nothing is drawn.");
+  const { instance } = await WebAssembly.instantiate(arrays.code, {});
+  const code = instance.exports, memory = code.memory;
+  let free = code.__heap_base.value;
+  const reserve = bytes => {
+    const at = Math.ceil(free / 16) * 16;
+    free = at + bytes;
+    const short = free - memory.buffer.byteLength;
+    if (short > 0) memory.grow(Math.ceil(short / 65536));
+    return at;
+  };
+  const put = array => {
+    const at = reserve(array.byteLength);
+    new Uint8Array(memory.buffer, at, array.byteLength).set(new Uint8Array(array.buffer, array.byteOffset, array.byteLength));
+    return at;
+  };
+  const points = arrays.rest.length / 3, triangles = arrays.triangles.length / 3;
+  if (code.load(put(arrays.block), arrays.block.length)) throw new Error(CUT);
+  code.surface(points, triangles, put(arrays.rest), put(arrays.modes), put(arrays.triangles));
+  const places = { x: reserve(24 * points), drawn: reserve(12 * points), normals: reserve(12 * points) };
+  // No more memory from here on: views stay valid.
+  const buffer = memory.buffer, n_a = said.actuators.length, n_e = said.rest_e.length;
+  let at = code.io();
+  const field = (room, used) => { const view = new Float64Array(buffer, at, used); at += 8 * room; return view; };
+  const robot = {
+    said, n_a, n_e, points, triangles: arrays.triangles,
+    goal: field(ROOM.effector, n_e), delta_a: field(ROOM.actuator, n_a), lambda_a: field(ROOM.actuator, n_a),
+    x_e: field(ROOM.effector, n_e), skin: field(ROOM.skin, said.skin),
+    states: arrays.states, x: new Float64Array(buffer, places.x, 3 * points), drawn: new Float32Array(buffer, places.drawn, 3 * points),
+    normals: new Float32Array(buffer, places.normals, 3 * points),
+    home: () => code.home(),
+    tick: () => code.tick(),
+    // Actuators by hand, lengths and volumes or (byForce) tensions and pressures; keep: the controller goes on from there.
+    set: (values, byForce = false, keep = true) => {
+      (byForce ? robot.lambda_a : robot.delta_a).set(values);
+      return code.set(byForce ? 1 : 0, keep ? 1 : 0);
+    },
+    shape: () => { code.shape(places.x, places.drawn, places.normals); },
+  };
+  robot.home();
+  return robot;
+}

@@ -1,0 +1,62 @@
+"""The file of a page, without a browser: what is inside, and what is refused."""
+
+import re
+
+import numpy as np
+import pytest
+from export.embedded import network, serial, spectral
+from export.pages import ROBOTS, page_of, skin_series, tube
+from export.test_page_data import unpacked
+
+from cfem.core.errors import InputError
+from cfem.export.embedding import Embedding
+from cfem.export.page import page
+from cfem.export.page_data import Packed
+from cfem.export.spec import CSpec
+
+
+def content(text: str) -> tuple[dict, dict[str, bytes]]:
+    found = re.search(r'<script id="robot"[^>]*data-bytes="(\d+)" data-crc="(\d+)">([^<]*)</script>', text)
+    return unpacked(Packed(found[3], int(found[1]), int(found[2])))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_it_is_one_file_that_asks_for_nothing(name):
+    text = page_of(name)
+    assert len(text) < 250_000
+    assert not re.search(r"""(src|href)=|https?:|url\(|@import|fetch\(""", text)
+    assert "{{" not in text and "}}" not in re.sub(r"<script>.*?</script>|<style>.*?</style>", "", text, flags=re.S)
+    said, arrays = content(text)
+    assert arrays["code"][:4] == b"\0asm" and said["points"] == [{"name": "tip", "rows": [0, 3]}]
+
+
+def test_it_is_the_same_for_the_same_model():
+    assert page_of("two cables") == page_of("two cables")
+
+
+def test_names_are_text():
+    meta, arrays = spectral()
+    meta = {**meta, "scene": "<b>&", "rows": {**meta["rows"], "actuators": ["</script>", "a&b"]}}
+    text = page(meta, arrays, CSpec(), tube(meta["length"]), skin_series(meta, arrays), Embedding())
+    assert "<title>&lt;b&gt;&amp;</title>" in text and text.count("</script>") == 2
+    assert content(text)[0]["actuators"][0]["name"] == "</script>"
+
+
+def test_stated_pressures_bound_the_forces():
+    meta, arrays = serial()
+    pressures = np.tile([0.0, 0.2], (6, 1))
+    text = page(meta, arrays, CSpec(), tube(meta["length"]), skin_series(meta, arrays), Embedding(pressures))
+    assert content(text)[0]["actuators"][0]["lambda"] == [0.0, 0.2]
+
+
+def test_what_the_page_has_no_room_for_is_refused():
+    meta, arrays = spectral()
+    thick, skin = np.zeros((41, len(arrays["indices"]))), tube(meta["length"])
+    skin.modes = np.zeros((41, *skin.rest.shape))
+    with pytest.raises(InputError, match="40 modes"):
+        page(meta, arrays, CSpec(), skin, thick, Embedding())
+    with pytest.raises(InputError, match="no goal to drag"):
+        rows = {"effectors": ["a.x", "b.y", "c.z"], "actuators": meta["rows"]["actuators"]}
+        page({**meta, "rows": rows}, arrays, CSpec(), tube(120.0), skin_series(meta, arrays), Embedding())
+    with pytest.raises(InputError, match="mlp"):
+        page(*network(), CSpec(), tube(120.0), np.zeros((3, 1)), Embedding())

@@ -1,0 +1,276 @@
+"""The page in a real browser: it computes what Python computes, and does what pointer, keys and sliders ask."""
+
+import re
+
+import numpy as np
+import pytest
+from export.embedded import states
+from export.pages import ROBOTS, browser, opened, page_of, skin_rows, skin_series, tube, until
+
+from cfem.predict.load import build
+
+EXACT = 1e-6  # mm
+COMMANDS = 100
+WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+CUT = "incomplete or damaged"
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="module")
+def files(folder):
+    """The page of each robot, written once."""
+
+    def file(name):
+        path = folder / f"{name.replace(' ', '-')}.html"
+        if not path.exists():
+            path.write_text(page_of(name), encoding="utf-8")
+        return path
+
+    return file
+
+
+@pytest.fixture
+def tab(chromium, files):
+    one = opened(chromium, files("two cables"), viewport=WIDE)
+    yield one
+    assert one.faults == []
+    one.context.close()
+
+
+def settle(tab):
+    until(tab, "!cfem.state.moving")
+
+
+def shown(tab) -> dict:
+    """What the robot of the page says of itself; x (n, 3) of the skin alone."""
+    said = tab.evaluate(
+        "() => { const r = cfem.robot; r.shape(); return { delta: [...r.delta_a], lambda: [...r.lambda_a], "
+        "tip: [...r.x_e], goal: [...r.goal], x: [...r.x], words: document.getElementById('words').textContent }; }"
+    )
+    return {key: value if key == "words" else np.array(value) for key, value in said.items()}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_tip_and_surface_are_python_s(chromium, files, name):
+    """100 commands set by hand: the effectors and every point of the surface to 1e-6 mm."""
+    meta, arrays = ROBOTS[name]()
+    model, skin, series = build(meta, arrays), tube(meta["length"]), skin_series(meta, arrays)
+    s = states("displacement", model.rows.n_a, COMMANDS)
+    tab = opened(chromium, files(name))
+    there = tab.evaluate(
+        "commands => commands.map(d => { const r = cfem.robot; const status = r.set(d); r.shape(); "
+        "return [status & ~cfem.STATUS.OUTSIDE, [...r.lambda_a], [...r.x_e], [...r.x]]; })",
+        s.tolist(),
+    )
+    assert len(there) == COMMANDS and not any(status for status, *_ in there)
+    n = skin.rest.size
+    for command, (_, lambda_a, x_e, x) in zip(s, there, strict=True):
+        expected = model.at_displacement(command)
+        given = expected.lam if model.form == "force" else command
+        surface = skin.rest + np.tensordot(skin_rows(arrays, series, given), skin.modes, axes=1)
+        assert np.abs(np.array(x_e) - model.rest_e - expected.delta_e).max() < EXACT
+        assert np.abs(np.array(x[:n]) - surface.ravel()).max() < EXACT
+        assert np.abs(np.array(lambda_a) - expected.lam).max() < EXACT
+    assert tab.faults == []
+    tab.context.close()
+
+
+@pytest.mark.parametrize("name", ["two cables", "modules"])
+def test_the_goal_is_dragged_and_the_robot_is_where_python_has_it(chromium, files, name):
+    meta, arrays = ROBOTS[name]()
+    model = build(meta, arrays)
+    tab = opened(chromium, files(name), viewport=WIDE)
+    settle(tab)
+    before = shown(tab)
+    wanted = model.rest_e + model.at_displacement(states("displacement", model.rows.n_a, 8)[5]).delta_e
+    # in the plane of the screen: there and back is the same goal
+    x, y = tab.evaluate("() => cfem.scene.project(cfem.state.camera, cfem.goals[0].place)")
+    u, v = tab.evaluate("p => cfem.scene.project(cfem.state.camera, p)", wanted[:3].tolist())
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(u, v, steps=12)
+    tab.mouse.up()
+    settle(tab)
+    after = shown(tab)
+    moved = tab.evaluate("p => cfem.scene.project(cfem.state.camera, p)", after["goal"][:3].tolist())
+    assert np.abs(np.array(moved) - [u, v]).max() < 0.01
+    assert np.linalg.norm(after["goal"] - before["goal"]) > 1
+    expected = model.at_displacement(after["delta"])
+    assert np.abs(after["tip"] - model.rest_e - expected.delta_e).max() < EXACT
+    assert np.abs(after["lambda"] - expected.lam).max() < EXACT
+    missed, missed_before = (np.linalg.norm(after["goal"] - one["tip"]) for one in (after, before))
+    assert missed < missed_before
+    assert ("On the goal" in after["words"]) == (missed < 0.01)
+    assert ("out of reach" in after["words"]) == (missed > 0.01)
+    assert tab.faults == []
+    tab.context.close()
+
+
+def test_a_goal_that_the_robot_can_reach_is_reached(tab):
+    meta, arrays = ROBOTS["two cables"]()
+    model = build(meta, arrays)
+    for command in states("displacement", 2, 12):
+        goal = model.rest_e + model.at_displacement(command).delta_e
+        tab.evaluate("goal => { cfem.moveGoal(cfem.goals[0], goal); }", goal.tolist())
+        settle(tab)
+        if (model.at_displacement(command).lam > 0.05).all():
+            assert np.linalg.norm(shown(tab)["tip"] - goal) < 1e-3
+
+
+def test_fingers_drag_and_zoom(chromium, files):
+    tab = opened(chromium, files("two cables"), viewport=PHONE, has_touch=True, is_mobile=True, device_scale_factor=2)
+    settle(tab)
+    touch = tab.context.new_cdp_session(tab)
+
+    def fingers(kind, *points):
+        places = [{"x": float(x), "y": float(y), "id": i} for i, (x, y) in enumerate(points)]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+
+    x, y = tab.evaluate("() => cfem.scene.project(cfem.state.camera, cfem.goals[0].place)")
+    before = shown(tab)
+    fingers("touchStart", (x + 20, y - 20))  # a finger is not exact
+    for step in range(1, 9):
+        fingers("touchMove", (x + 20 + 5 * step, y - 20 - 2 * step))
+    fingers("touchEnd")
+    settle(tab)
+    assert np.linalg.norm(shown(tab)["goal"] - before["goal"]) > 1
+    height = tab.evaluate("() => cfem.state.camera.height")
+    fingers("touchStart", (120, 200), (200, 200))
+    fingers("touchMove", (80, 200), (260, 200))
+    fingers("touchEnd")
+    assert tab.evaluate("() => cfem.state.camera.height") < 0.8 * height
+    assert tab.evaluate("() => document.documentElement.scrollWidth") <= PHONE["width"]
+    tab.context.close()
+
+
+def test_keys_move_the_goal_and_turn_the_view(tab):
+    before, azimuth = shown(tab), tab.evaluate("() => cfem.state.camera.azimuth")
+    tab.focus("#view")
+    for key in ("ArrowUp", "ArrowRight", "PageUp"):
+        tab.keyboard.press(key)
+    settle(tab)
+    after = shown(tab)
+    assert np.count_nonzero(np.abs(after["goal"] - before["goal"]) > 0.1) == 3
+    tab.keyboard.press("Shift+ArrowRight")
+    assert tab.evaluate("() => cfem.state.camera.azimuth") != azimuth
+    tab.keyboard.press("Home")
+    settle(tab)
+    assert np.abs(shown(tab)["goal"] - before["goal"]).max() < 1e-9
+
+
+def test_sliders_set_the_actuators_by_hand(tab):
+    tab.evaluate(
+        "() => { const s = document.getElementById('a0'); s.value = 6; "
+        "s.dispatchEvent(new Event('input', {bubbles: true})); }"
+    )
+    settle(tab)
+    after = shown(tab)
+    assert after["delta"][0] == pytest.approx(6, abs=0.02) and "by hand" in after["words"]
+    assert np.abs(after["goal"] - after["tip"]).max() < 1e-12
+    assert tab.get_attribute("#hand", "aria-pressed") == "true"
+    tab.click("#follow")
+    settle(tab)
+    assert shown(tab)["words"] == "On the goal."
+
+
+def test_a_cable_that_would_push_is_slack_and_goes_where_the_other_leads(tab):
+    meta, arrays = ROBOTS["two cables"]()
+    model = build(meta, arrays)
+    tab.evaluate("() => cfem.robot.set([6, 0])")
+    after = shown(tab)
+    assert after["delta"][0] == 6 and after["delta"][1] > 0.1
+    assert abs(after["lambda"][1]) < 1e-6 < after["lambda"][0]
+    expected = model.at_displacement(after["delta"])
+    assert np.abs(after["tip"] - model.rest_e - expected.delta_e).max() < EXACT
+
+
+def test_an_unreachable_goal_names_the_limits(tab):
+    tab.evaluate("() => cfem.moveGoal(cfem.goals[0], [300, 300, 0])")
+    settle(tab)
+    until(tab, "document.getElementById('words').textContent.includes('out of reach')")
+    words = shown(tab)["words"]
+    assert re.search(r"the tip is \d[\d.]* mm away \(.* is .*\)\.$", words)
+    assert tab.locator(".actuator em.binding:not([hidden])").count() >= 1
+
+
+def test_the_theme_follows_the_system_and_the_button(chromium, files):
+    tab = opened(chromium, files("two cables"), color_scheme="dark")
+    ground = "() => getComputedStyle(document.body).backgroundColor"
+    dark = tab.evaluate(ground)
+    tab.click("#theme")
+    light = tab.evaluate(ground)
+    assert sum(map(int, re.findall(r"\d+", dark)[:3])) < 200 < 600 < sum(map(int, re.findall(r"\d+", light)[:3]))
+    tab.context.close()
+
+
+def test_nothing_but_the_file_is_asked_for(chromium, files):
+    there = chromium.new_context()
+    tab, asked = there.new_page(), []
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.goto(files("two cables").as_uri())
+    until(tab, "window.cfem !== undefined")
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == [] and len(asked) == 1
+    there.close()
+
+
+def trouble(tab) -> str:
+    assert tab.evaluate("() => document.getElementById('page').hidden")
+    return tab.inner_text("#trouble")
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.9999])
+def test_a_page_whose_data_were_cut_says_so_and_draws_nothing(chromium, files, tmp_path, share):
+    text = files("two cables").read_text()
+    begin = text.index('<script id="robot"')
+    (tmp_path / "cut.html").write_text(text[: begin + int(share * (len(text) - begin - 24))])
+    tab = opened(chromium, tmp_path / "cut.html")
+    assert CUT in trouble(tab)
+    tab.context.close()
+
+
+def test_a_page_without_its_data_or_with_other_data_says_so(chromium, files, tmp_path):
+    text = files("two cables").read_text()
+    place = text.rindex("</script>") - 4000
+    other = "A" if text[place] != "A" else "B"
+    changed = {
+        "none": text[: text.index('<script id="robot"')],
+        "one letter": text[:place] + other + text[place + 1 :],
+        "another sum": re.sub(r'data-crc="\d+"', 'data-crc="1"', text),
+    }
+    for name, content in changed.items():
+        (tmp_path / f"{name}.html").write_text(content)
+        tab = opened(chromium, tmp_path / f"{name}.html")
+        assert CUT in trouble(tab), name
+        tab.context.close()
+
+
+def test_a_page_cut_in_its_program_shows_a_sentence(chromium, files, tmp_path):
+    text = files("two cables").read_text()
+    (tmp_path / "cut.html").write_text(text[: text.index("async function makeRobot")])
+    tab = opened(chromium, tmp_path / "cut.html", waits=False)
+    assert "has not loaded completely" in trouble(tab)
+    tab.context.close()
+
+
+@pytest.mark.parametrize(
+    ("script", "word"),
+    [
+        ("HTMLCanvasElement.prototype.getContext = () => null", "WebGL"),
+        ("delete window.WebAssembly", "WebAssembly"),
+        ("delete window.DecompressionStream", "too old"),
+    ],
+)
+def test_what_a_browser_lacks_is_said_in_a_sentence(chromium, files, script, word):
+    tab = opened(chromium, files("two cables"), script)
+    assert word in trouble(tab)
+    tab.context.close()
