@@ -107,12 +107,15 @@ def _negative(node: ast.AST) -> bool:
 
 
 def named(file: Path) -> list[str]:
-    """Every change of a file below src/cfem: its kind, the line, and the part of it that changes."""
+    """Every change of a file below src/cfem: the function, the kind, the line, and the part of it that changes."""
     source = (ROOT / "src/cfem" / file).read_text()
-    lines, found = source.splitlines(), []
-    for node, kind in changes(ast.parse(source)):
+    tree, lines, found = ast.parse(source), source.splitlines(), []
+    functions = [one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef)]  # inner ones last
+    for node, kind in changes(tree):
+        within = [one.name for one in functions if one.lineno <= node.lineno <= one.end_lineno]
         part = " ".join((ast.get_source_segment(source, node) or "").split())
-        found.append(f"{file}: {kind}: {lines[node.lineno - 1].strip()}" + (f" [{part}]" if len(part) < 60 else ""))
+        place = f"{file}: {within[-1]}" if within else str(file)
+        found.append(f"{place}: {kind}: {lines[node.lineno - 1].strip()}" + (f" [{part}]" if len(part) < 60 else ""))
     return found
 
 

@@ -32,6 +32,12 @@ def test_a_point_in_a_section_moves_with_its_frame_however_far_out_it_lies():
     np.testing.assert_allclose(attach_to_sections(X, SECTIONS, point, "p").position(x), expected, atol=1e-12)
 
 
+def test_sections_need_not_lie_about_the_axis():
+    beside = X + [0.0, 3.0, -8.0]
+    found = attach_to_sections(beside, SECTIONS, np.array([35.0, 4.0, -9.0]), "p")
+    np.testing.assert_allclose(found.position(beside), [35.0, 4.0, -9.0], atol=1e-12)
+
+
 def test_a_point_between_two_sections_lies_between_what_they_carry():
     x, _ = moved()
     ends = [attach_to_sections(X, SECTIONS, np.array([at, 0.5, 0.3]), "p").position(x) for at in (25.0, 50.0)]

@@ -85,9 +85,11 @@ def test_the_step_bound_holds_in_every_iteration():
 
 def test_states_that_the_model_refuses_are_approached_and_not_entered():
     model = ArcRobot(limit=8.0)
-    found = reach(model, aim_at(tip(np.array([15.0, 15.0]))), PULLING, rest(model), Settings(iterations=60))
+    at = rest(model)
+    found = reach(model, aim_at(tip(np.array([15.0, 15.0]))), PULLING, at, Settings(iterations=60))
     assert np.abs(found.delta_a).max() <= 8.0
-    assert found.status is not ReachStatus.CONVERGED
+    assert found.status is ReachStatus.NO_DESCENT
+    assert found.queries == model.queries - 1  # those that it refused as well
 
 
 def test_one_iteration_is_one_inverse_step():

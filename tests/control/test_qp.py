@@ -241,3 +241,18 @@ def test_an_answer_that_misses_the_optimum_is_not_called_optimal(monkeypatch, aw
     solution = solve_qp(np.eye(2), np.array([1.0, 2.0]), *NO_ROWS, OPEN)
     assert solution.status is status
     assert solution.kkt.stationarity == pytest.approx(2 * away * np.sqrt(2), rel=1e-3)
+
+
+def test_a_plain_program_is_solved_in_one_round():
+    M, d, box = np.eye(2), np.array([2.0, 0.5]), np.tile([-1.0, 1.0], (2, 1))
+    solution = solve_qp(M, d, *NO_ROWS, box)
+    np.testing.assert_allclose(solution.x, [1.0, 0.5], atol=1e-15)
+    assert solution.iterations == 1  # of the active set: one bound
+
+
+def test_what_is_rounding_beside_the_objective_breaks_no_bound_of_zero():
+    """x = -1e-7 is beyond the bound, and its own size, but the variables are known to 1e-14 / 5e-5 of M x only."""
+    M, x, nothing = np.array([[1.0, 1.0], [1.0, 1.0001]]), np.array([-1e-7, 1.0]), np.zeros(2)
+    box = np.array([[0.0, np.inf], [-np.inf, np.inf]])
+    found = residuals(M, M @ x, *NO_ROWS, box, x, np.zeros(0), nothing)
+    assert 0 < found.feasibility < 1e-4

@@ -60,6 +60,14 @@ def test_the_previous_step_catches_up_where_the_goal_stays():
     assert astray(follow("previous_step", there))[-1] < 1e-6
 
 
+@pytest.mark.parametrize("sample, where", [([3.0, 2.5], [3.0, 2.5]), ([np.nan, 2.5], [2.0, 2.0])])
+def test_the_measured_state_is_taken_where_there_is_a_sample(sample, where):
+    pilot = replace(PILOT, observer="measured", settings=replace(PILOT.settings, iterations=0))
+    measured = Measurement(REST_E, np.array(sample), None, 1, "converged")
+    after = drive(pilot, Belief.at(pilot, np.array([2.0, 2.0])), np.zeros(3), measured)
+    np.testing.assert_allclose(after.iterate.condensed.delta_a, where, atol=1e-12)
+
+
 def test_a_sensor_that_is_missing_is_named():
     blind = Measurement(REST_E, None, None, 1, "converged")
     pilot = replace(PILOT, observer="measured")
