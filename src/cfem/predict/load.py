@@ -11,10 +11,11 @@ from cfem.core.errors import InputError
 from cfem.core.files import read_json
 from cfem.core.optional import demand
 from cfem.core.reading import checked, read_npz, take
-from cfem.core.stage import artefact_file
+from cfem.core.stage import artefact_file, read_manifest
 from cfem.predict import energy_net, mlp, serial, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
 from cfem.predict.protocol import Predictor, build
+from cfem.predict.skin import FILE, LearnedSkin
 
 WEIGHTS, VECTORS = "weights.npz", "test_vectors.npz"
 UNBOUNDED = ("in_scale", mlp.AT_REST + "in_scale")  # infinite for inputs that did not vary
@@ -24,7 +25,7 @@ Runtime = Literal["arrays", "onnx"]
 def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
     """The model of a folder that `cfem train` or `cfem export` made. InputError where a file is missing or damaged."""
     if runtime == "arrays":
-        return build(*read_model(folder))
+        return with_skin(build(*read_model(folder)), folder)
     demand("onnx", "onnxruntime", where="runtime: onnx")
     from cfem.predict.onnx import OnnxPredictor
 
@@ -32,7 +33,26 @@ def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
     predictor = OnnxPredictor(read_meta(folder), path)
     with _blaming(path):
         demand_finite(predictor)
+    return with_skin(predictor, folder)
+
+
+def with_skin(predictor: Predictor, folder: Path) -> Predictor:
+    """The predictor, which reads the skin of the folder when somebody asks for it."""
+
+    def read() -> LearnedSkin | None:
+        if FILE not in read_manifest(folder)["files"]:
+            return None
+        with _blaming(folder / FILE):
+            return skin_of(predictor, read_arrays(folder, FILE))
+
+    predictor.skin_source = read
     return predictor
+
+
+def skin_of(predictor: Predictor, arrays: dict[str, np.ndarray]) -> LearnedSkin:
+    """InputError naming the array that is missing or does not fit."""
+    rows = predictor.rows
+    return LearnedSkin(predictor.form, rows.n_e, rows.n_a, predictor.n_inputs, arrays)
 
 
 def read_model(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:

@@ -1,6 +1,8 @@
 """What every runnable model offers, whatever its kind and runtime."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +12,7 @@ from cfem.condensed.parameters import coordinates, from_json
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
 from cfem.predict.energy import Form
+from cfem.predict.skin import LearnedSkin
 
 
 class Predictor(ABC):
@@ -37,6 +40,45 @@ class Predictor(ABC):
         self._reference = np.array([one.reference for one in self.parameters])
         self._learned = [i for i, one in enumerate(self.parameters) if not one.exact]
         self._exact = [i for i, one in enumerate(self.parameters) if one.exact]
+        self.skin_source: Callable[[], LearnedSkin | None] = lambda: None
+
+    @cached_property
+    def skin(self) -> LearnedSkin:
+        """The model's skin, read when it is first asked for. InputError where it has none."""
+        found = self.skin_source()
+        if found is None:
+            do = "sample it with `skin: {}` in sample.yaml, and train again"
+            raise InputError(f"the model of scene '{self.meta['scene']}' has no skin", do=do)
+        return found
+
+    @property
+    def facets(self) -> np.ndarray:
+        """(t, 3) triangles of the surface, normals outward: numbers of nodes as `shape` has them."""
+        return self.skin.triangles
+
+    def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
+        """(..., m, 3) mm positions of all surface nodes where the actuators stand at delta_a (..., n_a) mm; p (n_p,) or
+        (..., n_p). InputError where the model has no skin, or one of another geometry than p's."""
+        moved = [one.name for one in self.parameters if one.key.startswith("geometry")]
+        if p is not None and moved:
+            what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
+            raise InputError(what, do="leave the parameters out, for the scene's own design")
+        return self.skin.surface(self.skin.rows(*self._learned_inputs(delta_a, p)))
+
+    def whole(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
+        """As `at_displacement`, with the rows of the skin between effectors and actuators."""
+        softer = float(self.softer(self._p(p))) if self.parameters else 1.0
+        return self.skin.joined(self.at_displacement(delta_a, p), *self._learned_inputs(delta_a, p), softer)
+
+    def _learned_inputs(self, delta_a: ArrayLike, p: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
+        """s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
+        s = np.asarray(delta_a, float)
+        p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
+        if self.form == "force":
+            places = zip(s.reshape(-1, s.shape[-1]), p.reshape(-1, p.shape[-1]), strict=True)
+            s = np.array([self.at_displacement(*one).lambda_a for one in places]).reshape(s.shape)
+            s = s * self.softer(p)[..., None]
+        return s, self.q(p)
 
     @property
     def n_inputs(self) -> int:

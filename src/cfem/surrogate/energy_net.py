@@ -16,7 +16,7 @@ from cfem.core.spec import meaning
 from cfem.predict.energy_net import ORDERS
 from cfem.surrogate.coordinates import box_coordinates
 from cfem.surrogate.gauss_newton import Descent, minimise
-from cfem.surrogate.observations import Observations, in_box, inputs, observations
+from cfem.surrogate.observations import Observations, in_box, inputs, mean_hessian, observations
 from cfem.surrogate.series_network import Network, Residuals
 from cfem.surrogate.spec import EnergyNetSpec
 
@@ -34,7 +34,7 @@ def fit(
     spec goes on; what is kept there is the caller's to remove."""
     s, q = inputs(dataset, spec.form)
     known = observations(dataset, spec.form)
-    to_box, offset = box_coordinates(s, q, _mean_hessian(known["potential"]))
+    to_box, offset = box_coordinates(s, q, mean_hessian(known["potential"]))
     z = np.hstack([s, q]) @ to_box.T + offset
     arrays, polynomials, best, history = {"to_box": to_box, "offset": offset}, [], {}, []
     for name, order in ORDERS.items():
@@ -126,12 +126,3 @@ def identity(dataset: Any, spec: EnergyNetSpec) -> str:
     for values in (*inputs(dataset, spec.form), dataset.W, dataset.delta_free):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()[:16]
-
-
-def _mean_hessian(potential: Observations) -> np.ndarray:
-    """(n_s, n_s) of the potential over the states."""
-    mean = np.zeros((potential.n_s, potential.n_s))
-    for i, one in enumerate(potential.derivatives):
-        if len(one) == 2 and max(one) < potential.n_s:
-            mean[one] = mean[one[::-1]] = potential.values[:, i, 0].mean()
-    return mean

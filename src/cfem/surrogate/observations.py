@@ -134,6 +134,15 @@ def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
     return replace(observed, values=values)
 
 
+def mean_hessian(potential: Observations) -> np.ndarray:
+    """(n_s, n_s) of the potential over the states."""
+    mean = np.zeros((potential.n_s, potential.n_s))
+    for i, one in enumerate(potential.derivatives):
+        if len(one) == 2 and max(one) < potential.n_s:
+            mean[one] = mean[one[::-1]] = potential.values[:, i, 0].mean()
+    return mean
+
+
 def _symmetric(third: np.ndarray, one: Derivative) -> np.ndarray:
     """(m,) entry of a tensor (m, k, i, j) that is symmetric in all three, but for rounding: the mean of its equals."""
     i, j, k = one

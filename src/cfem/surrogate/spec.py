@@ -153,5 +153,7 @@ class TrainSpec(Spec):
     """Kind of model and its settings."""
     samples: Annotated[int, Field(ge=4)] | None = None
     """How many of the first training rows to use. All unless given."""
+    skin: bool = True
+    """Whether to learn the whole surface, where the samples have its modes."""
     learning_curve: tuple[Annotated[int, Field(ge=4)], ...] = ()
     """Numbers of rows at which the model is trained as well, judged on the same test rows."""

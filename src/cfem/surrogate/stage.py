@@ -1,7 +1,8 @@
 """`cfem train`: a dataset to a model folder. Test rows judge, and do nothing else.
 
-weights.npz: arrays of the kind's predictor; model.json: its card; test_vectors.npz: the test inputs s (and p) with the
-W and delta_free that the model gives there, so that every other form of it can be compared."""
+weights.npz: arrays of the kind's predictor; skin.npz: those of the skin, where the samples have one; model.json: its
+card; test_vectors.npz: the test inputs s (and p) with the W and delta_free that the model gives there, so that every
+other form of it can be compared."""
 
 import shutil
 import time
@@ -13,16 +14,21 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.skin import read_skin
 from cfem.core.errors import InputError
-from cfem.core.files import write_json, write_npz
+from cfem.core.files import file_sha256, write_json, write_npz
 from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.optional import demand
 from cfem.core.progress import doing
 from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
-from cfem.predict.load import build
+from cfem.dataset.schema import SKIN
+from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
+from cfem.predict.skin import FILE
+from cfem.surrogate.observations import inputs
+from cfem.surrogate.skin_line import skin_line
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 
 PARTS = ("module", "at_rest")  # models that this one is made of
@@ -44,7 +50,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     parts = {name: getattr(spec.model, name, None) for name in PARTS}
     return Stage(
         name="train",
-        version=5,
+        version=6,
         spec=spec,
         inputs={"dataset": base / spec.dataset} | {name: base / part for name, part in parts.items() if part},
         out=out or base / spec.out,
@@ -91,10 +97,39 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     s, p = model_inputs(predictor, test)
     W, delta_free = predictor.evaluate(s, p)
     write_npz(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
+    if spec.skin and training.whole is not None and not isinstance(spec.model, SerialSpec):
+        results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
     results["judgement"] = judged(results)
     results["headline"] = headline(results)
     shutil.rmtree(checkpoints, ignore_errors=True)
     return results
+
+
+def add_skin(
+    folder: Path, predictor: Predictor, arrays: dict[str, np.ndarray], training: Any, test: Any, dataset_folder: Path
+) -> dict[str, Any]:
+    """Fits the skin to the training rows, judges it by the test rows and writes its file; results for the manifest."""
+    from cfem.surrogate.skin import fit_skin, judge
+
+    begin, path = time.perf_counter(), artefact_file(dataset_folder, SKIN)
+    if not training.whole.sha256 == test.whole.sha256 == file_sha256(path):
+        what = "has rows of another skin than its file holds"
+        raise InputError(what, where=str(dataset_folder), do="sample it again with --force")
+    doing("fitting the skin")
+    found = fit_skin(training, read_skin(path), predictor.form, arrays)
+    skin = skin_of(predictor, found)
+    front = judge(skin, test.whole, *inputs(test, predictor.form))
+    write_npz(folder / FILE, found)
+    return {
+        "modes": len(skin),
+        "nodes": len(skin.rest),
+        "terms": {"rows": len(found["indices"]), "compliance": len(found["compliance_indices"])},
+        "rms_mm": front.rms[-1],
+        "largest_mm": front.largest[-1],
+        "largest_percent_of_length": 100 * front.largest[-1] / predictor.length,
+        "front": {"rms_mm": front.rms, "largest_mm": front.largest},
+        "seconds_fit": time.perf_counter() - begin,
+    }
 
 
 def headline(results: dict[str, Any]) -> list[str]:
@@ -104,6 +139,8 @@ def headline(results: dict[str, Any]) -> list[str]:
         f"and {errors['force_N']['max']:.2g} N on {errors['states']} states; standardised loss {errors['loss']:.2e}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
+    if "skin" in results:
+        lines.append(skin_line(results["skin"]))
     if definite["share"] < 1:
         lines.append(
             f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random "

@@ -1,0 +1,102 @@
+"""The whole surface of a robot from a model: modes of its displacement, and how far each goes.
+
+Every mode is a row of W, as an effector is: its displacement s is a Chebyshev series of the model's inputs, beside it a
+series of the compliances C_es and C_ss that are left with the actuators locked (form 'displacement') or their forces
+held ('force'). The blocks of W follow from W_aa and W_ea of the model as those of effectors do (`cfem.predict.energy`).
+A model of any kind has such a skin, or none; what does not ask for shapes never reads it."""
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.condensed.skin import PREFIX
+from cfem.core.reading import take
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import Form, unpacking
+
+FILE = "skin.npz"  # of a model folder
+
+
+class LearnedSkin:
+    """arrays: nodes (m,), rest (m, 3) mm, triangles (t, 3), weights (m,), modes (k, m, 3) as `cfem.condensed.skin`;
+    to_box (n, n) and offset (n,) with z = to_box t + offset, t = (s, q) the model's inputs; indices (M, n) and series
+    (k, M) of the rows; compliance_indices (L, n) and compliance (n_e k + k (k + 1) / 2, L): C_es row by row, then the
+    upper triangle of C_ss.
+
+    rest (m, 3) mm, triangles (t, 3), normals outward, and weights (m,), shares of the surface, are of the m surface
+    nodes; nodes (m,): their numbers in the mesh; names (k,): of the rows."""
+
+    def __init__(self, form: Form, n_e: int, n_a: int, n_inputs: int, arrays: dict[str, np.ndarray]):
+        self.form, self._n_e, self._n_a = form, n_e, n_a
+        self.rest = take(arrays, "rest", (None, 3)).astype(float)
+        m = len(self.rest)
+        self.nodes, self.triangles = take(arrays, "nodes", (m,), "iu"), take(arrays, "triangles", (None, 3), "iu")
+        self.weights = take(arrays, "weights", (m,)).astype(float)
+        modes = take(arrays, "modes", (None, m, 3)).astype(float)
+        k = len(modes)
+        self.names = tuple(f"{PREFIX}.{number}" for number in range(1, k + 1))
+        self.modes = modes
+        self._flat = modes.reshape(k, -1)
+        self._to_box, self._offset = take(arrays, "to_box", (n_inputs, n_inputs)), take(arrays, "offset", (n_inputs,))
+        self._indices = take(arrays, "indices", (None, n_inputs), "iu").astype(np.int64)
+        self._basis = Basis(self._indices)
+        self._series_T = np.ascontiguousarray(take(arrays, "series", (k, len(self._indices))).T)
+        indices = take(arrays, "compliance_indices", (None, n_inputs), "iu").astype(np.int64)
+        self._compliance_basis = Basis(indices)
+        self._compliance = take(arrays, "compliance", (n_e * k + k * (k + 1) // 2, len(indices)))
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """(..., n_a), (..., n_q) -> (..., k) mm from rest."""
+        return self._basis(self._box(s, q)) @ self._series_T
+
+    def surface(self, rows: np.ndarray) -> np.ndarray:
+        """(..., k) mm -> (..., m, 3) mm positions of the surface nodes."""
+        return (rows @ self._flat).reshape(*rows.shape[:-1], *self.rest.shape) + self.rest
+
+    def gradient(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """(..., k, n_a) of the rows by s."""
+        found = self._basis(self._box(s, q)) @ self._slopes_T
+        return found.reshape(*found.shape[:-1], len(self), s.shape[-1])
+
+    def compliance(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., n_e, k) C_es and (..., k, k) C_ss, mm/N."""
+        found, k = self._compliance_basis(self._box(s, q)) @ self._compliance.T, len(self)
+        across = self._n_e * k
+        C_es = found[..., :across].reshape(*found.shape[:-1], self._n_e, k)
+        return C_es, found[..., across:][..., unpacking(k)]
+
+    def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
+        """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
+        more compliant it is than that, where Young's modulus is exact."""
+        old, rows = condensed.rows, replace(condensed.rows, skin=self.names)
+        own = np.r_[rows.e, rows.active]
+        W = np.empty((rows.n, rows.n))
+        W[np.ix_(own, own)] = condensed.W
+        gradient, (C_es, C_ss) = self.gradient(s, q), self.compliance(s, q)
+        locked = self.form == "displacement"
+        W_sa = gradient @ condensed.W[old.a, old.a] if locked else softer * gradient
+        W_se = softer * C_es.T + (gradient @ condensed.W[old.a, old.e] if locked else 0.0)
+        W_ss = softer * C_ss + (W_sa @ gradient.T if locked else 0.0)
+        W[rows.s, rows.s], W[rows.s, rows.a], W[rows.s, rows.e] = W_ss, W_sa, W_se
+        W[rows.a, rows.s], W[rows.e, rows.s] = W_sa.T, W_se.T
+        free = np.empty(rows.n)
+        free[own] = condensed.delta_free
+        free[rows.s] = self.rows(s, q) - W_sa @ condensed.lam
+        return Condensed(rows, W, free, condensed.lam)
+
+    @cached_property
+    def _slopes_T(self) -> np.ndarray:
+        """(M, k n_a) series of the gradient."""
+        from cfem.predict.series import input_derivatives  # which needs SciPy, as no shape does
+
+        by_s = input_derivatives(self._indices, self._to_box, self._n_a)
+        return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
+
+    def _box(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
+        t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
+        return t @ self._to_box.T + self._offset

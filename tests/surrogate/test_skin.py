@@ -1,0 +1,129 @@
+"""The whole surface from a model, against finite elements of the bar that the model never saw."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cfem
+from cfem.condensed.skin import read_skin
+from cfem.core.errors import InputError
+from cfem.core.stage import read_manifest
+from cfem.predict.load import build, skin_of
+from cfem.surrogate.model_card import model_card
+from cfem.surrogate.skin import fit_skin, judge
+from cfem.surrogate.stage import headline
+
+
+@pytest.fixture(scope="module")
+def model(bar):
+    return cfem.load_model(bar / "models" / "bar" / "spectral")
+
+
+@pytest.fixture(scope="module")
+def states(bar):
+    return {split: cfem.read_dataset(bar / "data" / "bar" / "samples", split) for split in ("train", "test")}
+
+
+@pytest.fixture(scope="module")
+def skin(bar):
+    return read_skin(bar / "data" / "bar" / "samples" / "skin.npz")
+
+
+def test_the_surface_is_that_of_finite_elements_as_training_says(bar, model, states, skin):
+    """At the test states, solved here again."""
+    robot = cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")
+    said = read_manifest(bar / "models" / "bar" / "spectral")["results"]["skin"]
+    squares, largest = [], 0.0
+    for delta_a in states["test"].delta_a:
+        true = cfem.solve(robot, displacement=delta_a).state.x[skin.nodes]
+        apart = np.linalg.norm(model.shape(delta_a) - true, axis=1)
+        squares.append(skin.weights @ apart**2)
+        largest = max(largest, apart.max())
+    assert np.sqrt(np.mean(squares)) == pytest.approx(said["rms_mm"], rel=1e-3)
+    assert 0.5 * said["largest_mm"] < largest <= said["largest_mm"] < 1e-3 * model.length
+
+
+def test_shapes_of_many_states_are_those_of_each(model):
+    many = model.shape([[[1.0], [2.0]], [[3.0], [0.0]]])
+    assert many.shape == (2, 2, *model.skin.rest.shape)
+    np.testing.assert_allclose(many[1, 0], model.shape([3.0]), atol=1e-12)
+    np.testing.assert_allclose(many[1, 1], model.skin.rest, atol=5e-3)
+    assert model.facets.max() < len(model.skin.rest)
+
+
+def test_all_rows_of_W_and_their_displacements_are_those_of_the_test_states(model, states):
+    whole, test = states["test"].whole, states["test"]
+    for i, delta_a in enumerate(test.delta_a):
+        found = model.whole(delta_a)
+        assert found.rows == whole.rows
+        np.testing.assert_allclose(found.W, whole.W[i], atol=2e-3 * np.abs(whole.W[i]).max())
+        np.testing.assert_allclose(found.delta_s, whole.delta_s[i], atol=1e-3)
+        np.testing.assert_allclose(found.W, found.W.T, rtol=1e-12, atol=1e-12)
+        own = np.r_[found.rows.e, found.rows.active]
+        np.testing.assert_array_equal(found.W[np.ix_(own, own)], model.at_displacement(delta_a).W)
+
+
+@pytest.mark.parametrize("third_order", [False, True])
+def test_a_model_of_forces_has_the_same_rows(model, states, skin, third_order):
+    """At the forces of a state, against the model of displacements; with derivatives of W or without."""
+    train, test = states["train"], states["test"]
+    if third_order:  # no sample of the bar has them: those of the model of displacements, by differences
+        h = 1e-3 * np.ptp(train.lambda_a)
+        ahead, behind = ([model.at_force(lam + sign * h) for lam in train.lambda_a] for sign in (1, -1))
+        wholes = [[model.whole(one.delta_a).W for one in side] for side in (ahead, behind)]
+        dW = (np.array(wholes[0]) - np.array(wholes[1]))[:, None] / (2 * h)
+        own = np.r_[train.whole.rows.e, train.whole.rows.active]
+        whole = replace(train.whole, dW=dW)
+        train = replace(train, dW=dW[:, :, own[:, None], own], whole=whole)
+    arrays = fit_skin(train, skin, "force", {})
+    card = model_card("spectral", train, "force")
+    found = skin_of(_Bare(card), arrays)
+    np.testing.assert_allclose(found.rows(test.lambda_a, test.p), test.whole.delta_s, atol=5e-3)
+    gradient = found.gradient(test.lambda_a, test.p)
+    true = test.whole.W[:, test.whole.rows.s, test.whole.rows.a]
+    np.testing.assert_allclose(gradient, true, atol=2e-3 * np.abs(true).max())
+
+
+class _Bare:
+    """What `skin_of` asks of a predictor."""
+
+    def __init__(self, card):
+        from cfem.condensed import Rows
+
+        self.form, self.n_inputs = card["form"], len(card["rows"]["actuators"])
+        self.rows = Rows(tuple(card["rows"]["effectors"]), tuple(card["rows"]["actuators"]))
+
+
+def test_the_front_is_what_fewer_modes_leave(model, states):
+    test = states["test"]
+    front = judge(model.skin, test.whole, test.delta_a, test.p)
+    assert len(front.rms) == len(model.skin) + 1 and (np.diff(front.rms) < 1e-9).all()
+    moved = np.sqrt((test.whole.delta_s**2).sum(axis=1) + test.whole.left[:, 0] ** 2)
+    assert front.rms[0] == pytest.approx(np.sqrt(np.mean(moved**2)), rel=1e-5)  # modes in single precision
+    assert all(one <= other for one, other in zip(front.rms, front.largest, strict=True))
+
+
+def test_training_says_how_good_the_shape_is_and_leaves_it_out_when_told(bar, model, tmp_path):
+    spec = bar / "pipelines" / "bar" / "train.yaml"
+    results = read_manifest(bar / "models" / "bar" / "spectral")["results"]
+    assert any(line.startswith(f"skin: {len(model.skin.rest)} surface nodes to ") for line in headline(results))
+    cfem.run_stage("train", spec, out=tmp_path / "plain", overrides=["skin=false"])
+    assert not (tmp_path / "plain" / "skin.npz").exists()
+    with pytest.raises(InputError, match=r"has no skin.*sample it with `skin"):
+        cfem.load_model(tmp_path / "plain").shape([1.0])
+
+
+def test_a_model_that_is_no_folder_has_no_skin(model):
+    meta = model.meta
+    with pytest.raises(InputError, match="has no skin"):
+        build(meta, model.arrays).shape([1.0])
+
+
+def test_samples_of_another_skin_than_their_file_are_refused(bar, tmp_path, states):
+    from cfem.surrogate import stage
+
+    train, test = states["train"], states["test"]
+    other = replace(train, whole=replace(train.whole, sha256="0" * 64))
+    with pytest.raises(InputError, match="another skin than its file holds"):
+        stage.add_skin(tmp_path, None, {}, other, test, bar / "data" / "bar" / "samples")
