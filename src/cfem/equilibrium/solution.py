@@ -10,6 +10,8 @@ from cfem.condensed import Condensed
 
 if TYPE_CHECKING:
     from cfem.equilibrium.inertia import Inertia
+    from cfem.equilibrium.problem import Evaluation, Problem
+    from cfem.mechanics.factorization import Factor
 
 
 class Status(Enum):
@@ -56,6 +58,24 @@ class ParameterSlopes:
 
 
 @dataclass(frozen=True)
+class Linear:
+    """What a solve leaves for derivatives of its state, until its problem, or one on the same symbolic factorisation,
+    factors anew.
+
+    at, lam: the state; Z (n_dof, n) = A^-1 H^T of all rows; factor, data: of A; C (m, n_active): the rows that are
+    held, dlambda = C^T dmu; W (n, n)."""
+
+    problem: "Problem"
+    at: "Evaluation"
+    lam: np.ndarray
+    Z: np.ndarray
+    factor: "Factor"
+    data: np.ndarray
+    C: np.ndarray
+    W: np.ndarray
+
+
+@dataclass(frozen=True)
 class Equilibrium:
     """One solved (or failed) state.
 
@@ -68,8 +88,8 @@ class Equilibrium:
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
     response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
     dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
-    rows need to move, where asked for; delta_s: (n_s,) mm of the skin's rows; skin_response: (n, 3, n_s) mm/N of the
-    nodes to forces on them, where asked for."""
+    rows need to move, linear: what further derivatives start from, where asked for; delta_s: (n_s,) mm of the skin's
+    rows; skin_response: (n, 3, n_s) mm/N of the nodes to forces on them, where asked for."""
 
     status: Status
     state: State
@@ -93,6 +113,7 @@ class Equilibrium:
     inertia: "Inertia | None" = None
     delta_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
     skin_response: np.ndarray | None = None
+    linear: Linear | None = None
 
     @property
     def delta_a(self) -> np.ndarray:

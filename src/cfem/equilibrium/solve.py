@@ -21,7 +21,7 @@ from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.robot import watched_displacements
-from cfem.equilibrium.solution import Equilibrium, State, Status
+from cfem.equilibrium.solution import Equilibrium, Linear, State, Status
 from cfem.equilibrium.third_order import compliance_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
 
@@ -50,6 +50,7 @@ def solve(
     sides: Sequence[Sides] = (),
     mass: sp.csr_array | None = None,
     skin_response: bool = False,
+    keep: bool = False,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
@@ -57,7 +58,7 @@ def solve(
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
     the nodes, and what the rows need to move (inertia.py); skin_response: and how all nodes yield to forces on the
-    skin's rows.
+    skin's rows; keep: and what further derivatives start from.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
@@ -82,7 +83,7 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, _only(actuation, taut), near, last.state, settings, cost, slack)
-    wanted = (condense, third_order, sides, mass, skin_response)
+    wanted = (condense, third_order, sides, mass, skin_response, keep)
     return _answer(problem, path, _only(actuation, taut), settings, cost, begin, *wanted)
 
 
@@ -245,10 +246,11 @@ def _answer(
     sides: Sequence[Sides] = (),
     mass: sp.csr_array | None = None,
     skin_response: bool = False,
+    keep: bool = False,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a, response_s, dW, slopes, moves = result.status, *[None] * 6
+    status, condensed, response_a, response_s, dW, slopes, moves, linear = result.status, *[None] * 7
     if status is Status.CONVERGED and condense:
         try:
             by_q = differences(problem, result.at, result.lam, sides) if sides else None
@@ -269,6 +271,8 @@ def _answer(
                     dW, dV = compliance_derivatives(problem, result.at, result.lam, found.Z, Y, mass)
                     moves = None if moves is None else replace(moves, dV=dV)
                 slopes = parameter_slopes(problem, result.at, condensed.W, found.Z, by_q, found.y) if sides else None
+                left = (found.Z, found.factor, found.data, actuation.C, condensed.W)
+                linear = Linear(problem, result.at, result.lam, *left) if keep else None
         except SingularMatrixError:
             status = Status.SINGULAR
     if status not in (Status.CONVERGED, Status.NOT_FINITE, Status.NO_SLACK_SET):
@@ -276,7 +280,7 @@ def _answer(
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
     if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
-        status, condensed, response_a, response_s, dW, slopes, moves = Status.INACCURATE, *[None] * 6
+        status, condensed, response_a, response_s, dW, slopes, moves, linear = Status.INACCURATE, *[None] * 7
     n_a = robot.rows.n_a
     largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -303,6 +307,7 @@ def _answer(
         inertia=moves,
         delta_s=watched[robot.rows.n_e :],
         skin_response=response_s,
+        linear=linear,
     )
 
 

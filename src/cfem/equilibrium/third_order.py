@@ -27,30 +27,31 @@ def compliance_derivatives(
     for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better. With Y = A^-1 M Z and the mass M also
     dV/dlambda_k of V = Z^T M Z, whose expression Z^T M Z + Y^T (B - A Z) + (B - A Z)^T Y is stationary in Z."""
     motions = Z[:, problem.robot.rows.active].T
-    found = [_along(problem, at, lam, Z, k, motion, Y, mass) for k, motion in enumerate(motions)]
+    units = np.eye(len(motions))
+    found = [derivative_along(problem, at, lam, Z, *each, Y, mass) for each in zip(units, motions, strict=True)]
     n = Z.shape[1]
     dW = np.stack([each[:, :n] for each in found])
     return dW, None if Y is None else np.stack([each[:, n:] for each in found])
 
 
-def _along(
+def derivative_along(
     problem: Problem,
     at: Evaluation,
     lam: np.ndarray,
     Z: np.ndarray,
-    k: int,
+    changing: np.ndarray,
     motion: np.ndarray,
-    Y: np.ndarray | None,
-    mass: sp.csr_array | None,
+    Y: np.ndarray | None = None,
+    mass: sp.csr_array | None = None,
 ) -> np.ndarray:
-    """(n, n) of W, or (n, 2 n) of W and V: by multiplier k, with which the unknowns move by `motion` (n_dof,) mm/N."""
+    """(n, n) of W, or (n, 2 n) of W and V: where the multipliers change by `changing` (n_active,) and the unknowns move
+    by `motion` (n_dof,)."""
     n, q = Z.shape[1], Z if Y is None else np.hstack([Z, Y])
 
     def compliance(h: float) -> np.ndarray:
         """B^T Z + Z^T B - Z^T A Z, with the element pressures that x demands; and that of V."""
         there = problem.evaluate(problem.kinematics.move(at.x, h * motion), np.empty(0), at.load)
-        changed = lam.copy()
-        changed[k] += h
+        changed = lam + h * changing
         B = np.hstack([problem.gradients(problem.robot.watched, there.x), there.H])
         BZ, form = B.T @ Z, problem.form(there, changed, q)
         W = BZ + BZ.T - form[:n, :n]
@@ -61,14 +62,14 @@ def _along(
         own = np.tensordot(moved, (mass @ moved.reshape(len(moved), -1)).reshape(moved.shape), axes=((0, 1), (0, 1)))
         return np.hstack([W, own + YB + YB.T])
 
-    steepest = _steepest(problem, problem.kinematics.spread(at.x, motion))
-    if steepest == 0.0:
+    most = steepest(problem, problem.kinematics.spread(at.x, motion))
+    if most == 0.0:
         return np.zeros((n, q.shape[1]))  # attached to held nodes only
-    h = _STEP / steepest
+    h = _STEP / most
     return (compliance(h) - compliance(-h)) / (2 * h)
 
 
-def _steepest(problem: Problem, moved: np.ndarray) -> float:
+def steepest(problem: Problem, moved: np.ndarray) -> float:
     """1/N: largest change of a cell's displacement gradient, about, with the nodes' motion (n, 3) mm/N."""
     sections = problem.body.sections
     if sections is not None:

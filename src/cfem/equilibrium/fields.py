@@ -1,0 +1,114 @@
+"""Numbers of the whole deformed body: how far it is strained or stressed where it is so most.
+
+The largest value in a body sits at a re-entrant corner, where it grows without bound as the mesh is refined. What is
+given is a mean of high power over the volume,
+
+    J = (int m^P dV / V)^(1/P),
+
+which a small corner moves little, and which is smooth. m is the largest principal stretch less one, or von Mises'
+stress."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.mechanics.material.law import response
+from cfem.mechanics.solid import Response, Solid, add_stress
+
+# Laws whose pressure is a pressure: theta depends on J alone, and is left out of the deviator.
+_BY_VOLUME = ("neo-hookean", "neo-hookean-log", "mooney-rivlin", "ogden", "yeoh")
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Strain:
+    """Largest principal stretch less one."""
+
+    power: float = 16.0
+
+    def value(self, problem: Problem, at: Evaluation) -> float:
+        return _mean(self, problem, at)
+
+    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
+        return _gradient(self, problem, at)
+
+    def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
+        """(k,) at displacement gradients D (k, 3, 3)."""
+        F = D + np.eye(3)
+        return np.maximum(np.sqrt(np.linalg.eigvalsh(F.swapaxes(1, 2) @ F)[:, 2]) - 1.0, 0.0)
+
+    def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
+        """(k, 3, 3) by F: n N^T, the directions of the largest stretch after and before."""
+        F = D + np.eye(3)
+        squares, axes = np.linalg.eigh(F.swapaxes(1, 2) @ F)
+        N = axes[:, :, 2]
+        return np.einsum("kij,kj,kl->kil", F, N, N) / np.sqrt(squares[:, 2])[:, None, None]
+
+
+@dataclass(frozen=True)
+class Stress:
+    """Von Mises' Cauchy stress, MPa."""
+
+    power: float = 16.0
+
+    def value(self, problem: Problem, at: Evaluation) -> float:
+        return _mean(self, problem, at)
+
+    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
+        return _gradient(self, problem, at)
+
+    def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
+        """(k,) at displacement gradients D (k, 3, 3)."""
+        if part.law.name not in _BY_VOLUME:
+            raise InputError(f"von Mises' stress of the law {part.law.name} is not implemented")
+        F = D + np.eye(3)
+        sigma = response(part.law, D, part.parameters)[2] @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
+        deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+        return np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2)))
+
+    def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
+        """(k, 3, 3) by F, by central differences."""
+        found = np.empty_like(D)
+        for i in range(3):
+            for j in range(3):
+                step = np.zeros((3, 3))
+                step[i, j] = _STEP
+                found[:, i, j] = (self.at_points(part, D + step) - self.at_points(part, D - step)) / (2 * _STEP)
+        return found
+
+
+def _points(problem: Problem, at: Evaluation) -> list[tuple[Solid, Response]]:
+    if problem.body.beam is not None:
+        raise InputError("strain and stress are those of solids, not of a rod", do="use another mesh.element")
+    return list(zip(problem.body.solids, at.response.solids, strict=True))
+
+
+def _mean(field: Strain | Stress, problem: Problem, at: Evaluation) -> float:
+    parts = _points(problem, at)
+    values = [field.at_points(part, there.D) for part, there in parts]
+    most = max(float(one.max()) for one in values)
+    if most == 0.0:
+        return 0.0
+    volume = sum(float(part.weights.sum()) for part, _ in parts)
+    powers = (part.weights.ravel() @ (m / most) ** field.power for (part, _), m in zip(parts, values, strict=True))
+    return most * (sum(powers) / volume) ** (1 / field.power)
+
+
+def _gradient(field: Strain | Stress, problem: Problem, at: Evaluation) -> np.ndarray:
+    """(n, 3) by the positions of the nodes."""
+    mean, found = _mean(field, problem, at), np.zeros_like(at.x)
+    if mean == 0.0:
+        return found
+    parts = _points(problem, at)
+    volume = sum(float(part.weights.sum()) for part, _ in parts)
+    for part, there in parts:
+        share = (field.at_points(part, there.D) / mean) ** (field.power - 1) / volume  # over each point's weight
+        add_stress(part, there, share[:, None, None] * field.slopes(part, there.D), found)
+    return found
+
+
+def largest(field: Strain | Stress, problem: Problem, at: Evaluation) -> float:
+    """At any quadrature point."""
+    return max(float(field.at_points(part, there.D).max()) for part, there in _points(problem, at))
