@@ -74,13 +74,13 @@ def gradients(linear: Linear, asked: Sequence[Weights], sides: Sequence[Sides]) 
         raise InputError("adjoint gradients of a robot with rigid groups are not implemented", do="use `jacobian`")
     act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
     g_x = np.stack([_by_state(linear, one) for one in asked], axis=1)
-    s, _, left = refined(problem, linear.data, linear.factor, g_x, EXACT)
+    s, _, _ = refined(problem, linear.data, linear.factor, g_x, EXACT)
     g_lam = np.stack([one.l + _by_multipliers(linear, one.G) for one in asked], axis=1)
     C = linear.C
     m = np.zeros((len(lam), len(asked)))
     if len(C):
         m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (at.H.T @ s + g_lam))
-    w = s - Z[:, act] @ m
+    w, _, left = refined(problem, linear.data, linear.factor, g_x - at.H @ m, EXACT, s - Z[:, act] @ m)
     numbers = [partial(_sum, one.fields) for one in asked]
     found = explicit(linear, sides, numbers)
     dJ = np.stack([np.tensordot(one.G, found.phi, 2) + one.d @ found.delta + one.rest @ found.rest_e for one in asked])

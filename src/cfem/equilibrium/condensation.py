@@ -51,11 +51,16 @@ def condense(
 
 
 def refined(
-    problem: Problem, data: np.ndarray, factor: Factor, B: np.ndarray, enough: float = ENOUGH
+    problem: Problem,
+    data: np.ndarray,
+    factor: Factor,
+    B: np.ndarray,
+    enough: float = ENOUGH,
+    start: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Z = A^-1 B, B - A Z and its relative size, after as many corrections by the factor as pay until that is `enough`;
-    data: of A."""
-    Z = factor.solve(B)
+    data: of A; start: of Z, where one is known."""
+    Z = factor.solve(B) if start is None else start
     rest = B - symmetric_product(problem.pattern, data, Z)
     error, before = _relative(rest, B), np.inf
     while error > enough and error < 0.1 * before:

@@ -37,7 +37,8 @@ def jacobian(linear: Linear, sides: Sequence[Sides]) -> Jacobian:
     lam = np.zeros((len(linear.lam), len(sides)))
     if len(C):
         lam = -C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (found.delta[n_w:] - at.H.T @ y))
-    motion = Z[:, act] @ lam - y
+    right = at.H @ lam - found.residual
+    motion, _, _ = refined(problem, linear.data, linear.factor, right, EXACT, Z[:, act] @ lam - y)
     B = np.hstack([problem.gradients(problem.robot.watched, at.x), at.H])
     along = [derivative_along(problem, at, linear.lam, Z, *each) for each in zip(lam.T, motion.T, strict=True)]
     return Jacobian(found.phi + np.stack(along, axis=2), found.delta + B.T @ motion, lam, found.rest_e)
