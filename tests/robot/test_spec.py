@@ -72,7 +72,7 @@ def test_editors_and_the_program_accept_the_same(parts):
         ({"actuators": CAVITY.replace("ml", "mm")}, "'mm' is not a unit of volume; expected e.g. mm^3"),
         (
             {"actuators": CAVITY.replace("cavity", "cavty")},
-            "expected one of cable, cavity, chambers; got 'cavty', did you mean",
+            "expected one of cable, push, cavity, chambers; got 'cavty', did you mean",
         ),
         ({"effectors": "[{name: tip}]"}, "effector 'tip': give one of point, points and at, got none"),
         (

@@ -2,7 +2,10 @@
 
 The multiplier is the tension in N, positive when the cable pulls. With d_s the vector along segment s, l_s = |d_s|:
 
-    d delta = - sum_s (d_s / l_s) . dd_s,    d2 delta = - sum_s dd_s . (1 - t t^T) / l_s . dd_s,    t = d_s / l_s"""
+    d delta = - sum_s (d_s / l_s) . dd_s,    d2 delta = - sum_s dd_s . (1 - t t^T) / l_s . dd_s,    t = d_s / l_s
+
+Where friction takes tension away along the cable (friction.py), the multiplier is the tension at the first segment,
+and delta = sum_s share_s (l0_s - l_s), the displacement that it does work on; all derivatives hold the shares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,31 +20,46 @@ from cfem.core.errors import SpecError
 @dataclass(frozen=True)
 class Cable:
     """nodes (k,); along (s, k): segment vectors are d = along @ x[nodes] + start; start (s, 3) mm is minus the pull
-    point for the first segment where there is one, else 0; rest_length mm; cliques: one a segment; rest (1,) is 0."""
+    point for the first segment where there is one, else 0; rest_lengths (s,) mm; cliques: one a segment; rest (1,) is
+    0; shares (s,): tension in each segment, of that in the first; friction: coefficient between cable and guides."""
 
     nodes: np.ndarray
     along: np.ndarray
     start: np.ndarray
-    rest_length: float
+    rest_lengths: np.ndarray
     cliques: tuple[np.ndarray, ...]
     rest: np.ndarray
+    shares: np.ndarray
+    friction: float = 0.0
     units: ClassVar[tuple[str, str]] = ("mm", "N")
+
+    @property
+    def rest_length(self) -> float:
+        """mm."""
+        return float(self.rest_lengths.sum())
 
     def _segments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         d = self.along @ x[self.nodes] + self.start
         return d, np.linalg.norm(d, axis=1)
 
     def value(self, x: np.ndarray) -> np.ndarray:
-        return np.array([self.rest_length - self._segments(x)[1].sum()])
+        return np.array([(self.shares * (self.rest_lengths - self._segments(x)[1])).sum()])
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         d, length = self._segments(x)
-        return -(self.along.T @ (d / length[:, None]))[None]
+        return -(self.along.T @ (d * (self.shares / length)[:, None]))[None]
+
+    def slipping(self, x: np.ndarray, way: float) -> np.ndarray:
+        """(s,) the shares where the cable slips in all its guides (friction.py)."""
+        d, length = self._segments(x)
+        t = d / length[:, None]
+        turned = np.arctan2(np.linalg.norm(np.cross(t[:-1], t[1:]), axis=1), (t[:-1] * t[1:]).sum(axis=1))
+        return np.exp(-way * self.friction * np.concatenate([[0.0], np.cumsum(turned)]))
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
         d, length = self._segments(x)
         t = d / length[:, None]
-        across = -(np.eye(3) - t[:, :, None] * t[:, None, :]) / length[:, None, None]
+        across = -(np.eye(3) - t[:, :, None] * t[:, None, :]) * (self.shares / length)[:, None, None]
         coupled = (row[row != 0.0] for row in self.along)
         products = (
             np.outer(c, c)[:, None, :, None] * block[:, None, :] for c, block in zip(coupled, across, strict=True)
@@ -49,8 +67,9 @@ class Cable:
         return [product.reshape(1, 3 * len(product), -1) for product in products]
 
 
-def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name: str) -> Cable:
-    """A cable through at least two points, the fixed pull point (3,) mm counted first where it is given.
+def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name: str, friction: float = 0.0) -> Cable:
+    """A cable through at least two points, the fixed pull point (3,) mm counted first where it is given. Free of the
+    loss that its coefficient of friction makes.
 
     Raises SpecError where there are too few points or two neighbours coincide."""
     nodes = np.unique(np.concatenate([point.nodes for point in points])) if points else np.empty(0, dtype=int)
@@ -69,4 +88,4 @@ def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name
         first = int(lengths.argmin())
         raise SpecError(f"cable '{name}': {names[first]} and {names[first + 1]} coincide", do="leave one of them out")
     cliques = tuple(nodes[row != 0.0][None] for row in along)
-    return Cable(nodes, along, start, float(lengths.sum()), cliques, np.zeros(1))
+    return Cable(nodes, along, start, lengths, cliques, np.zeros(1), np.ones(len(lengths)), friction)

@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cfem.constraint.strained import Strained
 from cfem.mechanics.beam import Beam, response
 
 
@@ -24,6 +25,10 @@ class RodChambers:
     nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
     rest: ClassVar[np.ndarray] = np.zeros(1)
     units: ClassVar[tuple[str, str]] = ("mm^3", "MPa")
+
+    def strained(self, e: np.ndarray) -> Strained:
+        """At the strains e (m, 6) of the rod."""
+        return Strained(float((self.weights * e).sum()), self.weights)
 
     def value(self, x: np.ndarray) -> np.ndarray:
         return np.array([(self.weights * response(self.beam, x).strain.e).sum()])

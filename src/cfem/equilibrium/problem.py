@@ -5,13 +5,15 @@ R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C de
 on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from cfem.constraint.chambers import RodChambers
 from cfem.constraint.protocol import Watched
+from cfem.constraint.rod_cable import RodCable
+from cfem.constraint.strained import Strained
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import beam as rod
 from cfem.mechanics.assembly import Pattern, add_blocks
@@ -41,7 +43,8 @@ class Cost:
 class Evaluation:
     """The equations at one x and element pressure p.
 
-    force: (n_dof,) N internal less the constant loads' share; delta: (n,); H: (n_dof, n) gradients of delta"""
+    force: (n_dof,) N internal less the constant loads' share; delta: (n,); H: (n_dof, n) gradients of delta;
+    strained: of the rows that act on a rod's strains"""
 
     x: np.ndarray
     pressure: np.ndarray
@@ -50,6 +53,7 @@ class Evaluation:
     force: np.ndarray
     delta: np.ndarray
     H: np.ndarray
+    strained: tuple[Strained, ...] = field(default=(), kw_only=True)
 
     def residual(self, lam: np.ndarray) -> np.ndarray:
         """(n_dof,) N."""
@@ -98,11 +102,11 @@ class Problem:
         # whether anything acts on nodes: where a rod and its chambers are all, there is nothing to gather from them
         rows = [row for row in robot.active if not _on_strains(row)]
         self._nodal = bool(self.body.solids or rows or robot.loads is not None)
-        # rows that act on the strains of a rod, and the weights (rows, m, 6) by which they do
+        # rows that act on the strains of a rod
         columns = np.cumsum([0] + [len(row.rest) for row in robot.active])
         strained = [(column, row) for column, row in zip(columns, robot.active, strict=False) if _on_strains(row)]
         self._strained = np.array([column for column, _ in strained], dtype=int)
-        self._pulls = np.array([row.weights for _, row in strained])
+        self._rod_rows = tuple(row for _, row in strained)
         self._bulk_over_volume = bulk_over_volume(self.body) if self.body.n_pressures else np.empty(0)
         self.finite = robot.loads is None or bool(np.isfinite(robot.loads).all())
         self.loads = robot.loads if self.finite else None
@@ -131,13 +135,14 @@ class Problem:
         H = self.gradients(self.robot.active, x)
         if at.beam is not None:
             force += self._on_unknowns(at.beam.force[:, :, None])[:, 0]
-        if len(self._strained):
-            H[:, self._strained] += self._on_unknowns(at.beam.gradient.swapaxes(1, 2) @ self._pulls.transpose(1, 2, 0))
-            growth = np.tensordot(self._pulls, at.beam.strain.e)
+        strained = tuple(row.strained(at.beam.strain.e) for row in self._rod_rows)
+        if strained:
+            pulls = np.stack([row.by_e for row in strained], axis=-1)
+            H[:, self._strained] += self._on_unknowns(at.beam.gradient.swapaxes(1, 2) @ pulls)
         delta = [None if _on_strains(row) else row.value(x) - row.rest for row in self.robot.active]
-        growths = iter(growth[:, None] if len(self._strained) else ())
-        delta = np.concatenate([next(growths) if each is None else each for each in delta])
-        return Evaluation(x, at.pressure, load, at, force, delta, H)
+        growths = iter(strained)
+        delta = np.concatenate([[next(growths).value] if each is None else each for each in delta])
+        return Evaluation(x, at.pressure, load, at, force, delta, H, strained=strained)
 
     def potential(self, at: Evaluation) -> float:
         """N mm: U - f_ext . u."""
@@ -181,8 +186,7 @@ class Problem:
 
     def _with_rod(self, at: Evaluation, lam: np.ndarray, data: np.ndarray) -> np.ndarray:
         if at.response.beam is not None:
-            blocks = rod.stiffness(self.body.beam, at.response.beam, self._pulled(lam))
-            add_blocks(blocks, self.kinematics.joint_slots, data)
+            add_blocks(self._rod_blocks(at, lam), self.kinematics.joint_slots, data)
         return data
 
     def form(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -205,7 +209,7 @@ class Problem:
     def _form_of_rod(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray | float:
         if at.response.beam is None:
             return 0.0
-        return self.rod_form(rod.stiffness(self.body.beam, at.response.beam, self._pulled(lam)), q)
+        return self.rod_form(self._rod_blocks(at, lam), q)
 
     def rod_form(self, blocks: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(k, k) N mm: of changes q (n_dof, k) of the unknowns in blocks (m, 12, 12) of the rod's elements."""
@@ -257,9 +261,16 @@ class Problem:
         )
         return float(parts / self.scale(at, lam))
 
-    def _pulled(self, lam: np.ndarray) -> np.ndarray | float:
-        """(m, 6) by which the active rows pull at the strains of the rod."""
-        return np.tensordot(lam[self._strained], self._pulls, axes=1) if len(self._strained) else 0.0
+    def _rod_blocks(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
+        """(m, 12, 12) N/mm tangent stiffness of the rod under the rows that pull at its strains."""
+        tensions = lam[self._strained]
+        pulled = sum((t * row.by_e for t, row in zip(tensions, at.strained, strict=True)), 0.0)
+        blocks = rod.stiffness(self.body.beam, at.response.beam, pulled)
+        bent = [t * row.second for t, row in zip(tensions, at.strained, strict=True) if row.second is not None]
+        if bent:
+            gradient = at.response.beam.gradient
+            blocks = blocks - gradient.swapaxes(1, 2) @ sum(bent) @ gradient
+        return blocks
 
     def _on_unknowns(self, joined: np.ndarray) -> np.ndarray:
         """(n_dof, k) sums of (m, 12, k) on the unknowns of the sections that the rod's elements join."""
@@ -281,4 +292,4 @@ class Problem:
 
 
 def _on_strains(row: Watched) -> bool:
-    return isinstance(row, RodChambers)
+    return isinstance(row, RodChambers | RodCable)

@@ -6,6 +6,7 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.constraint.protocol import Constraint, Watched
+from cfem.core.errors import SpecError
 from cfem.mechanics.body import Body
 from cfem.mechanics.viscosity import Viscosity
 
@@ -80,6 +81,19 @@ class Robot:
 def watched_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:
     """(n_e + n_s,) mm and rad from rest of effectors and skin, nodes at x (n, 3)."""
     return np.concatenate([row.value(x) - row.rest for row in robot.watched])
+
+
+def demand_without_friction(robot: Robot) -> None:
+    """SpecError where a cable rubs in its guides: then no energy stands behind the forces, and W is not symmetric."""
+    rubbing = [
+        name
+        for name, one in zip(robot.rows.actuators, robot.actuators, strict=True)
+        if getattr(one, "friction", 0.0) > 0
+    ]
+    if rubbing:
+        what = f"cable '{rubbing[0]}' has friction, with which the robot has no condensed energy"
+        do = "set friction: 0 here; `cfem calibrate-cases` and `cfem predict-cases` follow the friction"
+        raise SpecError(what, where=robot.name, do=do)
 
 
 def effector_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from cfem.equilibrium.inertia import inertia
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
-from cfem.equilibrium.robot import watched_displacements
+from cfem.equilibrium.robot import demand_without_friction, watched_displacements
 from cfem.equilibrium.solution import Equilibrium, Linear, State, Status
 from cfem.equilibrium.third_order import compliance_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
@@ -60,6 +60,7 @@ def solve(
     the nodes, and what the rows need to move (inertia.py); skin_response: and how all nodes yield to forces on the
     skin's rows; keep: and what further derivatives start from.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
+    demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):

@@ -18,6 +18,8 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
 from cfem.mechanics.solid import Solid, make_solid
 
+# Laws of rubber, whose fibres a rod that may contract takes for neo-Hookean.
+RUBBER = ("neo-hookean", "neo-hookean-log", "mooney-rivlin", "ogden")
 # The bubbles' own equilibrium is not found where the bulk modulus is some thousand times the shear modulus.
 _STIFFEST_WITH_BUBBLES = 0.499
 
@@ -127,7 +129,8 @@ def make_rod_body(
     materials = [material, *(other for _, other in regions)]
     for each in materials:
         _check(each, element)
-    beam = rod.make_beam(sections, shape, [(each.young, each.poisson) for each in materials], np.array(numbers))
+    moduli, rubber = [(each.young, each.poisson) for each in materials], [each.law.name in RUBBER for each in materials]
+    beam = rod.make_beam(sections, shape, moduli, np.array(numbers), rubber)
     return Body(mesh, element, (), sections, beam)
 
 

@@ -66,9 +66,10 @@ def _of_rod(beam: Beam, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     each = density.reshape(len(beam.length), -1).mean(axis=1) * beam.length
     s, k = sections.nodes.shape
     motion = np.concatenate([np.full((s, 1, k), 1 / k), sections.across], axis=1)  # of centre and axes
-    inertia = np.array([beam.shape.area, beam.shape.bending, beam.shape.bending])
+    shape = beam.shape
+    inertia = np.stack(np.broadcast_arrays(shape.area, shape.bending, shape.bending, beam.length)[:3])
     both = np.zeros((len(each), 2, 3, 2 * k))
     both[:, 0, :, :k], both[:, 1, :, k:] = motion[:-1], motion[1:]
     shared = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
-    blocks = np.einsum("mixa,ij,x,mjxb->mab", both, shared, inertia, both, optimize=True)
+    blocks = np.einsum("mixa,ij,xm,mjxb->mab", both, shared, inertia, both, optimize=True)
     return nodes, each[:, None, None] * blocks

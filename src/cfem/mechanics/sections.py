@@ -40,9 +40,9 @@ class Sections:
         return np.sqrt((self.arm**2).sum(axis=2).mean(axis=1))
 
     @cached_property
-    def outer(self) -> float:
-        """mm from the axis to the farthest node."""
-        return float(np.sqrt((self.arm**2).sum(axis=2).max()))
+    def outer(self) -> np.ndarray:
+        """(s,) mm from the axis to the farthest node."""
+        return np.sqrt((self.arm**2).sum(axis=2).max(axis=1))
 
     @cached_property
     def across(self) -> np.ndarray:

@@ -14,9 +14,12 @@ from cfem.constraint.chambers import RodChambers, make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Watched
+from cfem.constraint.push import Push, make_push
+from cfem.constraint.rod_cable import RodCable, make_rod_cable
 from cfem.constraint.section_point import attach_to_sections, make_section_effector
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
+from cfem.mechanics.beam import Beam, Section
 from cfem.mechanics.body import Body, make_body, make_rod_body
 from cfem.mechanics.element import ELEMENTS, SECTIONED
 from cfem.mechanics.load import gravity
@@ -25,7 +28,7 @@ from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
-from cfem.robot import constraints, soft_finger, spec, stiff_flop
+from cfem.robot import constraints, soft_finger, spec, stiff_flop, taper
 from cfem.robot.deform import shaped
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.on_mesh import on_mesh
@@ -104,8 +107,14 @@ def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections
         return make_body(mesh, ELEMENTS[name], main, parts)
     row = Sections(mesh.X, np.stack(sections))
     if name == "beam":
-        return make_rod_body(mesh, SECTIONED[name], row, stiff_flop.section_shape(scene.geometry), main, parts)
+        return make_rod_body(mesh, SECTIONED[name], row, _section_shape(scene, row), main, parts)
     return replace(make_body(mesh, SECTIONED[name], main, parts), sections=row)
+
+
+def _section_shape(scene: spec.SceneSpec, row: Sections) -> Section:
+    if isinstance(scene.geometry, spec.StiffFlop):
+        return stiff_flop.section_shape(scene.geometry)
+    return taper.section_shape(scene.geometry, row.centres[:, 0], scene.material.poisson)
 
 
 def _rigid(scene: spec.SceneSpec, mesh: Mesh, sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -142,24 +151,40 @@ def _attach(
 
 def _actuator(
     scene: spec.SceneSpec, mesh: Mesh, body: Body, item: constraints.Actuator, sections: list[np.ndarray]
-) -> Cable | Cavity | RodChambers:
+) -> Cable | RodCable | Push | Cavity | RodChambers:
     if isinstance(item, constraints.Cavity):
         return _cavity(mesh, item)
     if isinstance(item, constraints.Chambers):
         return _chambers(scene.geometry, mesh, body, item)
-    label = f"cable '{item.name}'"
+    if isinstance(item, constraints.Push):
+        return make_push(_points(mesh, item, item.points, sections, f"push '{item.name}'"), item.direction)
+    if body.beam is not None and _in_rod(body.beam, item):
+        return make_rod_cable(body.beam, cable_points(scene, item), item.name, item.friction)
+    points = _points(mesh, item, cable_points(scene, item), sections, f"cable '{item.name}'")
+    return make_cable(points, item.pull_point, item.name, item.friction)
+
+
+def _points(
+    mesh: Mesh, item: constraints.Cable | constraints.Push, at: np.ndarray, sections: list[np.ndarray], label: str
+) -> list[Attachment]:
     cells, points = _cells(mesh, item.body), []
-    for index, point in enumerate(cable_points(scene, item)):
+    for index, point in enumerate(at):
         try:
             points.append(_attach(mesh, point, item.radius, f"point {index} of {label}", cells, sections))
         except SpecError as error:
             raise SpecError(error.what, where=f"points.{index}", do=error.do) from None
-    return make_cable(points, item.pull_point, item.name)
+    return points
+
+
+def _in_rod(beam: Beam, item: constraints.Cable) -> bool:
+    """Whether the cable runs in the rod from its held base on, so that its pull point moves nothing."""
+    return item.pull_point is None or abs(item.points[0, 0] - beam.sections.centres[0, 0]) < 1e-9
 
 
 def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
     """(k, 3) mm."""
-    return item.points if item.route is None else soft_finger.route(scene.geometry, item.route.x, item.route.y)
+    points = item.points if item.route is None else soft_finger.route(scene.geometry, item.route.x, item.route.y)
+    return points if item.shift is None else taper.shifted(points, item.shift.y, item.shift.z, item.shift.outward)
 
 
 def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraints.Chambers) -> Cavity | RodChambers:
@@ -188,11 +213,12 @@ def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
 
 def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:
     points = effector_points(scene, item)
+    if sections:
+        return make_section_effector(mesh.X, sections, points, item.name, item.orientation)
     if isinstance(scene.geometry, spec.StiffFlop):
         plates = stiff_flop.plates_of(scene.geometry, mesh)
-        on_plates = np.isin(np.atleast_2d(points)[:, 0], [mesh.X[nodes[0], 0] for nodes in plates]).all()
-        if sections or on_plates:
-            return make_section_effector(mesh.X, sections or plates, points, item.name, item.orientation)
+        if np.isin(np.atleast_2d(points)[:, 0], [mesh.X[nodes[0], 0] for nodes in plates]).all():
+            return make_section_effector(mesh.X, plates, points, item.name, item.orientation)
     cells = _cells(mesh, item.body)
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
 

@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field, PositiveInt, model_validator
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import ForceVector, Length, LengthRange, Point, Points, StressRange, VolumeRange
+from cfem.robot.selection import Direction
 
 
 def _either(one: str, other: str) -> ConfigDict:
@@ -21,6 +22,17 @@ class Route(Spec):
     """Coordinate x of the cable."""
     y: Length
     """Coordinate y of the cable."""
+
+
+class Shift(Spec):
+    """How far a cable's channel lies from where its points say, such as a calibration finds."""
+
+    y: Length = 0.0
+    """Along y."""
+    z: Length = 0.0
+    """Along z."""
+    outward: Length = 0.0
+    """Away from the x axis, of a taper."""
 
 
 class Cable(Spec):
@@ -39,6 +51,10 @@ class Cable(Spec):
     """Fixed point outside the body from which the cable is pulled."""
     radius: Length = Field(default=2.0, ge=0)
     """Radius of the region through which each point acts; 0 for a mathematical point."""
+    shift: Shift | None = None
+    """How far the cable lies from its points."""
+    friction: float = Field(default=0.0, ge=0)
+    """Coefficient of friction between cable and guides. The tension falls by exp(-friction times the angle turned)."""
     reach: LengthRange
     """Smallest and largest shortening."""
     unilateral: bool = True
@@ -53,6 +69,33 @@ class Cable(Spec):
         _demand_one(f"cable '{self.name}'", points=self.points, route=self.route)
         _demand_order(f"cable '{self.name}'", self.reach)
         _demand_way(f"cable '{self.name}'", self.unilateral, self.reach, "pulls")
+        return self
+
+
+class Push(Spec):
+    """A force in a fixed direction, such as that of a weight, driven by its size."""
+
+    kind: Literal["push"]
+    """A force in a fixed direction."""
+    name: Name
+    """Name of the force."""
+    points: Points
+    """Points of the body that share the force equally."""
+    direction: Direction
+    """Direction of the force, x, y and z."""
+    radius: Length = Field(default=2.0, ge=0)
+    """Radius of the region through which each point acts; 0 for a mathematical point."""
+    reach: LengthRange
+    """Smallest and largest way of the points along the force."""
+    unilateral: bool = False
+    """Whether the force never points the other way."""
+    body: str | None = None
+    """Part, or named group of cells, that all points belong to."""
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        _demand_order(f"push '{self.name}'", self.reach)
+        _demand_way(f"push '{self.name}'", self.unilateral, self.reach, "pushes")
         return self
 
 
@@ -114,7 +157,7 @@ class Chambers(Spec):
         return self
 
 
-Actuator = Annotated[Cable | Cavity | Chambers, Field(discriminator="kind")]
+Actuator = Annotated[Cable | Push | Cavity | Chambers, Field(discriminator="kind")]
 
 
 class Contact(Spec):

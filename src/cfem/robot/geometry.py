@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveInt, field_validator, model_validator
 
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Length, Point, Points
+from cfem.core.units import Angle, Length, LengthVector, Point, Points
 from cfem.robot.selection import Direction
 
 
@@ -99,6 +99,28 @@ class Trunk(Spec):
         return self
 
 
+class Taper(Spec):
+    """A round body along x from the origin, such as a tentacle: cones in a row."""
+
+    kind: Literal["taper"]
+    """A round body whose radius changes along its axis."""
+    places: LengthVector
+    """Places along x where the radius is given, from 0 to the length."""
+    radii: LengthVector
+    """Radius at each place. It is linear in between."""
+
+    @model_validator(mode="after")
+    def _possible(self):
+        places, radii = self.places, self.radii
+        if len(places) < 2 or len(places) != len(radii):
+            raise ValueError(f"taper: needs as many places as radii, at least two; got {len(places)} and {len(radii)}")
+        if places[0] != 0 or not (places[1:] > places[:-1]).all():
+            raise ValueError("taper: places must begin at 0 and ascend")
+        if not (radii > 0).all():
+            raise ValueError("taper: radii must be above 0")
+        return self
+
+
 class StiffFlop(Spec):
     """Modules in a row from x = 0 along x, each with a bore and six chambers around it (the STIFF-FLOP trunk of Navez,
     Menager et al. 2025). Chamber k lies at k times 60 deg from the y axis towards z. Circles are polygons of twelve
@@ -148,7 +170,7 @@ class StepFile(Spec):
     """The file, relative to this spec."""
 
 
-Single = SoftFinger | Bar | Diamond | Trunk | StiffFlop | MeshFile | StepFile
+Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | MeshFile | StepFile
 
 
 class Refinement(Spec):

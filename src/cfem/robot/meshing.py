@@ -19,12 +19,13 @@ from cfem.robot.bar import bar
 from cfem.robot.cad import Box, Difference, File, Placed, Solid, as_data
 from cfem.robot.deform import shaped
 from cfem.robot.diamond import diamond
-from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Trunk
+from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Taper, Trunk
 from cfem.robot.mesh_file import read_own
 from cfem.robot.placement import join, place, place_back, seen_from
 from cfem.robot.soft_finger import soft_finger
 from cfem.robot.spec import Meshing, SceneSpec
 from cfem.robot.stiff_flop import section_shape, slice_mesh
+from cfem.robot.taper import rod_mesh, taper
 from cfem.robot.trunk import trunk
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
@@ -33,7 +34,7 @@ DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1
 _FAR = 1e4  # mm, beyond any robot
 
 Region = Box | Placed
-CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Trunk: trunk}
+CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Taper: taper, Trunk: trunk}
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,10 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, *[2 * scene.geometry.radius] * 2]))
         mesh = slice_mesh(scene.geometry, scene.mesh.element, scene.mesh.size)
         return mesh, None if scene.mesh.element == "beam" else length * section_shape(scene.geometry).area
+    if isinstance(scene.geometry, Taper) and scene.mesh.element == "beam":
+        length, width = float(scene.geometry.places[-1]), 2 * float(scene.geometry.radii.max())
+        demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, width, width]))
+        return rod_mesh(scene.geometry, scene.mesh.size), None
     if isinstance(scene.geometry, Assembly):
         made = {part.name: _part(part, scene.mesh, regions, folder, grading) for part in scene.geometry.parts}
         mesh = join({name: mesh for name, (mesh, _) in made.items()})

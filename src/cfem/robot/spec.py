@@ -10,7 +10,7 @@ from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
 from cfem.robot.free_form import FreeForm
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop, Taper
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 
@@ -31,8 +31,8 @@ class Meshing(Spec):
     element: Literal["tet4", "tet10", "tet10p0", "hex8", "hex8-full", "hex8-reduced", "beam"] = "tet10p0"
     """tet10p0: quadratic tetrahedra with one pressure per element, which never lock. tet4, tet10: linear and quadratic
     tetrahedra. hex8: hexahedra of a bar, of a mesh file, or of a stiff-flop as a solid with hoops around its chambers.
-    beam: a stiff-flop as a geometrically exact rod. hex8-full, hex8-reduced: a stiff-flop as hexahedra between rigid
-    sections; hex8-full locks in shear."""
+    beam: a stiff-flop or a taper as a geometrically exact rod. hex8-full, hex8-reduced: a stiff-flop as hexahedra
+    between rigid sections; hex8-full locks in shear."""
 
 
 class Gravity(Spec):
@@ -126,11 +126,12 @@ class SceneSpec(Spec):
     @model_validator(mode="after")
     def _sectioned(self):
         sections, element = isinstance(self.geometry, StiffFlop), self.mesh.element
-        if (sections and element not in ("hex8", *SECTIONED)) or (element in SECTIONED and not sections):
+        rod = isinstance(self.geometry, Taper) and element == "beam"
+        if (sections and element not in ("hex8", *SECTIONED)) or (element in SECTIONED and not (sections or rod)):
             what = f"geometry stiff-flop goes with mesh.element {', '.join(SECTIONED)} or hex8"
-            raise ValueError(f"{what}, and the first {len(SECTIONED)} with no other geometry")
-        if sections and self.rigid:
-            raise ValueError("rigid: the sections of a stiff-flop are rigid already, leave `rigid` out")
+            raise ValueError(f"{what}, taper with beam or tetrahedra, and the first {len(SECTIONED)} with no other")
+        if (sections or rod) and self.rigid:
+            raise ValueError(f"rigid: the sections of a {self.geometry.kind} are rigid already, leave `rigid` out")
         for index, item in enumerate(self.actuators):
             if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
                 what = f"chambers '{item.name}': the geometry has no module {item.module} with chambers"

@@ -1,0 +1,69 @@
+"""Equilibrium with friction between cables and their guides.
+
+A cable that slips all along loses tension as on a capstan, T(s) = T0 exp(-way mu theta(s)), theta the angle that it
+has turned up to s (Euler 1769): way 1 while it is pulled in, -1 while it is let out, and the difference is the
+hysteresis of loading and unloading. Between the two the cable sticks, and where the robot rests depends on its past.
+The shares T / T0 are found with the shape, in turns; with the shares held the cable has a potential as ever."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solution import Equilibrium, State, Status
+from cfem.equilibrium.solve import solve
+
+_TURNS = 60
+_ENOUGH = 1e-9  # change of any share
+Shares = tuple[np.ndarray | None, ...]
+
+
+def has_friction(robot: Robot) -> bool:
+    """Whether any cable has."""
+    return any(getattr(one, "friction", 0.0) > 0 for one in robot.actuators)
+
+
+def solve_slipping(
+    problem: Problem,
+    actuation: Actuation,
+    start: State | None = None,
+    shares: Shares | None = None,
+    ways: Sequence[float] | float = 1.0,
+    condense: bool = True,
+) -> tuple[Equilibrium, Shares]:
+    """As `solve`, every cable that has friction slipping its way; shares: of a state nearby, to start from. Status
+    INACCURATE where shape and shares do not settle."""
+    robot = problem.robot
+    if not has_friction(robot):
+        return solve(problem, actuation, start, condense=condense), tuple(None for _ in robot.actuators)
+    ways = np.broadcast_to(ways, len(robot.actuators))
+    now = shares or tuple(getattr(one, "shares", None) for one in robot.actuators)
+    for _ in range(_TURNS):
+        held = Problem(replace(robot, actuators=_with(robot, now)), like=problem)
+        found = solve(held, actuation, start, condense=condense)
+        if found.status is not Status.CONVERGED:
+            return found, now
+        before, now = now, _slipping(robot, found.state.x, ways, now)
+        start = found.state
+        moved = [np.abs(a - b).max() for a, b in zip(before, now, strict=True) if a is not None]
+        if max(moved) <= _ENOUGH:
+            return found, now
+    return replace(found, status=Status.INACCURATE), now
+
+
+def _with(robot: Robot, shares: Shares) -> tuple:
+    """The actuators with these shares held."""
+    return tuple(
+        one if share is None else replace(one, shares=share, friction=0.0)
+        for one, share in zip(robot.actuators, shares, strict=True)
+    )
+
+
+def _slipping(robot: Robot, x: np.ndarray, ways: np.ndarray, before: Shares) -> Shares:
+    return tuple(
+        None if share is None else one.slipping(x, way)
+        for one, way, share in zip(robot.actuators, ways, before, strict=True)
+    )

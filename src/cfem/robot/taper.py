@@ -1,0 +1,63 @@
+"""A round body of cones in a row: as a solid, as a rod of plane sections, and what its sections amount to."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from cfem.mechanics.beam import Section
+from cfem.mechanics.mesh import Mesh, boundary_facets
+from cfem.robot.cad import Frustum, Solid, Union
+from cfem.robot.geometry import Taper
+
+SIDES = 8
+# A polygon of eight sides as three quadrilaterals.
+_LID = np.array([[0, 1, 2, 3], [0, 3, 4, 7], [4, 5, 6, 7]])
+_GAUSS = (np.array([-1, 0, 1]) * np.sqrt(0.6), np.array([5, 8, 5]) / 18)
+
+
+def taper(spec: Taper) -> Solid:
+    """Its cones joined."""
+    parts = tuple(
+        Frustum((float(a), 0.0, 0.0), (float(b - a), 0.0, 0.0), float(r), float(s))
+        for (a, b), (r, s) in zip(pairwise(spec.places), pairwise(spec.radii), strict=True)
+    )
+    return parts[0] if len(parts) == 1 else Union(parts)
+
+
+def rod_mesh(spec: Taper, size: float) -> Mesh:
+    """Plane sections, each a node set, at most `size` mm apart, one at every place where the radius is given. The
+    hexahedra between them carry pictures and attachments."""
+    places = np.concatenate(
+        [np.linspace(a, b, int(np.ceil((b - a) / size - 1e-9)) + 1)[:-1] for a, b in pairwise(spec.places)]
+        + [spec.places[-1:]]
+    )
+    angles = (np.arange(SIDES) + 0.5) * 2 * np.pi / SIDES
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    radii = np.interp(places, spec.places, spec.radii)
+    X = np.concatenate([np.column_stack([np.full(SIDES, x), r * ring]) for x, r in zip(places, radii, strict=True)])
+    q, k = _LID, SIDES
+    first = np.column_stack([q[:, 0], q[:, 0] + k, q[:, 1] + k, q[:, 1], q[:, 3], q[:, 3] + k, q[:, 2] + k, q[:, 2]])
+    cells = np.concatenate([first + k * number for number in range(len(places) - 1)])
+    node_sets = {f"section-{number:03d}": k * number + np.arange(k) for number in range(len(places))}
+    return Mesh(X, cells, boundary_facets(cells), node_sets)
+
+
+def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> Section:
+    """Means over each element between neighbouring `places` (s,) mm, by Gauss's rule of three points. Sections are
+    free to contract; shear as Cowper's for a circle of the main material."""
+    middle, half = (places[1:] + places[:-1]) / 2, np.diff(places) / 2
+    radii = np.interp(middle[:, None] + half[:, None] * _GAUSS[0], spec.places, spec.radii)
+    area, bending = np.pi * radii**2 @ _GAUSS[1], np.pi / 4 * radii**4 @ _GAUSS[1]
+    return Section(area, bending, 2 * bending, True, 6 * (1 + poisson) / (7 + 6 * poisson))
+
+
+def shifted(points: np.ndarray, y: float, z: float, outward: float) -> np.ndarray:
+    """Points (k, 3) mm moved away from the x axis, then along y and z. Those on the axis have no way outward."""
+    away = points[:, 1:] / np.maximum(np.linalg.norm(points[:, 1:], axis=1), 1e-300)[:, None]
+    return points + np.column_stack([np.zeros(len(points)), outward * away + [y, z]])
+
+
+def volume(spec: Taper) -> float:
+    """mm^3."""
+    a, b = spec.radii[:-1], spec.radii[1:]
+    return float((np.pi / 3 * np.diff(spec.places) * (a * a + a * b + b * b)).sum())
