@@ -127,13 +127,26 @@ def equivalent(every: set[str]) -> set[str]:
     return known
 
 
+def compiled_with(file: Path) -> set[Path]:
+    """The files whose compiled code a change of this one can be part of: those that compile, it among them, and import
+    it, one through the other."""
+    texts = {one: one.read_text() for one in (ROOT / "src/cfem").rglob("*.py")}
+    compile_some = {one: text for one, text in texts.items() if "@njit" in text}
+    found = {ROOT / "src/cfem" / file} & set(compile_some)
+    while True:
+        names = {".".join(one.relative_to(ROOT / "src").with_suffix("").parts) for one in found}
+        more = {one for one, text in compile_some.items() if any(f"{name} import" in text for name in names)}
+        if more <= found:
+            return found
+        found |= more
+
+
 def attempt(file: Path, index: int, timeout: float) -> bool:
     """One change of a file below src/cfem: whether a test noticed."""
     source = (ROOT / "src/cfem" / file).read_text()
     tree = ast.parse(source)
     changed = ast.unparse(ast.fix_missing_locations(Change(*changes(tree)[index]).visit(tree)))
-    # compiled code is kept where it cannot contain the change
-    stale = ("*.pyc", "*.nbi", "*.nbc") if "njit" in source else ("*.pyc",)
+    stale = ["*.pyc", *(f"{one.stem}.*.nb?" for one in compiled_with(file))]
     with tempfile.TemporaryDirectory() as place:
         package = Path(place, "cfem")
         shutil.copytree(ROOT / "src/cfem", package, ignore=shutil.ignore_patterns(*stale))
