@@ -12,6 +12,7 @@ from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.plant.fem_plant import pushed
 
 EXACT = Settings(tolerance=1e-12)
 ROBOTS = {
@@ -88,3 +89,25 @@ def test_a_cable_that_moves_nothing_changes_nothing():
     problem = Problem(replace(robot, fixed=held, actuators=(robot.actuators[0], idle)))
     state = solve(problem, actuation.force([0.5, 0.2]), third_order=True)
     assert state.converged and not state.dW[1].any() and state.dW[0].any()
+
+
+def test_how_locked_compliance_changes_with_loads_is_that_of_loaded_solves(solved):
+    problem, state = solved
+    found = solve(
+        problem, actuation.displacement(state.delta_a), settings=EXACT, third_order=True, loads=True, slack=False
+    )
+    D, e, a = found.dC, problem.robot.rows.e, problem.robot.rows.a
+    assert D.shape == (3, 3, 3)
+
+    def locked(push):
+        loaded = Problem(pushed(problem.robot, push))
+        at = solve(loaded, actuation.displacement(state.delta_a), settings=EXACT, slack=False)
+        assert at.converged
+        W = at.condensed.W
+        return W[e, e] - W[e, a] @ np.linalg.solve(W[a, a], W[a, e])
+
+    h = 1e-4 / np.abs(np.linalg.eigvalsh(locked(np.zeros(3)))).max()
+    for k in range(3):
+        step = h * np.eye(3)[k]
+        expected = (locked(step) - locked(-step)) / (2 * h)
+        np.testing.assert_allclose(D[k], expected, rtol=0, atol=1e-5 * np.abs(D).max())

@@ -56,7 +56,8 @@ def serial(modules: int = 2) -> tuple[dict, dict]:
     quantities = {"potential": psi[:, None], "effector": end, "effector_compliance": np.zeros((len(indices), 21))}
     chosen = {name: Series(indices, coefficients) for name, coefficients in quantities.items()}
     to_box, offset = np.eye(n) / 10, -np.ones(n)
-    indices, coefficients = series(chosen, to_box, n)
+    found = series(chosen, to_box, n)
+    indices, coefficients = found["indices"], found["series"]
     arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": coefficients}
     training = dataset(60, 1, n * modules, unilateral=False)
     names = {"effectors": [f"end.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")]}

@@ -143,6 +143,7 @@ def dataset(
         slack=np.zeros((m, n_a), dtype=bool),
         p=p,
         dW=compliance_derivatives(delta_a, factor) if third_order else None,
+        dC=None,
         dpsi_dp=slope * energy(delta_a)[0][:, None] if parameters else None,
         dlambda_dp=slope[:, None] * energy(delta_a)[1][..., None] if parameters else None,
         ddelta_e_dp=np.zeros((m, 3, 1)) if parameters else None,

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.core.stage import Options
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.plant.fem_plant import pushed
 from cfem.predict.load import load_model
+from cfem.predict.loaded import loaded
 from cfem.predict.serial import cross, left_jacobian
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
@@ -84,6 +86,33 @@ def test_two_modules_in_a_row_are_the_whole_trunk(project):
         size = np.sqrt(np.diag(solved.condensed.W))
         scale = np.outer(size, size)
         np.testing.assert_allclose(found.W / scale, solved.condensed.W / scale, atol=1e-8)
+
+
+def test_two_modules_under_a_force_at_the_tip_are_the_whole_trunk(project):
+    """2 mN move the tip by about a millimetre. The row of modules knows them from unloaded samples of one module."""
+    model = load_model(project / "models" / WHOLE / "serial")
+    problem = problem_of(project, WHOLE)
+    rng = np.random.default_rng(3)
+    for pressures in 0.2 * rng.random((2, 6)):
+        direction = rng.normal(size=3)
+        push = 2e-3 * direction / np.linalg.norm(direction)
+        at = solve(problem, force(pressures)).delta_a
+        solved = solve(Problem(pushed(problem.robot, push)), displacement(at), slack=False)
+        found = loaded(model, push).at(at)
+        moved = np.linalg.norm(found.delta_e - model.at(at).delta_e)
+        assert moved > 0.3
+        assert np.linalg.norm(found.delta_e - solved.delta_e) < 1e-3  # mm; 0.005 to 0.02 without D
+        np.testing.assert_allclose(found.lam, solved.lambda_a, atol=1e-6 * np.abs(solved.lambda_a).max())
+        size = np.sqrt(np.diag(solved.condensed.W))
+        np.testing.assert_allclose(found.W / np.outer(size, size), solved.condensed.W / np.outer(size, size), atol=2e-3)
+        assert found.rows == model.rows
+
+
+def test_the_estimated_error_bounds_that_of_loads(project):
+    model = load_model(project / "models" / WHOLE / "serial")
+    assert loaded(model, np.array([0, 2e-3, 0])).meta["wrench_error"] < 0.005
+    with pytest.raises((InputError, NumericalError), match="take (at most|smaller)"):
+        loaded(model, np.array([0, 0.06, 0]))
 
 
 def test_it_is_judged_by_the_states_of_the_whole(project):

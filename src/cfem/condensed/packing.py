@@ -1,6 +1,7 @@
-"""Symmetric matrices as their upper triangle, row by row: W[0,0], W[0,1], ..., W[1,1], ..."""
+"""Symmetric matrices as their upper triangle, row by row: W[0,0], W[0,1], ..., W[1,1], ...; tensors likewise."""
 
 from functools import lru_cache
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -15,6 +16,18 @@ def pack_upper(matrix: np.ndarray) -> np.ndarray:
     """(..., n, n) symmetric -> (..., n (n + 1) / 2)."""
     rows, columns = upper_indices(matrix.shape[-1])
     return matrix[..., rows, columns]
+
+
+@lru_cache(maxsize=64)
+def symmetric3_indices(n: int) -> np.ndarray:
+    """(3, n (n + 1) (n + 2) / 6) indices i <= j <= k of the packed entries of a tensor symmetric in all three."""
+    return np.array(list(combinations_with_replacement(range(n), 3))).T
+
+
+def pack_symmetric3(tensor: np.ndarray) -> np.ndarray:
+    """(..., n, n, n) symmetric -> (..., n (n + 1) (n + 2) / 6)."""
+    i, j, k = symmetric3_indices(tensor.shape[-1])
+    return tensor[..., i, j, k]
 
 
 def entries(W: np.ndarray, delta_free: np.ndarray) -> np.ndarray:

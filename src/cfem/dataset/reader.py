@@ -32,8 +32,9 @@ class Dataset:
     parameters, no columns where there is none; delta_a (m, n_a) mm; delta_e (m, n_e) mm from the rest position;
     lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack
     (m, n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where
-    it was not asked for; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, dlambda_dp
-    (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
+    it was not asked for; dC (m, n_e (n_e + 1) (n_e + 2) / 6) mm/N^2: packed derivative of the effectors' compliance,
+    actuators held, by a wrench on them, likewise; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a,
+    dlambda_dp (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
     cost: (m,) each of COST by name; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ...
     whole: the same states with the rows of the skin, `skin`; None where there is none
 
@@ -55,6 +56,7 @@ class Dataset:
     energy: np.ndarray
     slack: np.ndarray
     dW: np.ndarray | None
+    dC: np.ndarray | None
     dpsi_dp: np.ndarray | None
     dlambda_dp: np.ndarray | None
     ddelta_e_dp: np.ndarray | None
@@ -156,6 +158,7 @@ def as_dataset(table: pa.Table) -> Dataset:
         p=p,
         W=W[:, own[:, None], own],
         dW=None if dW is None else dW[:, :, own[:, None], own],
+        dC=column_array(good, "dC") if "dC" in has else None,
         dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
         dlambda_dp=_by_p(good, "dlambda_dp", p),
         ddelta_e_dp=_by_p(good, "ddelta_e_dp", p),
@@ -198,7 +201,7 @@ def read_table(path: Path) -> pa.Table:
     card = checked(DatasetCard, meta, f"{path}: metadata", _AGAIN)
     there = set(file.schema_arrow.names)
     units = [tuple(pair) for pair in card.row_units]
-    expected = schema(rows_of(meta), {}, parameters_of(meta), "dW" in there, units)
+    expected = schema(rows_of(meta), {}, parameters_of(meta), "dW" in there, units, "dC" in there)
     for field in expected:
         if field.name not in there:
             raise InputError(f"is damaged: column '{field.name}' is missing", where=str(path), do=_AGAIN)

@@ -8,6 +8,7 @@ from typing import Any
 import pyarrow as pa
 
 from cfem.condensed import Rows
+from cfem.condensed.packing import symmetric3_indices
 from cfem.condensed.parameters import Parameter, from_json, sampled, to_json
 
 FORMAT = 3
@@ -48,6 +49,7 @@ COLUMNS = (
     Column("delta_free", _F, "mm", "rows", state=True),
     Column("energy", _F, "N mm", state=True),
     Column("dW", _F, "mm/N^2", "active x upper triangle", state=True),
+    Column("dC", _F, "mm/N^2", "effectors cubed", state=True),
     Column("dpsi_dp", _F, "N mm", "parameters", state=True),
     Column("dlambda_dp", _F, "N", "actuators x parameters", state=True),
     Column("ddelta_e_dp", _F, "mm", "effectors x parameters", state=True),
@@ -72,11 +74,12 @@ def schema(
     parameters: Sequence[Parameter] = (),
     third_order: bool = False,
     row_units: Sequence[tuple[str, str]] = (),
+    loads: bool = False,
 ) -> pa.Schema:
     """Arrow schema of a robot's dataset; lists have a fixed size. parameters: sampled and exact ones; third_order:
-    whether it has dW; row_units: of each row's displacement and multiplier, mm and N unless given. `meta` (plain JSON
-    data) goes into the file under the key 'cfem', with the format's version, the names and units of the rows, the
-    parameters and the unit of each column."""
+    whether it has dW; loads: whether it has dC; row_units: of each row's displacement and multiplier, mm and N unless
+    given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the format's version, the names and
+    units of the rows, the parameters and the unit of each column."""
     varied = sampled(parameters)
     triangle = rows.n * (rows.n + 1) // 2
     sizes = {
@@ -84,6 +87,7 @@ def schema(
         "parameters": len(varied),
         "actuators": rows.n_a,
         "effectors": rows.n_e,
+        "effectors cubed": rows.n_e * (rows.n_e + 1) * (rows.n_e + 2) // 6,
         "skin": rows.n_s,
         "contacts": rows.n_c,
         "rows": rows.n,
@@ -93,7 +97,7 @@ def schema(
         "effectors x parameters": rows.n_e * len(varied),
         "skin x parameters": rows.n_s * len(varied),
     }
-    there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order}
+    there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads}
     there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
     there |= dict.fromkeys(OF_SKIN, rows.n_s > 0) | {"ddelta_s_dp": bool(varied) and rows.n_s > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
@@ -120,7 +124,7 @@ def with_skin_rows(plain: pa.Schema, names: Sequence[str], sha256: str) -> pa.Sc
     rows = replace(rows_of(meta), skin=tuple(names))
     units = [tuple(pair) for pair in meta["row_units"]]
     units[rows.n_e : rows.n_e] = [CABLE] * rows.n_s
-    return schema(rows, {**meta, "skin": sha256}, parameters_of(meta), "dW" in plain.names, units)
+    return schema(rows, {**meta, "skin": sha256}, parameters_of(meta), "dW" in plain.names, units, "dC" in plain.names)
 
 
 def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
@@ -131,7 +135,9 @@ def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
     units = [tuple(pair) for pair in meta["row_units"]]
     del units[rows.s]
     known = {key: value for key, value in meta.items() if key != "skin"}
-    plain = schema(replace(rows, skin=()), known, parameters_of(meta), "dW" in meta["units"], units)
+    plain = schema(
+        replace(rows, skin=()), known, parameters_of(meta), "dW" in meta["units"], units, "dC" in meta["units"]
+    )
     return metadata_of(plain)
 
 
@@ -162,6 +168,11 @@ def _units(
                 for i, j in upper
             ]
             units["dW"] = common(dW)
+        if "dC" in units:
+            factors = zip(*symmetric3_indices(rows.n_e), strict=True)
+            units["dC"] = common(
+                [f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(multiplier[k])}" for i, j, k in factors]
+            )
     if parameters:
         units["p"] = list(parameters)
         per = ["" if unit == "1" else f"/{_factor(unit)}" for unit in parameters]

@@ -88,8 +88,9 @@ class Equilibrium:
     iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
     response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
     dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
-    rows need to move, linear: what further derivatives start from, where asked for; delta_s: (n_s,) mm of the skin's
-    rows; skin_response: (n, 3, n_s) mm/N of the nodes to forces on them, where asked for."""
+    rows need to move, dC: (n_e, n_e, n_e) dC/dw of the effectors' compliance with the actuators held by a wrench on
+    them, linear: what further derivatives start from, where asked for; delta_s: (n_s,) mm of the skin's rows;
+    skin_response: (n, 3, n_s) mm/N of the nodes to forces on them, where asked for."""
 
     status: Status
     state: State
@@ -109,6 +110,7 @@ class Equilibrium:
     condensed: Condensed | None
     response: np.ndarray | None = None
     dW: np.ndarray | None = None
+    dC: np.ndarray | None = None
     slopes: ParameterSlopes | None = None
     inertia: "Inertia | None" = None
     delta_s: np.ndarray = field(default_factory=lambda: np.zeros(0))

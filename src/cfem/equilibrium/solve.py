@@ -22,7 +22,7 @@ from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slop
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.robot import demand_without_friction, watched_displacements
 from cfem.equilibrium.solution import Equilibrium, Linear, State, Status
-from cfem.equilibrium.third_order import compliance_derivatives
+from cfem.equilibrium.third_order import compliance_derivatives, load_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
 
 DEFAULT = Settings()
@@ -51,6 +51,7 @@ def solve(
     mass: sp.csr_array | None = None,
     skin_response: bool = False,
     keep: bool = False,
+    loads: bool = False,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
@@ -58,7 +59,8 @@ def solve(
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
     the nodes, and what the rows need to move (inertia.py); skin_response: and how all nodes yield to forces on the
-    skin's rows; keep: and what further derivatives start from.
+    skin's rows; keep: and what further derivatives start from; loads: and, with third_order, how the effectors'
+    compliance changes with loads on them.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), Cost()
@@ -84,7 +86,7 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, _only(actuation, taut), near, last.state, settings, cost, slack)
-    wanted = (condense, third_order, sides, mass, skin_response, keep)
+    wanted = (condense, third_order, sides, mass, skin_response, keep, loads)
     return _answer(problem, path, _only(actuation, taut), settings, cost, begin, *wanted)
 
 
@@ -248,10 +250,11 @@ def _answer(
     mass: sp.csr_array | None = None,
     skin_response: bool = False,
     keep: bool = False,
+    loads: bool = False,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a, response_s, dW, slopes, moves, linear = result.status, *[None] * 7
+    status, condensed, response_a, response_s, dW, dC, slopes, moves, linear = result.status, *[None] * 8
     if status is Status.CONVERGED and condense:
         try:
             by_q = differences(problem, result.at, result.lam, sides) if sides else None
@@ -271,6 +274,8 @@ def _answer(
                 if third_order:
                     dW, dV = compliance_derivatives(problem, result.at, result.lam, found.Z, Y, mass)
                     moves = None if moves is None else replace(moves, dV=dV)
+                if third_order and loads:
+                    dC = load_derivatives(problem, result.at, result.lam, found.Z, condensed.W, dW)
                 slopes = parameter_slopes(problem, result.at, condensed.W, found.Z, by_q, found.y) if sides else None
                 left = (found.Z, found.factor, found.data, actuation.C, condensed.W)
                 linear = Linear(problem, result.at, result.lam, *left) if keep else None
@@ -281,7 +286,7 @@ def _answer(
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
     if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
-        status, condensed, response_a, response_s, dW, slopes, moves, linear = Status.INACCURATE, *[None] * 7
+        status, condensed, response_a, response_s, dW, dC, slopes, moves, linear = Status.INACCURATE, *[None] * 8
     n_a = robot.rows.n_a
     largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -304,6 +309,7 @@ def _answer(
         condensed=condensed,
         response=response_a,
         dW=dW,
+        dC=dC,
         slopes=slopes,
         inertia=moves,
         delta_s=watched[robot.rows.n_e :],

@@ -5,9 +5,12 @@ derivative along the path, where one multiplier changes and x follows by dx/dlam
 held. It is a central difference on the straight line x + h Z_k, off equilibrium by h^2 alike on either side. Z^T A Z is
 summed from strains (Problem.form): with A itself the difference would lose three digits more to rounding."""
 
+from itertools import permutations
+
 import numpy as np
 import scipy.sparse as sp
 
+from cfem.constraint.protocol import Watched
 from cfem.equilibrium.problem import Evaluation, Problem
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,
@@ -34,25 +37,62 @@ def compliance_derivatives(
     return dW, None if Y is None else np.stack([each[:, n:] for each in found])
 
 
+def load_derivatives(
+    problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray, dW: np.ndarray
+) -> np.ndarray:
+    """(n_e, n_e, n_e) mm/N^2: D = dC/dw, how the effectors' compliance C, actuators held and contacts free, changes
+    with a wrench w on their rows; symmetric, as the third derivative of an energy (`cfem.predict.loaded`). W (n, n) and
+    dW (n_active, n, n) as from `compliance_derivatives`."""
+    rows, effectors = problem.robot.rows, problem.robot.effectors
+    own = np.r_[rows.e, rows.a]  # a skin has no part in it
+    Z, W, dW = Z[:, own], W[np.ix_(own, own)], dW[: rows.n_a, own[:, None], own]
+    e, a = slice(0, rows.n_e), slice(rows.n_e, len(own))
+    bent = _curvatures(problem, at, Z)
+    # along a force on an effector's row no active multiplier changes, and the force's own curvature joins A
+    moved = [derivative_along(problem, at, lam, Z, 0.0, z, watched=effectors) for z in Z[:, e].T]
+    by_e = np.stack(moved) + bent
+    K = np.linalg.inv(W[a, a])
+    G = W[e, a] @ K
+    held = by_e - np.tensordot(G, dW, axes=1)  # the actuators take up forces so that they stay
+    d_G = (held[:, e, a] - G @ held[:, a, a]) @ K
+    D = held[:, e, e] - d_G @ W[a, e] - G @ held[:, a, e]
+    return sum(D.transpose(order) for order in permutations(range(3))) / 6
+
+
+def _curvatures(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
+    """(n_e, n, n) second derivatives of the effectors' rows along Z: differences of their gradients, symmetrised."""
+    ahead, behind = [], []
+    for motion in Z.T:
+        most = steepest(problem, problem.kinematics.spread(at.x, motion))
+        h = _STEP / most if most else 1.0
+        for side, found in ((h, ahead), (-h, behind)):
+            x = problem.kinematics.move(at.x, side * motion)
+            found.append(problem.gradients(problem.robot.effectors, x).T @ Z / (2 * h))
+    bent = (np.stack(ahead) - np.stack(behind)).transpose(1, 0, 2)
+    return (bent + bent.transpose(0, 2, 1)) / 2
+
+
 def derivative_along(
     problem: Problem,
     at: Evaluation,
     lam: np.ndarray,
     Z: np.ndarray,
-    changing: np.ndarray,
+    changing: np.ndarray | float,
     motion: np.ndarray,
     Y: np.ndarray | None = None,
     mass: sp.csr_array | None = None,
+    watched: tuple[Watched, ...] | None = None,
 ) -> np.ndarray:
     """(n, n) of W, or (n, 2 n) of W and V: where the multipliers change by `changing` (n_active,) and the unknowns move
-    by `motion` (n_dof,)."""
+    by `motion` (n_dof,). watched: the rows that Z begins with, all watched ones unless given."""
+    watched = problem.robot.watched if watched is None else watched
     n, q = Z.shape[1], Z if Y is None else np.hstack([Z, Y])
 
     def compliance(h: float) -> np.ndarray:
         """B^T Z + Z^T B - Z^T A Z, with the element pressures that x demands; and that of V."""
         there = problem.evaluate(problem.kinematics.move(at.x, h * motion), np.empty(0), at.load)
         changed = lam + h * changing
-        B = np.hstack([problem.gradients(problem.robot.watched, there.x), there.H])
+        B = np.hstack([problem.gradients(watched, there.x), there.H])[:, : Z.shape[1]]
         BZ, form = B.T @ Z, problem.form(there, changed, q)
         W = BZ + BZ.T - form[:n, :n]
         if Y is None:

@@ -10,12 +10,13 @@ the effectors' displacements e and a compliance C of theirs:
 
 and delta_free = delta - W[:, a] lambda_a. W is symmetric by construction."""
 
+from itertools import permutations
 from typing import Literal
 
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import symmetric3_indices, upper_indices
 
 Form = Literal["displacement", "force"]
 FORMS: tuple[Form, ...] = ("displacement", "force")
@@ -42,6 +43,18 @@ def unpacking(n: int) -> np.ndarray:
     position = np.empty((n, n), dtype=np.int64)
     rows, columns = upper_indices(n)
     position[rows, columns] = position[columns, rows] = np.arange(len(rows))
+    return position
+
+
+THIRD = "third"  # array (n_e (n_e + 1) (n_e + 2) / 6, M): series of D, entries i <= j <= k
+
+
+def unpacking3(n: int) -> np.ndarray:
+    """(n, n, n) position of each entry of a symmetric tensor among those with i <= j <= k."""
+    position = np.empty((n, n, n), dtype=np.int64)
+    for number, one in enumerate(symmetric3_indices(n).T.tolist()):
+        for place in permutations(one):
+            position[place] = number
     return position
 
 

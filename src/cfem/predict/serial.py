@@ -20,6 +20,7 @@ class SerialPredictor(ArrayPredictor, kind="serial"):
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
+        self.arrays = arrays
         self.module: Predictor = build(meta["module"], arrays)
         self._softer = np.asarray(meta["softer"], float)
 

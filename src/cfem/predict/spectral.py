@@ -36,13 +36,17 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
         self._series_T = np.ascontiguousarray(take(arrays, "series", (outputs, len(indices))).T)
         self._split = Splitter(self.rows.n_a, self.rows.n_e)
 
+    def basis(self, t: np.ndarray) -> np.ndarray:
+        """(..., n) inputs -> (..., M) values of the basis."""
+        return self._basis(t @ self._to_box_T + self._offset)
+
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
         """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
-        return self._split(self._basis(t @ self._to_box_T + self._offset) @ self._series_T)
+        return self._split(self.basis(t) @ self._series_T)
 
     def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = self._basis(s @ self._to_box_T + self._offset) @ self._slopes_T
+        found = self.basis(s) @ self._slopes_T
         n = self.rows.n_a
         return found[..., :n], found[..., n:][..., self._unpack]
 

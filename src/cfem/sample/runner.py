@@ -140,7 +140,7 @@ def make_job(
         u=np.concatenate(list(plans.values())),
         split=tuple(name for name, rows in plans.items() for _ in rows),
         id=tuple(index for rows in plans.values() for index in range(len(rows))),
-        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units),
+        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units, spec.loads),
         skeleton=folder,
         folder=folder,
         contact=contact_plan(spec, facts),

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import Condensed, pack_upper
+from cfem.condensed.packing import pack_symmetric3
 from cfem.condensed.parameters import sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.restrict import onto_patch, slopes_onto_patch
@@ -231,6 +232,8 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
         n = solved.condensed.rows.c.start
         dW = solved.dW[: solved.n_a, :n, :n] if held is None else slopes_onto_patch(solved.condensed, solved.dW, *held)
         row["dW"] = pack_upper(dW).ravel()
+    if solved.converged and solved.dC is not None:
+        row["dC"] = pack_symmetric3(solved.dC)
     return row
 
 

@@ -73,6 +73,7 @@ class FiniteElements:
     tolerance: float
     parameters: tuple[Parameter, ...] = ()
     third_order: bool = False
+    loads: bool = False
     turns: bool | None = None
 
     def __call__(self) -> Solver:
@@ -113,7 +114,7 @@ class FiniteElements:
             robot_of(self.scene),
             outer_surface(robot.X, robot.body.mesh.facets),
         )
-        return _FiniteElementSolver(facts, family, problem, settings, self.third_order)
+        return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads)
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,7 @@ class _FiniteElementSolver:
     problem: Any
     settings: Any
     third_order: bool
+    loads: bool
     skin: Skin | None = None
     pushed: bool = False
 
@@ -154,6 +156,7 @@ class _FiniteElementSolver:
             start,
             settings=self.settings,
             third_order=self.third_order,
+            loads=self.loads,
             sides=sides,
             skin_response=self.pushed,
         )

@@ -135,6 +135,9 @@ class SampleSpec(Spec):
     """Numbers of the scene, by a name, that are drawn with the actuation."""
     third_order: bool = False
     """Whether to record dW/dlambda too. Energy models learn from it; it costs no factorisation."""
+    loads: bool = False
+    """Whether to record how the effectors' compliance changes with loads on them too. Models then take loads that the
+    samples did not carry to the second order. It needs third_order and costs no factorisation."""
     skin: SkinSpec | None = SkinSpec()
     """Modes of the surface, for shapes without finite elements. Null leaves them out."""
     until: Until | None = None
@@ -149,6 +152,12 @@ class SampleSpec(Spec):
         keys = [one.key for one in self.parameters.values()]
         if len(set(keys)) < len(keys):
             raise ValueError(f"two parameters have the same key: {keys}")
+        return self
+
+    @model_validator(mode="after")
+    def _loads_have_slopes(self) -> "SampleSpec":
+        if self.loads and (self.contact or not self.third_order):
+            raise ValueError("loads: true needs third_order: true, and does not go with contact")
         return self
 
     @model_validator(mode="after")

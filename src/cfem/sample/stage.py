@@ -14,7 +14,7 @@ from cfem.sample.parameters import scene_parameters
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
 
-VERSION = 7
+VERSION = 8
 
 
 def run(
@@ -47,7 +47,9 @@ def run(
         from cfem.sample.solver import FiniteElements
 
         turns = None if spec.contact is None else spec.contact.rotation is not None
-        return FiniteElements(*load_scene_and_mesh(scene, mesh), spec.tolerance, parameters, spec.third_order, turns)
+        return FiniteElements(
+            *load_scene_and_mesh(scene, mesh), spec.tolerance, parameters, spec.third_order, spec.loads, turns
+        )
 
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact

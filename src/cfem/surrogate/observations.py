@@ -59,7 +59,8 @@ def parameters_of(dataset: Any) -> tuple:
 
 
 def observations(dataset: Any, form: Form) -> dict[str, Observations]:
-    """Of 'potential', 'effector' and 'effector_compliance', by t = (s, q)."""
+    """Of 'potential', 'effector', 'effector_compliance' and, where loads were recorded, 'third' (`predict.loaded`), by
+    t = (s, q)."""
     e, a = dataset.rows.e, dataset.rows.a
     W_aa, W_ea, W_ee = dataset.W[:, a, a], dataset.W[:, e, a], dataset.W[:, e, e]
     dW = dataset.dW
@@ -98,6 +99,8 @@ def observations(dataset: Any, form: Form) -> dict[str, Observations]:
         potential.append((mixed, gradient_q.reshape(len(gradient_q), -1, 1)))
         effector.append((tuple((j,) for j in axes), e_q.swapaxes(1, 2)))
     parts = {"potential": potential, "effector": effector, "effector_compliance": locked}
+    if dataset.dC is not None and form == "displacement":
+        parts["third"] = [(((),), dataset.dC[:, None, :])]
     return {
         name: Observations(sum((names for names, _ in orders), ()), np.concatenate([v for _, v in orders], axis=1), n)
         for name, orders in parts.items()

@@ -13,7 +13,7 @@ import numpy as np
 from cfem.condensed.pose import COORDINATES
 from cfem.condensed.resting import resting
 from cfem.predict.chebyshev import basis
-from cfem.predict.energy import Form
+from cfem.predict.energy import THIRD, Form
 from cfem.predict.series import derivative_matrices, differentiated
 from cfem.surrogate.chebyshev import index_set
 from cfem.surrogate.coordinates import box_coordinates, held_coordinates, mean_square
@@ -65,9 +65,8 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
             z, in_box(observed, to_box), max_degree, max_terms, folds, active
         )
         held_out += [{"quantity": name, **record} for record in records]
-    indices, arrays = series(chosen, to_box, s.shape[1])
     return Fit(
-        {"to_box": to_box, "offset": offset, "indices": indices, "series": arrays},
+        {"to_box": to_box, "offset": offset, **series(chosen, to_box, s.shape[1])},
         {name: len(one.indices) for name, one in chosen.items()},
         {name: one.tolist() for name, one in weights.items()},
         held_out,
@@ -287,9 +286,9 @@ def active_weights(metric: np.ndarray, s: np.ndarray, n_q: int) -> np.ndarray | 
     return np.concatenate([np.where(bend < HARDLY * bend[-1], 2.0, 1.0), np.ones(n_q)])
 
 
-def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> tuple[np.ndarray, np.ndarray]:
-    """The union of the index sets (M, n), and (n_out, M) coefficients of every part of `cfem.predict.energy.layout`,
-    derivatives by s (n_a,)."""
+def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
+    """indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part of
+    `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
     union = {tuple(k) for one in chosen.values() for k in one.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}
@@ -300,4 +299,5 @@ def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> tuple[np.
         return full
 
     psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))
-    return indices, differentiated(indices, to_box, n_a, psi, e, compliance)
+    arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}
+    return arrays | ({THIRD: padded(chosen[THIRD]).T.copy()} if THIRD in chosen else {})
