@@ -111,7 +111,7 @@ def test_two_modules_under_a_force_at_the_tip_are_the_whole_trunk(project):
 def test_the_estimated_error_bounds_that_of_loads(project):
     model = load_model(project / "models" / WHOLE / "serial")
     assert loaded(model, np.array([0, 2e-3, 0])).meta["wrench_error"] < 0.005
-    with pytest.raises((InputError, NumericalError), match="take (at most|smaller)"):
+    with pytest.raises((InputError, NumericalError), match=r"take (at most|smaller)"):
         loaded(model, np.array([0, 0.06, 0]))
 
 
