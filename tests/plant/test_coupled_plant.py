@@ -50,24 +50,31 @@ def fe_bar(cells, start, cable, points, fixed, rigid=()):
     )
 
 
-def test_two_fe_bars_on_an_object_are_one_fe_bar_with_a_rigid_middle():
-    """Bars of 8 mm on either side of a rigid middle from 8 to 12: as one system, and coupled by the plant."""
-    middle = [(8.0, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)]
-    far = [(12.0, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)]
-    cable = [(0.0, 2.0, 1.0), (4.0, 2.0, 1.0)]
-    spare = [(20.0, 2.0, 1.0), (16.0, 2.0, 1.0)]
-    whole = fe_bar(10, 0.0, cable, middle[:1], {"left": 0.0, "right": 20.0}, rigid=[(8.0, 12.0)])
-    one = solve(Problem(whole), displacement(np.array([0.3])))
-    assert one.converged
-    left = fe_bar(4, 0.0, cable, middle, {"left": 0.0})
-    right = fe_bar(4, 12.0, spare, far, {"right": 20.0})
+MIDDLE, FAR = ([(x, y, z) for y in (0.0, 2.0) for z in (0.0, 2.0)] for x in (8.0, 12.0))
+CABLE, SPARE = [(0.0, 2.0, 1.0), (4.0, 2.0, 1.0)], [(20.0, 2.0, 1.0), (16.0, 2.0, 1.0)]
+CENTRE = np.array([10.0, 1.0, 1.0])
+
+
+def two_bars(shape):
+    """Bars of 8 mm on either side of an object from 8 to 12 mm."""
+    left, right = (
+        fe_bar(4, *one) for one in ((0.0, CABLE, MIDDLE, {"left": 0.0}), (12.0, SPARE, FAR, {"right": 20.0}))
+    )
     fem = [FemPatch(robot, turns=True) for robot in (left, right)]
     holds = [
         Hold(name, model, 1, 6, np.eye(3), np.zeros(3), model.patch.origin)
         for name, model in zip(("left", "right"), fem, strict=True)
     ]
-    held = RigidObject(np.array([10.0, 1.0, 1.0]), True, np.zeros(6))
-    plant = CoupledPlant(holds, held, np.array([True, True]), np.zeros(2), np.zeros((1, 3)))
+    held = RigidObject(CENTRE, True, np.zeros(6))
+    return CoupledPlant(holds, held, np.array([True, True]), np.zeros(2), shape), (left, right), fem
+
+
+def test_two_fe_bars_on_an_object_are_one_fe_bar_with_a_rigid_middle():
+    """As one system with a rigid middle from 8 to 12 mm, and coupled by the plant."""
+    whole = fe_bar(10, 0.0, CABLE, MIDDLE[:1], {"left": 0.0, "right": 20.0}, rigid=[(8.0, 12.0)])
+    one = solve(Problem(whole), displacement(np.array([0.3])))
+    assert one.converged
+    plant, (left, right), fem = two_bars(np.zeros((1, 3)))
     # the right cable may be as long as it likes: let out far, it is slack
     found = plant.step(np.array([0.3, -0.3]))
     assert found.status == "converged" and plant.imbalance <= 1e-8
@@ -75,6 +82,28 @@ def test_two_fe_bars_on_an_object_are_one_fe_bar_with_a_rigid_middle():
     np.testing.assert_allclose(state.lambda_a[0], one.lambda_a[0], rtol=1e-8)
     np.testing.assert_allclose(fem[0].x[face(left, 8.0)], one.state.x[face(whole, 8.0)], atol=1e-8)
     np.testing.assert_allclose(fem[1].x[face(right, 12.0)], one.state.x[face(whole, 12.0)], atol=1e-8)
+    assert plant.solves == sum(one.solves for one in fem) >= 2 and plant.updates >= 1 and 0 < plant.softest < 1
+
+
+def test_the_picture_has_both_robots_and_then_the_object_as_it_moves():
+    corners = np.array([[8.0, 0.0, 0.0], [12.0, 2.0, 2.0], [8.0, 2.0, 0.0]])
+    plant, (left, right), fem = two_bars(corners)
+    rest = np.concatenate([left.X, right.X, corners])
+    np.testing.assert_allclose(plant.x, rest, atol=1e-12)
+    plant.step(np.array([0.3, 0.0]))
+    nodes = np.concatenate([one.x for one in fem])
+    np.testing.assert_allclose(plant.x[:-3], nodes, atol=1e-12)
+    # the object is glued to the left bar's end: its corners there are that end's
+    end = [np.flatnonzero(np.abs(left.X - corner).max(axis=1) < 1e-9)[0] for corner in corners[[0, 2]]]
+    np.testing.assert_allclose(plant.x[[-3, -1]], fem[0].x[end], atol=1e-8)
+
+
+def test_forces_are_refused_in_words():
+    plant, *_ = two_bars(np.zeros((1, 3)))
+    refused = plant.step(np.ones(2), "force")
+    assert refused.status == "the coupled plant takes displacements" and refused.t == 1
+    assert refused.x_e.shape == (3,) and np.isnan(refused.x_e).all() and np.isnan(refused.delta_a).all()
+    assert plant.step(np.zeros(2)).t == 2
 
 
 def face(robot, x):

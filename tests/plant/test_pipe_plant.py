@@ -1,5 +1,6 @@
 """The pipe protocol with the fake device, and with devices that fail."""
 
+import json
 import sys
 import textwrap
 
@@ -54,6 +55,33 @@ def test_the_fake_device_is_the_model_behind_a_pipe(folder):
             assert got.t == expected.t
             np.testing.assert_allclose(got.x_e, expected.x_e, atol=1e-9)
     assert plant._process.returncode == 0
+
+
+def test_without_options_the_fake_device_is_the_model_itself(folder):
+    model = load_model(folder)
+    with fake(folder) as plant:
+        seen = plant.step(np.array([4.0, 3.5]))
+    state = model.at_displacement(np.array([4.0, 3.5]))
+    assert seen.t == 1
+    np.testing.assert_allclose(seen.x_e, model.rest_e + state.delta_e, atol=1e-12)
+    np.testing.assert_allclose(seen.delta_a, [4.0, 3.5], atol=1e-12)
+
+
+def test_hello_says_who_asks_and_for_which_robot(tmp_path):
+    path = tmp_path / "device.py"
+    path.write_text("import sys; open('hello.json', 'w').write(sys.stdin.readline()); print('{}', flush=True)")
+    with (
+        pytest.raises(InputError, match="to hello"),
+        PipePlant([sys.executable, str(path)], ROWS, np.array([1.0, 2.0]), folder=tmp_path),
+    ):
+        pass
+    assert json.loads((tmp_path / "hello.json").read_text()) == {
+        "hello": "cfem-plant",
+        "version": 1,
+        "effectors": list(ROWS.effectors),
+        "actuators": list(ROWS.actuators),
+        "rest_e": [1.0, 2.0],
+    }
 
 
 @pytest.mark.parametrize(
