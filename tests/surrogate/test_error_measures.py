@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 from surrogate.synthetic import dataset
 
-from cfem.surrogate.error_measures import measure, paper_loss
+from cfem.condensed import Rows
+from cfem.surrogate.error_measures import frame_loss, measure, paper_loss, vectors
 
 
 def test_a_perfect_prediction_has_no_error():
@@ -32,6 +35,35 @@ def test_constant_entries_are_left_out_and_counted():
     wrong[:, 0, 1] = wrong[:, 1, 0] = 7.0
     found = paper_loss(test.W, test.delta_free, wrong, test.delta_free)
     assert found == {"loss": 0.0, "entries": 19, "constant_entries": 1}
+
+
+def test_the_frame_loss_of_a_turned_robot_is_the_same_and_that_of_the_mean_is_one():
+    test = dataset(50, 1)
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(test.W.shape)
+    W, delta_free = test.W + noise + noise.transpose(0, 2, 1), test.delta_free + rng.standard_normal((50, 5))
+    turn = block_diag(Rotation.from_euler("zyx", [37, -20, 65], degrees=True).as_matrix(), np.eye(2))
+    turned = [
+        turn @ one @ turn.T if one.ndim == 3 else one @ turn.T for one in (test.W, test.delta_free, W, delta_free)
+    ]
+    here = frame_loss(test.rows, test.W, test.delta_free, W, delta_free)
+    assert here > 0 and frame_loss(test.rows, *turned) == pytest.approx(here, rel=1e-12)
+    assert paper_loss(*turned)["loss"] != pytest.approx(here, rel=1e-2)
+    mean = (np.broadcast_to(one.mean(0), one.shape) for one in (test.W, test.delta_free))
+    assert frame_loss(test.rows, test.W, test.delta_free, *mean) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_the_frame_loss_of_what_has_no_vectors_is_the_papers():
+    test = dataset(50, 1)
+    W = test.W + 0.1 * np.random.default_rng(0).standard_normal((50, 1, 1))
+    rows = Rows(("skin.0", "skin.1", "skin.2"), test.rows.actuators)
+    expected = paper_loss(test.W, test.delta_free, W, test.delta_free)["loss"]
+    assert frame_loss(rows, test.W, test.delta_free, W, test.delta_free) == pytest.approx(expected, rel=1e-12)
+
+
+def test_rows_that_turn_together():
+    rows = Rows(("tip.x", "tip.y", "tip.z", "tip.rx", "tip.ry", "tip.rz", "skin.0"), ("left",), ("c.x", "c.y", "c.z"))
+    assert vectors(rows) == [slice(0, 3), slice(3, 6), slice(6, 7), slice(7, 8), slice(8, 11)]
 
 
 def test_a_shift_of_the_free_effector_is_the_tip_error():

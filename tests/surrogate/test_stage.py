@@ -41,12 +41,21 @@ def test_it_writes_a_model_that_knows_itself(spec):
 
 
 def test_a_poor_model_is_judged_in_words():
-    sound = {"errors": {"loss": 1e-6, "tip_mm": {"max": 0.01}}, "positive_definite": {"share": 1.0, "queries": 100}}
+    sound = {
+        "errors": {"frame_loss": 1e-6, "tip_mm": {"max": 0.01}},
+        "positive_definite": {"share": 1.0, "queries": 100},
+    }
     assert judged(sound) == []
-    poor = {"errors": {"loss": 4.64, "tip_mm": {"max": 0.28}}, "positive_definite": {"share": 0.49, "queries": 100}}
+    poor = {
+        "errors": {"frame_loss": 4.64, "tip_mm": {"max": 0.28}},
+        "positive_definite": {"share": 0.49, "queries": 100},
+    }
     loss, definite = (one["what"] for one in judged(poor))
     assert loss.startswith("loss 4.64e+00") and "0.28 mm" in loss and "51 % of 100 random states" in definite
-    nan = {"errors": {"loss": float("nan"), "tip_mm": {"max": 0.1}}, "positive_definite": sound["positive_definite"]}
+    nan = {
+        "errors": {"frame_loss": float("nan"), "tip_mm": {"max": 0.1}},
+        "positive_definite": sound["positive_definite"],
+    }
     assert len(judged(nan)) == 1
 
 
@@ -103,7 +112,7 @@ def test_mlp_is_stored_and_loaded(tmp_path):
 
 
 def test_the_headline_states_mm_and_N_before_the_loss():
-    errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "loss": 5e-6, "states": 40}
+    errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "frame_loss": 5e-6, "states": 40}
     results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
     (line,) = headline({**results, "positive_definite": {"share": 1.0}})
     assert "largest errors 12 um at the tip and 0.34 N on 40 states; standardised loss 5.00e-06" in line.replace(

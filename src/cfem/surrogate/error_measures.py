@@ -21,6 +21,7 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
     return {
         "states": len(W),
         **paper_loss(dataset.W, dataset.delta_free, W, delta_free),
+        "frame_loss": frame_loss(rows, dataset.W, dataset.delta_free, W, delta_free),
         **beyond_buckling(dataset, W, delta_free),
         "tip_mm": _statistics(distance),
         "tip_percent_of_length": _statistics(100 * distance / length),
@@ -34,7 +35,7 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
 
 def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
     """Where a patch holds the robot in states in which it would buckle under the same wrench, how many these are and
-    the loss of the others. W is unbounded where a robot begins to buckle, and indefinite beyond."""
+    the frame loss of the others. W is unbounded where a robot begins to buckle, and indefinite beyond."""
     if not dataset.n_c:
         return {}
     active = dataset.rows.active
@@ -42,7 +43,7 @@ def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict
     stable_only = (one[stable] for one in (dataset.W, dataset.delta_free, W, delta_free))
     return {
         "buckled_states": int((~stable).sum()),
-        "loss_of_stable": paper_loss(*stable_only)["loss"] if stable.any() else float("nan"),
+        "loss_of_stable": frame_loss(dataset.rows, *stable_only) if stable.any() else float("nan"),
     }
 
 
@@ -58,7 +59,7 @@ def paper_loss(
 ) -> dict[str, Any]:
     """Mean squared error of the entries of W (upper triangle) and delta_free, standardised by the mean and standard
     deviation of the true ones; entries constant to rounding are left out and counted. It depends on the directions of
-    the scene's axes, which decide what varies: distances in mm and forces in N do not."""
+    the scene's axes, which decide what varies: `frame_loss`, distances in mm and forces in N do not."""
     true, model = entries(W, delta_free), entries(W_model, delta_free_model)
     deviation = true.std(axis=0)
     varies = deviation > CONSTANT * sizes(true, W.shape[-1])
@@ -68,6 +69,40 @@ def paper_loss(
         "entries": int(varies.sum()),
         "constant_entries": int((~varies).sum()),
     }
+
+
+def frame_loss(
+    rows: Rows, W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray
+) -> float:
+    """The paper's loss with vectors in the place of entries: the squared error of each 3 x 3 block of W, of each column
+    of three and of each entry between actuators over the variance of that block, counted as its entries. A scene that
+    is turned has the same one."""
+    groups, total, count = vectors(rows), 0.0, 0
+    wholes = [(W, W_model, groups[i], other) for i in range(len(groups)) for other in groups[i:]]
+    pairs = [(true[:, g, h], model[:, g, h], g == h) for true, model, g, h in wholes]
+    pairs += [(delta_free[:, g, None], delta_free_model[:, g, None], False) for g in groups]
+    largest = [max(np.abs(one).max(), least) for one, least in ((W, 0.0), (delta_free, SIZE))]
+    for index, (true, model, diagonal) in enumerate(pairs):
+        m, k, width = true.shape
+        variance = ((true - true.mean(axis=0)) ** 2).sum(axis=(1, 2)).mean()
+        if variance > k * width * (CONSTANT * largest[index >= len(wholes)]) ** 2:
+            entries_of = k * (k + 1) // 2 if diagonal else k * width
+            total += entries_of * ((model - true) ** 2).sum() / m / variance
+            count += entries_of
+    return float(total / count) if count else 0.0
+
+
+def vectors(rows: Rows) -> list[slice]:
+    """The rows that turn together, x, y, z or rx, ry, rz of one point, and every other row by itself."""
+    found: list[slice] = []
+    first = 0
+    while first < rows.n:
+        point, _, axis = rows.names[first].rpartition(".")
+        three = tuple(f"{point}.{'r' * axis.startswith('r')}{each}" for each in "xyz")
+        width = 3 if rows.names[first : first + 3] == three else 1
+        found.append(slice(first, first + width))
+        first += width
+    return found
 
 
 def sizes(values: np.ndarray, n: int) -> np.ndarray:
