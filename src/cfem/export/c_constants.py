@@ -67,9 +67,17 @@ def surrogate(
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
     p = vector(predictor.parameters, spec.parameters, "c.parameters")
     if meta["kind"] == "mlp":
-        return _mlp(predictor, arrays, p, spec), p
-    kinds = {"spectral": _spectral, "serial": _serial}
-    return kinds[meta["kind"]](predictor, arrays, p, spec, others or {}), p
+        found = _mlp(predictor, arrays, p, spec)
+    else:
+        kinds = {"spectral": _spectral, "serial": _serial}
+        found = kinds[meta["kind"]](predictor, arrays, p, spec, others or {})
+    if not spec.full:
+        return found, p
+    # W_ee alone is concerned, which control does not use
+    sizes = np.zeros(0) if predictor.sizes is None else predictor.sizes
+    defines = {**found.defines, "CFEM_SEMIDEFINITE": int(len(sizes) > 0)}
+    units = {"cfem_sizes": sizes * np.sqrt(_softer(predictor, p))} if len(sizes) else {}
+    return replace(found, defines=defines, arrays={**found.arrays, **units}), p
 
 
 def _softer(predictor: Predictor, p: np.ndarray) -> float:

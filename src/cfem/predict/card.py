@@ -35,6 +35,7 @@ ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
 class ModelCard(Data):
     """robot: what the scene said of it. wrench: a constant load that the samples did not carry, on each effector row,
     and the estimated error that it makes, mm.
+    semidefinite: of each effector row, see `cfem.predict.semidefinite`.
     softer, module: of modules in a row.
     activation, at_rest: of a network of entries."""
 
@@ -52,6 +53,7 @@ class ModelCard(Data):
     length: float = Field(gt=0)
     parameters: list[ParameterCard] = Field(max_length=MOST)
     domain: DomainCard
+    semidefinite: list[Annotated[float, Field(gt=0)]] | None = None
     wrench: list[float] | None = None
     wrench_error: float | None = None
     errors: dict[str, Any] = {}
@@ -77,6 +79,7 @@ class ModelCard(Data):
             ("n_c", [self.n_c], {min(self.n_c, n_a - 1)}),
             ("row_units", [len(self.row_units)], {n_e + n_a}),
             ("rest_e", [len(self.rest_e)], {n_e}),
+            ("semidefinite", [n_e if self.semidefinite is None else len(self.semidefinite)], {n_e}),
             ("wrench", [n_e if self.wrench is None else len(self.wrench)], {n_e}),
             ("reach", [len(self.reach)], {n_a, n_a - self.n_c}),
             ("domain.delta_a", map(len, domain.delta_a), {n_a}),

@@ -17,6 +17,7 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.packing import symmetric3_indices, upper_indices
+from cfem.predict.semidefinite import nearest, with_nearest
 
 Form = Literal["displacement", "force"]
 FORMS: tuple[Form, ...] = ("displacement", "force")
@@ -73,8 +74,11 @@ class Splitter:
         return part
 
 
-def condense(form: Form, rows: Rows, s: np.ndarray, part: Parts) -> tuple[np.ndarray, np.ndarray]:
-    """W (..., n, n) and delta_free (..., n) at inputs s (..., n_a) of the form, from the parts there."""
+def condense(
+    form: Form, rows: Rows, s: np.ndarray, part: Parts, sizes: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """W (..., n, n) and delta_free (..., n) at inputs s (..., n_a) of the form, from the parts there; sizes (n_e,) of a
+    model whose locked compliance is made semidefinite (semidefinite.py)."""
     e, a, n = rows.e, rows.a, rows.n
     gradient, gradient_e = part["gradient"], part["effector_gradient"]
     W = np.empty((*s.shape[:-1], n, n))
@@ -82,7 +86,8 @@ def condense(form: Form, rows: Rows, s: np.ndarray, part: Parts) -> tuple[np.nda
         delta_a, lam = s, gradient
         W_aa = np.linalg.inv(part["hessian"])
         W_ea = gradient_e @ W_aa
-        W[..., e, e] = part["effector_compliance"] + W_ea @ gradient_e.swapaxes(-1, -2)
+        C = part["effector_compliance"] if sizes is None else nearest(part["effector_compliance"], sizes)
+        W[..., e, e] = C + W_ea @ gradient_e.swapaxes(-1, -2)
     else:
         delta_a, lam = gradient, s
         W_aa, W_ea = part["hessian"], gradient_e
@@ -90,6 +95,8 @@ def condense(form: Form, rows: Rows, s: np.ndarray, part: Parts) -> tuple[np.nda
     W[..., a, a] = W_aa
     W[..., e, a] = W_ea
     W[..., a, e] = W_ea.swapaxes(-1, -2)
+    if form == "force" and sizes is not None:
+        W = with_nearest(W, rows.n_e, sizes)
     delta_free = np.concatenate([part["effector"], delta_a], axis=-1)
     delta_free -= (W[..., a] @ lam[..., None])[..., 0]
     return W, delta_free

@@ -9,6 +9,7 @@ import numpy as np
 from cfem.condensed import entries, unpack_upper
 from cfem.core.reading import take
 from cfem.predict.protocol import ArrayPredictor, build
+from cfem.predict.semidefinite import with_nearest
 
 
 def _silu(x: np.ndarray) -> np.ndarray:
@@ -68,4 +69,5 @@ class MlpPredictor(ArrayPredictor, kind="mlp"):
         mean, scale = self._out
         out = (hidden @ weight + bias).astype(float) * scale + mean
         n = self.rows.n
-        return unpack_upper(out[..., :-n]), out[..., -n:]
+        W = unpack_upper(out[..., :-n])
+        return W if self.sizes is None else with_nearest(W, self.rows.n_e, self.sizes), out[..., -n:]

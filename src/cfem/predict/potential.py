@@ -16,14 +16,14 @@ class PotentialPredictor(ArrayPredictor):
         matrices in full."""
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return condense(self.form, self.rows, s, self.parts(s, q))
+        return condense(self.form, self.rows, s, self.parts(s, q), self.sizes)
 
     def at(self, s: np.ndarray, p: np.ndarray | None = None) -> Condensed:
         if self.parameters:
             return super().at(s, p)
         s = np.asarray(s, float)
         part = self.parts(s, s[:0])  # whose gradient is what the condensed model would be solved for
-        W, delta_free = condense(self.form, self.rows, s, part)
+        W, delta_free = condense(self.form, self.rows, s, part, self.sizes)
         return Condensed(self.rows, W, delta_free, s if self.form == "force" else part["gradient"])
 
     def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

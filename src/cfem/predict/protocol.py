@@ -24,6 +24,7 @@ class Predictor(ABC):
     actuator_units: of each actuator's displacement and force: mm and N of a cable, mm^3 and MPa of a chamber
     parameters: the design and material parameters p that it takes as well; the scene's own values where none are given
     rest_e: (n_e,) mm rest positions of the effectors; reach: (n_a, 2) mm; length: mm, what '% of length' refers to
+    sizes: (n_e,) in whose squares its locked compliance is made semidefinite (semidefinite.py), None where it is not
     domain: where it was trained"""
 
     def __init__(self, meta: dict):
@@ -36,6 +37,7 @@ class Predictor(ABC):
         self.rest_e = np.asarray(meta["rest_e"], float)
         self.reach = np.asarray(meta["reach"], float)
         self.length = float(meta["length"])
+        self.sizes = None if meta.get("semidefinite") is None else np.asarray(meta["semidefinite"], float)
         self.domain = Domain.from_json(meta["domain"])
         self._reference = np.array([one.reference for one in self.parameters])
         self._learned = [i for i, one in enumerate(self.parameters) if not one.exact]

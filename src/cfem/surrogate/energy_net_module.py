@@ -14,9 +14,9 @@ class EnergyNet(nn.Module):
     """forward(s (B, n_a), q (B, n_q)) -> W (B, n, n), delta_free (B, n); arrays as
     cfem.predict.energy_net.EnergyNetPredictor."""
 
-    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray]):
+    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):
         super().__init__()
-        self.condense = Condense(form, rows)
+        self.condense = Condense(form, rows, sizes)
         self.networks = nn.ModuleList(SineNetwork(name, arrays, order, rows.n_a) for name, order in ORDERS.items())
         first, second = np.triu_indices(len(arrays["offset"]))
         for name, value in {"first": first, "second": second}.items():

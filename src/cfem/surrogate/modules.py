@@ -8,17 +8,17 @@ from cfem.condensed.parameters import from_json
 from cfem.predict.mlp import rest_arrays
 from cfem.surrogate.energy_net_module import EnergyNet
 from cfem.surrogate.serial_module import Serial
-from cfem.surrogate.torch_model import OnRest, Parametric, Spectral, mlp_from_arrays
+from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Spectral, mlp_from_arrays
 
 
 def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
     """The torch module of a model folder's content (cfem.predict.load.read_meta, read_arrays), ready for inference."""
     rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
-    parameters = from_json(meta["parameters"])
+    parameters, sizes = from_json(meta["parameters"]), meta.get("semidefinite")
     if meta["kind"] == "spectral":
-        model = Spectral(meta["form"], rows, arrays)
+        model = Spectral(meta["form"], rows, arrays, sizes)
     elif meta["kind"] == "energy_net":
-        model = EnergyNet(meta["form"], rows, arrays)
+        model = EnergyNet(meta["form"], rows, arrays, sizes)
     elif meta["kind"] == "serial":
         module = module_of(meta["module"], arrays)
         model = Serial(module, meta["softer"], np.array(meta["module"]["rest_e"][:3]), np.array(meta["rest_e"]))
@@ -26,4 +26,5 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
         model = mlp_from_arrays(rows, arrays, meta["activation"])
         if "at_rest" in meta:
             model = OnRest(model, module_of(meta["at_rest"], rest_arrays(arrays)).learned)
+        model = model if sizes is None else Locked(model, rows.n_e, sizes)
     return (Parametric(model, meta["form"], parameters) if parameters else model).eval()

@@ -173,16 +173,17 @@ def train_and_judge(
     """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
     from cfem.surrogate.error_measures import measure
     from cfem.surrogate.model_card import model_card
-    from cfem.surrogate.semidefinite import lifted
+    from cfem.surrogate.semidefinite import locked_compliance
 
     import_module(f"cfem.surrogate.{spec.kind}")  # PyTorch takes seconds to load, none of which is the fit's
     begin = time.perf_counter()
     arrays, facts, history = FITS[type(spec)](training, spec, folder)
     seconds = time.perf_counter() - begin
     meta = model_card(spec.kind, training, **facts)
-    predictor, constant = build(meta, arrays), 0.0
-    if isinstance(spec, SpectralSpec | EnergyNetSpec):
-        arrays, constant = lifted(predictor, arrays, training)
+    predictor, locked = build(meta, arrays), None
+    if not isinstance(spec, SerialSpec):  # whose modules have been looked at
+        locked = locked_compliance(predictor, training)
+        meta["semidefinite"] = locked["sizes"]
         predictor = build(meta, arrays)
     errors = measure(test, *predictions(predictor, test))
     results = {
@@ -192,7 +193,7 @@ def train_and_judge(
         "seconds_sampling": float(training.cost["seconds"].sum()),
         "microseconds_query": query_microseconds(predictor, test),
         "errors": errors,
-        "compliance_constant": constant,
+        "locked_compliance": locked and locked["least"],
         **facts,
         "history": history,
     }

@@ -14,6 +14,7 @@ from cfem.condensed import Rows
 from cfem.condensed.packing import upper_indices
 from cfem.condensed.parameters import Parameter
 from cfem.predict.energy import Form, layout, unpacking
+from cfem.predict.semidefinite import FLOOR
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh, "silu": nn.SiLU}
 
@@ -46,9 +47,10 @@ class Condense(nn.Module):
     """Flat outputs (B, k) in the order of `cfem.predict.energy.layout` to W (B, n, n), delta_free (B, n), as
     `cfem.predict.energy.condense`."""
 
-    def __init__(self, form: Form, rows: Rows):
+    def __init__(self, form: Form, rows: Rows, sizes: list[float] | None = None):
         super().__init__()
         self.form, self.n_a, self.n_e = form, rows.n_a, rows.n_e
+        self.nearest = None if sizes is None else Nearest(sizes)
         self.sizes = [part.stop - part.start for part in layout(rows.n_a, rows.n_e).values()]
         self.register_buffer("unpack_a", torch.as_tensor(unpacking(rows.n_a).ravel()))
         self.register_buffer("unpack_e", torch.as_tensor(unpacking(rows.n_e).ravel()))
@@ -62,21 +64,58 @@ class Condense(nn.Module):
             delta_a, lam = s, gradient
             W_aa = spd_inverse(hessian)
             W_ea = gradient_e @ W_aa
+            W_ee = W_ee if self.nearest is None else self.nearest(W_ee)
             W_ee = W_ee + W_ea @ gradient_e.transpose(1, 2)
         else:
             delta_a, lam = gradient, s
             W_aa, W_ea = hessian, gradient_e
+            W_ee = W_ee if self.nearest is None else self.nearest.within(W_ee, W_ea, W_aa)
         W_a = torch.cat([W_ea, W_aa], dim=1)
         W = torch.cat([torch.cat([W_ee, W_ea.transpose(1, 2)], dim=1), W_a], dim=2)
         return W, torch.cat([effector, delta_a], dim=1) - (W_a @ lam[:, :, None])[:, :, 0]
 
 
+class Nearest(nn.Module):
+    """C (B, k, k) to the nearest semidefinite matrix in units of the sizes (k,), as `cfem.predict.semidefinite`, by
+    (C + |C|) / 2, |C| = C sign C: products alone, which every export format has, and smooth.
+
+    The sign of what is beyond 1e-11 of the whole is found by polynomials 3.4445 x - 4.775 x^3 + 2.0315 x^5, which keep
+    [0, 1.13] and take what is small 3.4 times closer (Jordan, Muon, 2024), then by Newton and Schulz's of degree 5.
+    Eigenvalues are raised by that much, so that none is negative."""
+
+    STEPS = ((3.4445, -4.7750, 2.0315),) * 20 + ((1.875, -1.25, 0.375),) * 5
+    UNDECIDED = 1e-11
+
+    def __init__(self, sizes: list[float]):
+        super().__init__()
+        units = torch.as_tensor(np.outer(sizes, sizes), dtype=torch.float64)
+        self.register_buffer("units", units)
+        self.register_buffer("one", torch.eye(len(units), dtype=torch.float64))
+
+    def forward(self, C: Tensor) -> Tensor:
+        scaled = C / self.units
+        size = torch.sqrt((scaled * scaled).sum(dim=2, keepdim=True).sum(dim=1, keepdim=True)) + FLOOR
+        X = scaled / size
+        for a, b, c in self.STEPS:
+            square = X @ X
+            X = X @ (a * self.one + b * square + c * (square @ square))
+        magnitude = scaled @ X
+        magnitude = (magnitude + magnitude.transpose(1, 2)) / 2
+        raised = (scaled + magnitude) / 2 + (self.UNDECIDED * size + FLOOR) * self.one
+        return raised * self.units
+
+    def within(self, W_ee: Tensor, W_ea: Tensor, W_aa: Tensor) -> Tensor:
+        """W_ee (B, k, k) with the locked compliance that is in it replaced by its nearest."""
+        moved = W_ea @ spd_inverse(W_aa) @ W_ea.transpose(1, 2)
+        return self.forward(W_ee - moved) + moved
+
+
 class Spectral(nn.Module):
     """The energy model in Chebyshev polynomials; arrays as cfem.predict.spectral.SpectralPredictor."""
 
-    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray]):
+    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):
         super().__init__()
-        self.condense = Condense(form, rows)
+        self.condense = Condense(form, rows, sizes)
         self.n = arrays["indices"].shape[1]
         self.degree = int(arrays["indices"].max(initial=0))
         for name in ("to_box", "offset", "indices", "series"):
@@ -152,6 +191,20 @@ class OnRest(nn.Module):
     def forward(self, s: Tensor, q: Tensor) -> tuple[Tensor, Tensor]:
         W, delta_free = self.model(torch.zeros_like(s), q)
         return self.network(s, torch.cat([W.flatten(1)[:, self.upper], delta_free], dim=1))
+
+
+class Locked(nn.Module):
+    """A module of W and delta_free, its locked compliance made semidefinite."""
+
+    def __init__(self, model: nn.Module, n_e: int, sizes: list[float]):
+        super().__init__()
+        self.model, self.n_e, self.nearest = model, n_e, Nearest(sizes)
+
+    def forward(self, *inputs: Tensor) -> tuple[Tensor, Tensor]:
+        W, delta_free = self.model(*inputs)
+        k = self.n_e
+        W_ee = self.nearest.within(W[:, :k, :k], W[:, :k, k:], W[:, k:, k:])
+        return torch.cat([torch.cat([W_ee, W[:, :k, k:]], dim=2), W[:, k:]], dim=1), delta_free
 
 
 def mlp_from_arrays(rows: Rows, arrays: dict[str, np.ndarray], activation: str) -> Mlp:

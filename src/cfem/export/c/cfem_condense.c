@@ -17,6 +17,57 @@ static int positive_definite(double W[MOST][MOST]) {
     return cfem_invert(CFEM_NA, MOST, &copy[0][0]) == 0;
 }
 
+#if CFEM_FULL && CFEM_SEMIDEFINITE
+/* Raises the eigenvalues of the locked compliance in W_ee to CFEM_FLOOR, in units of cfem_sizes: the nearest semidefinite matrix
+ * (Higham 1988), by cyclic Jacobi rotations (Golub and Van Loan, Matrix Computations, 8.5). moved: W_ea W_aa^-1 W_ae, or none. */
+#define CFEM_FLOOR 1e-12
+static void make_semidefinite(double W_ee[CFEM_MOST_NE][CFEM_MOST_NE], double moved[CFEM_MOST_NE][CFEM_MOST_NE]) {
+    const int n = CFEM_NE;
+    double A[CFEM_MOST_NE][CFEM_MOST_NE], V[CFEM_MOST_NE][CFEM_MOST_NE];
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            A[i][j] = (W_ee[i][j] - moved[i][j]) / (cfem_sizes[i] * cfem_sizes[j]);
+            V[i][j] = i == j;
+        }
+    for (int sweep = 0; sweep < 12; sweep++)
+        for (int p = 0; p < n; p++)
+            for (int q = p + 1; q < n; q++) {
+                if (A[p][q] == 0.0) continue;
+                const double ratio = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
+                const double t = (ratio < 0.0 ? -1.0 : 1.0) / (fabs(ratio) + sqrt(1.0 + ratio * ratio));
+                const double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
+                for (int k = 0; k < n; k++) {
+                    const double left = A[k][p], right = A[k][q];
+                    A[k][p] = c * left - s * right, A[k][q] = s * left + c * right;
+                }
+                for (int k = 0; k < n; k++) {
+                    const double left = A[p][k], right = A[q][k], v = V[k][p], w = V[k][q];
+                    A[p][k] = c * left - s * right, A[q][k] = s * left + c * right;
+                    V[k][p] = c * v - s * w, V[k][q] = s * v + c * w;
+                }
+            }
+    for (int k = 0; k < n; k++) {
+        if (!(A[k][k] < CFEM_FLOOR)) continue;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++)
+                W_ee[i][j] += (CFEM_FLOOR - A[k][k]) * V[i][k] * V[j][k] * cfem_sizes[i] * cfem_sizes[j];
+    }
+}
+
+/* The same where W_ee and W_aa are there and the part that the actuators give must be found. */
+static void make_whole_semidefinite(cfem_condensed *m) {
+    double K[MOST][MOST], G[CFEM_MOST_NE][MOST], moved[CFEM_MOST_NE][CFEM_MOST_NE];
+    for (int i = 0; i < CFEM_NA; i++)
+        for (int j = 0; j < CFEM_NA; j++) K[i][j] = m->W_aa[i][j];
+    if (cfem_invert(CFEM_NA, MOST, &K[0][0])) return;
+    for (int e = 0; e < CFEM_NE; e++)
+        for (int j = 0; j < CFEM_NA; j++) G[e][j] = cfem_dot(CFEM_NA, m->W_ea[e], K[j]);
+    for (int e = 0; e < CFEM_NE; e++)
+        for (int f = 0; f < CFEM_NE; f++) moved[e][f] = cfem_dot(CFEM_NA, G[e], m->W_ea[f]);
+    make_semidefinite(m->W_ee, moved);
+}
+#endif
+
 #if CFEM_SPECTRAL
 static unsigned of_series(const double *s, cfem_condensed *m) {
     const int n_a = CFEM_SERIES_NA, n_e = CFEM_SERIES_NE; /* CFEM_NA and CFEM_NE */
@@ -40,11 +91,20 @@ static unsigned of_series(const double *s, cfem_condensed *m) {
     for (int e = 0; e < n_e; e++) m->free_e[e] = part.effector[e] - cfem_dot(n_a, m->W_ea[e], m->lambda_a);
 #if CFEM_FULL
     m->energy = part.energy;
+#if CFEM_SEMIDEFINITE
+    if (CFEM_FORM_DISPLACEMENT) {
+        double none[CFEM_MOST_NE][CFEM_MOST_NE] = {{0}};
+        make_semidefinite(part.compliance, none);
+    }
+#endif
     for (int e = 0; e < n_e; e++)
         for (int f = 0; f < n_e; f++) {
             m->W_ee[e][f] = part.compliance[e][f];
             if (CFEM_FORM_DISPLACEMENT) m->W_ee[e][f] += cfem_dot(n_a, m->W_ea[e], part.effector_gradient[f]);
         }
+#if CFEM_SEMIDEFINITE
+    if (!CFEM_FORM_DISPLACEMENT) make_whole_semidefinite(m);
+#endif
 #endif
     return status;
 }
@@ -65,6 +125,9 @@ static unsigned of_entries(const double *s, cfem_condensed *m) {
     m->energy = 0.0;
     for (int e = 0; e < CFEM_NE; e++)
         for (int f = e; f < CFEM_NE; f++) m->W_ee[e][f] = m->W_ee[f][e] = (double)*next++;
+#if CFEM_SEMIDEFINITE
+    make_whole_semidefinite(m);
+#endif
 #endif
     if (!CFEM_FORM_DISPLACEMENT) {
         for (int i = 0; i < CFEM_NA; i++)
