@@ -10,6 +10,7 @@ from cfem.condensed.skin import read_skin
 from cfem.core.errors import InputError
 from cfem.core.stage import read_manifest
 from cfem.predict.load import build, skin_of
+from cfem.surrogate.definiteness import smallest_eigenvalue
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.skin import fit_skin, judge
 from cfem.surrogate.stage import headline
@@ -60,6 +61,7 @@ def test_all_rows_of_W_and_their_displacements_are_those_of_the_test_states(mode
         np.testing.assert_allclose(found.W, whole.W[i], atol=2e-3 * np.abs(whole.W[i]).max())
         np.testing.assert_allclose(found.delta_s, whole.delta_s[i], atol=1e-3)
         np.testing.assert_allclose(found.W, found.W.T, rtol=1e-12, atol=1e-12)
+        assert smallest_eigenvalue(found.W[None])[0] > -1e-13
         own = np.r_[found.rows.e, found.rows.active]
         np.testing.assert_array_equal(found.W[np.ix_(own, own)], model.at_displacement(delta_a).W)
 

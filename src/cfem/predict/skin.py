@@ -15,6 +15,7 @@ from cfem.condensed.skin import PREFIX
 from cfem.core.reading import take
 from cfem.predict.chebyshev import Basis
 from cfem.predict.energy import Form, unpacking
+from cfem.predict.semidefinite import with_nearest
 
 FILE = "skin.npz"  # of a model folder
 
@@ -84,6 +85,8 @@ class LearnedSkin:
         W_ss = softer * C_ss + (W_sa @ gradient.T if locked else 0.0)
         W[rows.s, rows.s], W[rows.s, rows.a], W[rows.s, rows.e] = W_ss, W_sa, W_se
         W[rows.a, rows.s], W[rows.e, rows.s] = W_sa.T, W_se.T
+        watched = rows.active.start
+        W = with_nearest(W, watched, np.sqrt(np.abs(np.diag(W)[:watched])))  # locked, so many rows hardly comply
         free = np.empty(rows.n)
         free[own] = condensed.delta_free
         free[rows.s] = self.rows(s, q) - W_sa @ condensed.lam
