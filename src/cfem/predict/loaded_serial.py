@@ -113,7 +113,8 @@ class LoadedSerialPredictor(SerialPredictor):
             "effector_gradient": B @ S @ G,
             "effector_compliance": _symmetric(B @ S @ C @ B.T),
         }
-        return condense("displacement", self.rows, delta, part)
+        sizes = None if self.module.sizes is None else self.module.sizes[:3]  # of the end that modules and whole have
+        return condense("displacement", self.rows, delta, part, sizes)
 
     def _settle(self, e: list[np.ndarray], modules: list) -> tuple[Row, list[Loaded]]:
         """The row in equilibrium, from the poses e of its unloaded modules."""
