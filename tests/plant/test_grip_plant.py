@@ -1,5 +1,7 @@
 """Two bars that carry a block which they only touch, as a plant."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.blocks import bar
@@ -7,7 +9,7 @@ from support.blocks import bar
 from cfem.contact.obstacle import Box
 from cfem.equilibrium.grip import Free
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.touch import PlacedRobot
+from cfem.equilibrium.touch import PlacedRobot, TouchStatus
 from cfem.plant.grip_plant import GripPlant
 
 REST = np.array([30.0, 5.0, 9.0])
@@ -53,3 +55,34 @@ def test_the_picture_has_the_block_last(share):
     if share:
         shown.step(squeeze(0.3, 0.3))
     assert shown.x.shape[1] == 3 and np.abs(shown.x[-1] - CENTRE).max() < 0.2
+
+
+def steps_of(monkeypatch, works, goal):
+    """Shares of the way to `goal` (mm) of one actuator that are tried where `works` says whether one can be gone."""
+    tried = []
+
+    def go(self, u):
+        tried.append(float(u[1]))
+        return SimpleNamespace(converged=works(tried[-1], self._at[1]), status=TouchStatus.NO_MODE)
+
+    monkeypatch.setattr(GripPlant, "_go", go)
+    one = plant()
+    return tried, one._towards(np.array([0.0, goal, 0.0, 0.0])), one
+
+
+def test_no_quasi_static_step_is_longer_than_a_millimetre(monkeypatch):
+    tried, said, _ = steps_of(monkeypatch, lambda to, at: True, 4.0)
+    assert said == "converged"
+    np.testing.assert_allclose(tried, [1.0, 2.0, 3.0, 4.0])
+
+
+def test_a_step_that_fails_is_halved_and_then_doubled_up_to_a_millimetre(monkeypatch):
+    tried, said, _ = steps_of(monkeypatch, lambda to, at: to > 1 or to - at <= 0.5, 4.0)
+    assert said == "converged"
+    np.testing.assert_allclose(tried, [1.0, 0.5, 1.5, 2.5, 3.5, 4.0])
+
+
+def test_a_way_that_ends_is_left_where_it_ended(monkeypatch):
+    tried, said, one = steps_of(monkeypatch, lambda to, at: to <= 1.0, 2.0)
+    assert said == f"{TouchStatus.NO_MODE.value}, at 50 % of the way" and one._at[1] == 1.0
+    np.testing.assert_allclose(tried, [1.0, *(1.0 + 0.5 ** np.arange(6))])
