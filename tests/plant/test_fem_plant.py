@@ -56,3 +56,13 @@ def test_a_curve_and_the_commands_along_it_take_about_one_factorisation_each():
         plant.step(delta_a + 1e-6)
     assert plant.solves == 24 and first <= 40
     assert plant.factorizations - first == 12
+
+
+def test_states_that_crowd_together_are_remembered_once():
+    """Reach 8 mm: states nearer than 0.08 mm to each other teach nothing new."""
+    plant = FemPlant(bar(element="hex8", divisions=(6, 1, 1), cables=1))
+    for nearby in (1.0, 1.02, 1.05, 0.98):
+        plant.step(np.array([nearby]))
+    assert len(plant._known) == 1
+    plant.step(np.array([1.1]))
+    assert len(plant._known) == 2
