@@ -10,7 +10,7 @@ from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.cad import Box, Difference, Frustum, Placed, Prism
 from cfem.robot.geometry import SoftFinger
 from cfem.robot.meshing import make_mesh
-from cfem.robot.morph import Morph
+from cfem.robot.morph import Morph, _Past
 from cfem.robot.soft_finger import route, soft_finger
 from cfem.robot.spec import SceneSpec
 from cfem.robot.surfaces import Plane, surfaces
@@ -138,3 +138,11 @@ def test_a_mirrored_mesh_is_its_own_image_and_so_is_its_morph(tmp_path):
     for X in (mesh.X, Morph(mesh, soft_finger(finger()))(soft_finger(design), np.zeros((0, 3))).X):
         seen = X * [-1, 1, 1]
         assert cKDTree(X).query(seen)[0].max() < 1e-9
+
+
+def test_steps_that_shrink_what_is_missing_by_a_tenth_are_combined_to_few():
+    shrink, x, past = np.diag([0.1, 0.05, 1.0, 0.3]), np.zeros(4), _Past()
+    for _ in range(8):  # the plain steps need 440
+        missing = np.ones(4) - shrink @ x
+        x = x + past.better(missing, missing)
+    np.testing.assert_allclose(shrink @ x, 1, atol=1e-10)

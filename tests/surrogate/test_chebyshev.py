@@ -8,8 +8,7 @@ from numpy.polynomial import chebyshev
 
 from cfem.predict.chebyshev import polynomials
 from cfem.predict.series import derivative_matrices
-from cfem.surrogate.chebyshev import index_set
-from cfem.surrogate.spectral import design_rows
+from cfem.surrogate.chebyshev import design_rows, index_set
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3, 8, 13])

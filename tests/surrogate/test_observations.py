@@ -7,9 +7,10 @@ import pytest
 from surrogate.synthetic import dataset
 
 from cfem.predict.energy import FORMS
+from cfem.surrogate.chebyshev import design_rows
 from cfem.surrogate.coordinates import box_coordinates
 from cfem.surrogate.observations import Observations, in_box, inputs, observations
-from cfem.surrogate.spectral import design_rows, fit_quantity
+from cfem.surrogate.spectral import fit_quantity
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -8,7 +8,8 @@ reference,
 
     K u + J^T mu = 0        J u = what is missing,
 
-repeated with the same factor until nothing is missing: planes that only shift are met at once. X is a smooth
+repeated with the same factor until nothing is missing: planes that only shift are met at once, and cones after a few
+steps. X is a smooth
 function of the design, so that what is computed on the mesh is too: no new mesh scatters it."""
 
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from cfem.robot.surfaces import Surface, surfaces
 
 _ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
 _INDEPENDENT = 1e-3  # sine of the angle below which a surface says what others have said
-_ITERATIONS, _TOLERANCE = 60, 1e-10  # mm
+_ITERATIONS, _TOLERANCE, _MEMORY = 60, 1e-10, 5  # tolerance in mm; steps that the next one remembers
 THINNEST = 0.1  # of a cell's reference volume that must be left
 
 
@@ -67,14 +68,14 @@ class Morph:
         """The mesh of another design: its tree, and where the points (k, 3) mm go. Unreachable where it cannot be
         reached or a cell is left too thin."""
         now = surfaces(solid)
-        X = self.mesh.X.copy()
+        X, past = self.mesh.X.copy(), _Past()
         for _ in range(_ITERATIONS):
             missing = self._missing(now, places, X)
             if np.abs(missing).max(initial=0.0) <= _TOLERANCE:
                 break
             right = np.concatenate([np.zeros(self._n), self._scale * missing[self._kept]])
-            u = self._factor.solve(right)[: self._n].reshape(-1, 3)
-            X[self._corners] += u
+            u = self._factor.solve(right)[: self._n]
+            X[self._corners] += past.better(missing, u).reshape(-1, 3)
             X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
         else:
             last = int(np.abs(missing).argmax()) - (len(missing) - 3 * len(places))
@@ -115,6 +116,29 @@ class Morph:
         led = sp.kron(weights.tocsr() @ corner.tocsr(), sp.eye(3))
         kept = np.concatenate([kept, len(nodes) + np.arange(3 * len(self._points))])
         return sp.vstack([bound, led]).tocsr(), kept
+
+
+class _Past:
+    """Steps so far. Where surfaces meet at small angles, plain steps converge slowly; Anderson's combine them (J. ACM
+    12, 1965; Walker and Ni, SIAM J. Numer. Anal. 49, 2011)."""
+
+    def __init__(self):
+        self._missing: list[np.ndarray] = []  # differences from step to step
+        self._moved: list[np.ndarray] = []
+        self._last: tuple[np.ndarray, ...] = ()
+
+    def better(self, missing: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """The step to take, from the plain one."""
+        if self._last:
+            self._missing.append(missing - self._last[0])
+            self._moved.append(self._last[1] + step - self._last[2])
+        taken = step
+        if self._missing:
+            self._missing, self._moved = self._missing[-_MEMORY:], self._moved[-_MEMORY:]
+            shares = np.linalg.lstsq(np.stack(self._missing, axis=1), missing, rcond=1e-12)[0]
+            taken = step - np.stack(self._moved, axis=1) @ shares
+        self._last = missing, taken, step
+        return taken
 
 
 def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:

@@ -1,6 +1,9 @@
-"""Index sets of anisotropic total degree."""
+"""Index sets of anisotropic total degree, and the derivatives of a basis at states."""
 
 import numpy as np
+
+from cfem.predict.chebyshev import basis
+from cfem.predict.series import derivative_matrices
 
 
 def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.ndarray, np.ndarray]:
@@ -34,3 +37,16 @@ def _within(weights: np.ndarray, degree: float, max_terms: int) -> np.ndarray | 
         found = np.column_stack([found[parents], powers])
         left = left[parents] - weight * powers
     return found
+
+
+def design_rows(
+    z: np.ndarray, indices: np.ndarray, derivatives: tuple[tuple[int, ...], ...], D: list | None = None
+) -> np.ndarray:
+    """(m, k, M) the stated derivatives of the basis at z (m, n)."""
+    D = D or derivative_matrices(indices)
+    known = {(): basis(z, indices)}
+    for one in sorted(derivatives, key=len):
+        for end in range(1, len(one) + 1):
+            if one[:end] not in known:
+                known[one[:end]] = known[one[: end - 1]] @ D[one[end - 1]]
+    return np.stack([known[one] for one in derivatives], axis=1)
