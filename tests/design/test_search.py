@@ -6,7 +6,7 @@ from design.problems import finger, plain
 
 from cfem.core.errors import NumericalError
 from cfem.design.front import best_of_each, hypervolume, non_dominated, pareto_front
-from cfem.design.search import Scalar, best, evaluate_grid
+from cfem.design.search import Scalar, best, evaluate_grid, evaluate_scattered
 
 
 def bowl(p):
@@ -91,13 +91,33 @@ def test_three_objectives_have_a_front_as_well():
     # the front is the triangle between the three minima
     inside = np.array([[0.8, 0.4], [0.0, 0.8]])
     shares = np.linalg.solve(inside, (z - 0.1).T)
-    assert len(z) >= 10 and front.volume is None and front.beaten == 0
+    assert len(z) >= 10 and front.beaten == 0
+    assert 0.7 < front.volume < front.grid_volume  # which has all of the grid's better designs
     assert shares.min() > -1e-4 and shares.sum(axis=0).max() < 1 + 1e-4
 
 
 def test_hypervolume_of_steps():
     assert hypervolume(np.array([[0.0, 0.5], [0.5, 0.0], [0.7, 0.7], [2.0, -1.0]])) == pytest.approx(0.75)
     assert hypervolume(np.array([[1.0, 0.0]])) == 0.0
+
+
+def test_hypervolume_of_three_objectives_is_the_share_of_points_that_are_beaten():
+    rng = np.random.default_rng(0)
+    hat = rng.random((20, 3)) ** 0.5
+    points = rng.random((200_000, 3))
+    beaten = np.zeros(len(points), dtype=bool)
+    for one in hat:
+        beaten |= (one <= points).all(axis=1)
+    assert hypervolume(hat) == pytest.approx(beaten.mean(), abs=3e-3)
+    assert hypervolume(np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]])) == pytest.approx(0.125)
+
+
+def test_scattered_designs_serve_as_a_grid_does():
+    problem = plain(f=lambda p: (p[:, 0] - 0.3) ** 2 + (p[:, 1] - 0.8) ** 2)
+    grid = evaluate_scattered(problem, 100)
+    assert len(grid.z) == 100 and grid.shape == () and (grid.z[0] == 0.5).all()
+    found = best(problem, grid, Scalar.weighted(np.ones(1)))
+    np.testing.assert_allclose(found.z, [0.3, 0.8], atol=1e-4)
 
 
 def test_of_equal_rows_both_stay():

@@ -64,6 +64,7 @@ constraints:
   slender: height <= length / 5
 largest_force: 50 N
 grid: [6, 5]
+sensitivity: 64
 verify: fe
 task:
   goals: {mm: [[57.5, 0, 3], [56, 0, 8]]}
@@ -120,6 +121,13 @@ def test_a_design_that_finite_elements_contradict_is_said(done):
     assert "200 % of its spread" in judged[0]["what"]
 
 
+def test_it_is_told_which_parameter_matters(done):
+    shares = done["sensitivity"]["effort"]
+    assert set(shares) == {"first", "total"} and set(shares["total"]) == {"length", "height"}
+    assert shares["total"]["height"] > 0.9  # the force of a bent bar goes with its height cubed
+    assert any(one.startswith("effort depends on height") for one in done["headline"])
+
+
 def test_front_tables_and_pictures(folder, done):
     out = folder / "out"
     front = pq.read_table(out / "front.parquet")
@@ -160,6 +168,8 @@ def test_a_changed_function_makes_the_output_stale(folder, done):
     ("overrides", "message"),
     [
         (["grid=[3]"], "grid: has 1 numbers of points, and 2 parameters vary"),
+        (["grid=2000"], r"grid: has 4.0e\+06 designs, of 2 parameters .scatter them"),
+        (["sensitivity=100"], "sensitivity: must be a power of two, such as 1024, got 100"),
         (["vary=[width]"], "vary: unknown parameter 'width'.*known are height, length"),
         (
             ["actuation={displacement: {mm: [1, 2]}}"],

@@ -110,8 +110,7 @@ def front_entry(front: Front) -> dict[str, Any]:
 def front_line(front: Front, seconds: float) -> str:
     """For a person."""
     found = f"front: {len(front.designs)} designs in {duration(seconds)} of CPU time"
-    if front.volume is not None:
-        found += f", hypervolume {front.volume:.4f}, of the grid's {front.grid_volume:.4f}"
+    found += f", hypervolume {front.volume:.4f}, of the grid's {front.grid_volume:.4f}"
     return f"{found}; {front.beaten} points of the grid beat one of it"
 
 

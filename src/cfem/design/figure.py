@@ -11,13 +11,13 @@ from cfem.design.search import Design, Grid
 from cfem.parametric.family import from_shares
 from cfem.report.style import FAINT, FE, GOAL, INK, LEARNED, outside_legend, plt, png
 
-_FINE = 41
+_FINE, _SHOWN = 41, 3  # points along a parameter; parameters in one picture
 
 
 def landscape(problem: Problem, index: int, best: Design, verified: float | None, title: str) -> bytes:
-    """PNG: objective `index` on planes through its best design; what breaks a constraint is hatched. With one
-    parameter, a curve."""
-    pairs = list(combinations(range(len(problem.free)), 2))
+    """PNG: objective `index` on planes through its best design, of the parameters that it varies most with; what
+    breaks a constraint is hatched. With one parameter, a curve."""
+    pairs = list(combinations(_matter(problem, index, best), 2))
     if not pairs:
         return _curve(problem, index, best, title)
     figure, axes = plt.subplots(1, len(pairs), figsize=(3.9 * len(pairs) + 0.8, 3.7), squeeze=False)
@@ -52,6 +52,17 @@ def landscape(problem: Problem, index: int, best: Design, verified: float | None
         f"{title}: best {best.objectives[index]:.5g}{said}", x=0.01, ha="left", weight="bold", fontsize=10.5
     )
     return png(figure)
+
+
+def _matter(problem: Problem, index: int, best: Design) -> list[int]:
+    """Numbers of the parameters along which the objective varies most from the best design on."""
+    n = len(problem.free)
+    if n <= _SHOWN:
+        return list(range(n))
+    z = np.tile(best.z, (n, 9, 1))
+    z[np.arange(n), :, np.arange(n)] = np.linspace(0, 1, 9)
+    spread = np.ptp(problem(z.reshape(-1, n)).objectives[:, index].reshape(n, 9), axis=1)
+    return sorted(np.argsort(-spread, kind="stable")[:_SHOWN].tolist())
 
 
 def _curve(problem: Problem, index: int, best: Design, title: str) -> bytes:

@@ -18,15 +18,15 @@ class Front:
     """names: of the objectives; of (k,): their numbers; designs: in the order of the first objective; corners: their
     places: the ends, the knee between them, where the front is farthest below the line between its ends, and either
     side of where it jumps to other designs (two objectives). volume, grid_volume: hypervolumes of the front and of the
-    grid's own (shares of the box between the best and the worst of the grid's), None for more than two objectives;
-    beaten: points of the grid that beat a design of the front."""
+    grid's own (shares of the box between the best and the worst of the grid's); beaten: points of the grid that beat a
+    design of the front."""
 
     names: tuple[str, ...]
     of: tuple[int, ...]
     designs: tuple[Design, ...]
     corners: dict[str, int]
-    volume: float | None
-    grid_volume: float | None
+    volume: float
+    grid_volume: float
     beaten: int
 
 
@@ -64,8 +64,8 @@ def pareto_front(problem: Problem, grid: Grid, names: Sequence[str], points: int
         tuple(of),
         designs,
         _corners(hat, z) if two else {name: int(np.argmin(hat[:, i])) for i, name in enumerate(names)},
-        hypervolume(hat) if two else None,
-        hypervolume(hats[feasible]) if two else None,
+        hypervolume(hat),
+        hypervolume(hats[feasible][non_dominated(hats[feasible])]),
         int(sum(better)),
     )
 
@@ -83,14 +83,18 @@ def non_dominated(objectives: np.ndarray) -> np.ndarray:
 
 
 def hypervolume(hat: np.ndarray) -> float:
-    """(m, 2) -> area of the unit square in which some row is better, whatever is beyond (1, 1) left out."""
+    """(m, k) -> volume of the unit cube in which some row is at least as good, whatever is beyond (1, ..., 1) left out:
+    by slices along the last objective (While et al., IEEE Trans. Evol. Comput. 10, 2006)."""
     inside = hat[(hat < 1).all(axis=1)]
     if not len(inside):
         return 0.0
-    inside = inside[non_dominated(inside)]
-    inside = inside[np.argsort(inside[:, 0])]
-    right = np.append(inside[1:, 0], 1.0)
-    return float(((right - inside[:, 0]) * (1.0 - inside[:, 1])).sum())
+    if hat.shape[1] == 2:
+        inside = inside[np.argsort(inside[:, 0], kind="stable")]
+        widths = np.diff(np.append(inside[:, 0], 1.0))
+        return float((widths * (1.0 - np.minimum.accumulate(inside[:, 1]))).sum())
+    inside = inside[np.argsort(inside[:, -1], kind="stable")]
+    heights = np.diff(np.append(inside[:, -1], 1.0))
+    return float(sum(h * hypervolume(inside[: i + 1, :-1]) for i, h in enumerate(heights) if h > 0))
 
 
 def _repeats(objectives: np.ndarray, index: int, width: np.ndarray) -> bool:

@@ -12,17 +12,20 @@ from itertools import product
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import qmc
 
 from cfem.core.errors import NumericalError
 from cfem.design.problem import Problem, Scores
 
 _FEASIBLE = 1e-7
+_SCATTERED_APART = 0.25  # of a range: scattered designs that count as different starts
+AT_ONCE = 5000  # designs of one batch
 
 
 @dataclass(frozen=True)
 class Grid:
-    """shape (n,): points along each parameter; z (m, n), scores of all; low, width (n_f,): smallest objective among the
-    feasible, and how far they spread."""
+    """shape (n,): points along each parameter, empty where designs are scattered; z (m, n), scores of all; low, width
+    (n_f,): smallest objective among the feasible, and how far they spread."""
 
     shape: tuple[int, ...]
     z: np.ndarray
@@ -67,8 +70,19 @@ class Design:
 def evaluate_grid(problem: Problem, shape: Sequence[int]) -> Grid:
     """NumericalError where no point satisfies the constraints."""
     axes = [np.linspace(0, 1, count) if count > 1 else np.array([0.5]) for count in shape]
-    z = np.array(list(product(*axes)))
-    scores = problem(z)
+    return _evaluated(problem, tuple(shape), np.array(list(product(*axes))))
+
+
+def evaluate_scattered(problem: Problem, count: int, seed: int = 0) -> Grid:
+    """As `evaluate_grid`, of designs that lie evenly scattered, and their middle."""
+    n = len(problem.free)
+    spread = qmc.Sobol(n, rng=np.random.default_rng(seed)).random_base2(max(int(np.ceil(np.log2(count))), 1))
+    return _evaluated(problem, (), np.vstack([np.full((1, n), 0.5), spread[: count - 1]]))
+
+
+def _evaluated(problem: Problem, shape: tuple[int, ...], z: np.ndarray) -> Grid:
+    parts = [problem(z[first : first + AT_ONCE]) for first in range(0, len(z), AT_ONCE)]
+    scores = Scores(*(np.concatenate(one) for one in zip(*parts, strict=True)))
     good = scores.objectives[scores.feasible]
     if not len(good):
         least = scores.constraints.max(axis=0)
@@ -79,7 +93,7 @@ def evaluate_grid(problem: Problem, shape: Sequence[int]) -> Grid:
             f"no design on the grid satisfies the constraints {', '.join(names)}", do="relax them, or refine the grid"
         )
     width = good.max(axis=0) - good.min(axis=0)
-    return Grid(tuple(shape), z, scores, good.min(axis=0), np.where(width > 0, width, 1.0))
+    return Grid(shape, z, scores, good.min(axis=0), np.where(width > 0, width, 1.0))
 
 
 def best(problem: Problem, grid: Grid, scalar: Scalar, starts: int = 3, near: Sequence[np.ndarray] = ()) -> Design:
@@ -136,7 +150,7 @@ def _apart(grid: Grid, scalar: Scalar, count: int) -> list[np.ndarray]:
     """The best feasible points of the grid of which no two are neighbours."""
     feasible = np.flatnonzero(grid.scores.feasible)
     order = feasible[np.argsort(scalar(grid.hat(grid.scores.objectives[feasible])), kind="stable")]
-    gap = 1.5 / max(min(max(one - 1, 1) for one in grid.shape), 1)
+    gap = 1.5 / max(min(max(one - 1, 1) for one in grid.shape), 1) if grid.shape else _SCATTERED_APART
     chosen: list[np.ndarray] = []
     for index in order:
         if all(np.abs(grid.z[index] - one).max() > gap for one in chosen):

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt, field_validator, model_validator
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacements, Effort, Efforts
@@ -115,6 +115,13 @@ class TaskSpec(Spec):
     """Number of starts of the search."""
 
 
+class Scattered(Spec):
+    """Designs that lie evenly scattered, for more parameters than a grid can have."""
+
+    designs: int = Field(ge=2, le=1_000_000)
+    """Number of designs."""
+
+
 class DesignSpec(Spec):
     """Which designs to look for, what they are judged by, and how they are checked."""
 
@@ -144,8 +151,11 @@ class DesignSpec(Spec):
     """Inequalities of parameters (numbers in mm and MPa) and of `volume` (mm^3), or functions."""
     largest_force: Effort | None = Field(None, gt=0)
     """Largest force of any actuator."""
-    grid: PositiveInt | list[PositiveInt] = 8
-    """Points along each parameter."""
+    grid: PositiveInt | list[PositiveInt] | Scattered = 8
+    """Points along each parameter, or a number of scattered designs: `{designs: 10000}`."""
+    sensitivity: PositiveInt | None = None
+    """Which parameter matters: shares of the variance of each objective, from so many times (parameters + 2) designs. A
+    power of two, such as 1024."""
     starts: PositiveInt = 3
     """Number of starts of the gradient search."""
     verify: Literal["fe", "fe-front", "no"] = "no"
@@ -157,6 +167,13 @@ class DesignSpec(Spec):
     """Whether to write each best design as STEP, and as STL for printing."""
     controller: CSpec | None = None
     """Write the controller of each best design in C."""
+
+    @field_validator("sensitivity")
+    @classmethod
+    def _power(cls, designs: int | None) -> int | None:
+        if designs is not None and designs & (designs - 1):
+            raise ValueError(f"must be a power of two, such as 1024, got {designs}")
+        return designs
 
     @model_validator(mode="after")
     def _names(self) -> "DesignSpec":

@@ -1,5 +1,6 @@
 """`cfem optimize-design`: from what is asked of a design to the designs that do it best."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +17,11 @@ from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec
+from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec, Scattered
 from cfem.robot.spec import SceneSpec, scene_meaning
 
 RESULT, GRID, FRONT = "design.json", "grid.parquet", "front.parquet"
+LARGEST_GRID = 1_000_000  # designs
 _PATHS = ("model", "scene", "mesh")
 
 
@@ -74,7 +76,7 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
         problem, volume = problem_of(spec, family, paths.get("scene"), base)
         found = _search(spec, problem)
         checked = _verify(problem, exact, found.designs, found.front, spec)
-        results |= _report(folder, problem, volume, found, checked, results["headline"])
+        results |= _report(folder, spec, problem, volume, found, checked, results["headline"])
         results["judgement"] += contradictions(results["designs"])
         results |= _products(folder, spec, paths, problem, found.designs, results["headline"])
         if spec.figures:
@@ -97,14 +99,11 @@ class _Found:
 
 def _search(spec: DesignSpec, problem: Any) -> _Found:
     from cfem.design.front import best_of_each, pareto_front
-    from cfem.design.search import Scalar, best, evaluate_grid
+    from cfem.design.search import Scalar, best
 
-    n, seconds = len(problem.free), {}
-    shape = [spec.grid] * n if isinstance(spec.grid, int) else list(spec.grid)
-    if len(shape) != n:
-        raise SpecError(f"has {len(shape)} numbers of points, and {n} parameters vary", where="grid")
+    seconds = {}
     begin = time.process_time()
-    grid = evaluate_grid(problem, shape)
+    grid = _first_designs(spec, problem)
     seconds["grid"], begin = time.process_time() - begin, time.process_time()
     designs = dict(zip(problem.names, best_of_each(problem, grid, spec.starts), strict=True))
     for name, weights in spec.blends.items():
@@ -120,8 +119,29 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
     return _Found(grid, designs | corners, front, seconds)
 
 
+def _first_designs(spec: DesignSpec, problem: Any) -> Any:
+    from cfem.design.search import evaluate_grid, evaluate_scattered
+
+    if isinstance(spec.grid, Scattered):
+        return evaluate_scattered(problem, spec.grid.designs)
+    n = len(problem.free)
+    shape = [spec.grid] * n if isinstance(spec.grid, int) else list(spec.grid)
+    if len(shape) != n:
+        raise SpecError(f"has {len(shape)} numbers of points, and {n} parameters vary", where="grid")
+    if math.prod(shape) > LARGEST_GRID:
+        what = f"has {math.prod(shape):.1e} designs, of {n} parameters"
+        raise SpecError(what, where="grid", do="scatter them: grid: {designs: 10000}")
+    return evaluate_grid(problem, shape)
+
+
 def _report(
-    folder: Path, problem: Any, volume: Any, found: _Found, checked: dict[bytes, Any], headline: list[str]
+    folder: Path,
+    spec: DesignSpec,
+    problem: Any,
+    volume: Any,
+    found: _Found,
+    checked: dict[bytes, Any],
+    headline: list[str],
 ) -> dict[str, Any]:
     """Results; tables into the folder, lines into the headline."""
     from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
@@ -142,6 +162,8 @@ def _report(
         "evaluations": problem.evaluations,
         "signs": {name: getattr(one, "sign", 1.0) for name, one in problem.objectives.items()},
     }
+    if spec.sensitivity:
+        results["sensitivity"] = _sensitivity(spec.sensitivity, problem, headline)
     if volume:
         results["volume_error"] = volume.error
         headline.append(f"volume: polynomial through CAD models, largest error at others {volume.error:.1e} mm^3")
@@ -155,6 +177,21 @@ def _report(
         f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; slopes agree with differences of "
         f"second order to {results['slopes_checked']:.0e}"
     )
+    return results
+
+
+def _sensitivity(designs: int, problem: Any, headline: list[str]) -> dict[str, Any]:
+    """By objective and parameter: first and total shares of the variance."""
+    from cfem.design.sensitivity import line, shares
+
+    names = [one.name for one in problem.parameters]
+    found = shares(lambda z: problem(z).objectives, len(names), designs)
+    results = {}
+    for index, objective in enumerate(problem.names):
+        headline.append(line(objective, names, found["total"][index]))
+        results[objective] = {
+            kind: dict(zip(names, values[index].tolist(), strict=True)) for kind, values in found.items()
+        }
     return results
 
 
