@@ -12,6 +12,7 @@ BAR = "pipelines/bar/scene.yaml"
 QUICK = {
     "cable_reach.py": ["--quick"],
     "convergence.py": ["--quick"],
+    "many_inputs.py bar": ["--quick"],
     "stiff_flop.py rest": ["--quick"],
     "stiff_flop.py bending": ["--quick"],
     "stiff_flop.py solid": ["--quick"],
@@ -24,6 +25,7 @@ LONG = {
     "control_process.py": "an exported model",
     "designs.py": "make parametric-finger",
     "embedded.py": "make embedded",
+    "front_nsga.py": "make finger-shapes",
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
     "throughput.py": "make soft-finger",
