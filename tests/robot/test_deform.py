@@ -74,6 +74,13 @@ def test_all_that_is_attached_follows_the_free_form(tmp_path):
     assert robot.body.mesh.volumes.sum() == pytest.approx(sum(part.volumes.sum() for part in robot.body.solids))
 
 
+def test_a_force_on_a_region_follows_too(tmp_path):
+    pushed = "[{kind: push, name: w, points: {mm: [[15, 0, 3]]}, direction: [0, 0, -1], reach: {mm: [0, 3]}}]"
+    spec = scene(tmp_path, actuators=pushed, shape=SHAPE)
+    robot = build_robot(spec, make_mesh(spec, tmp_path)[0])
+    assert robot.actuators[0].value(robot.X) == pytest.approx(robot.actuators[0].rest) and robot.actuators[0].rest < -3
+
+
 def test_what_a_mesh_was_before_its_free_form_is_kept_in_its_file(tmp_path):
     mesh, volume = make_mesh(scene(tmp_path, shape=SHAPE), tmp_path)
     write_mesh(tmp_path / "mesh.vtu", mesh)

@@ -8,7 +8,7 @@ Where friction takes tension away along the cable (friction.py), the multiplier 
 and delta = sum_s share_s (l0_s - l_s), the displacement that it does work on; all derivatives hold the shares."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -55,6 +55,10 @@ class Cable:
         t = d / length[:, None]
         turned = np.arctan2(np.linalg.norm(np.cross(t[:-1], t[1:]), axis=1), (t[:-1] * t[1:]).sum(axis=1))
         return np.exp(-way * self.friction * np.concatenate([[0.0], np.cumsum(turned)]))
+
+    def at_rest(self, x: np.ndarray) -> "Cable":
+        """The cable whose rest is where the nodes are at x."""
+        return replace(self, rest_lengths=self._segments(x)[1])
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
         d, length = self._segments(x)

@@ -93,7 +93,7 @@ class Designs:
                 actuators.append(one)
                 continue
             count = len(cable_points(scene, item))
-            actuators.append(make_cable(points[used : used + count], item.pull_point, item.name))
+            actuators.append(make_cable(points[used : used + count], item.pull_point, item.name, item.friction))
             used += count
         inside, effectors = iter(points[used:]), []
         for item, one in zip(scene.effectors, self.reference.effectors, strict=True):

@@ -9,6 +9,7 @@ from cfem.constraint.cable import Cable
 from cfem.constraint.carrier import Carrier
 from cfem.constraint.cavity import Cavity
 from cfem.constraint.effector import CarriedEffector, CombinedEffector, PointEffector, RotationEffector
+from cfem.constraint.push import Push
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import on_nodes
@@ -70,7 +71,9 @@ def watched(one, mesh: Mesh, follow):
 
 def _actuator(one, mesh: Mesh):
     if isinstance(one, Cable):
-        return replace(one, rest_length=one.rest_length - float(one.value(mesh.X)[0]))
+        return one.at_rest(mesh.X)
+    if isinstance(one, Push):
+        return replace(one, rest=one.value(mesh.X))
     if isinstance(one, Cavity):
         return replace(one, rest_volume=one.rest_volume + float(one.value(mesh.X)[0]))
     raise SpecError(f"an actuator of kind {type(one).__name__} cannot follow a free form")

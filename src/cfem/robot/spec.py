@@ -140,8 +140,8 @@ class SceneSpec(Spec):
 
     @model_validator(mode="after")
     def _deformable(self):
-        if self.shape is not None and isinstance(self.geometry, StiffFlop):
-            raise ValueError("shape: a stiff-flop is of sections that do not deform, leave `shape` out")
+        if self.shape is not None and (self.mesh.element in SECTIONED or isinstance(self.geometry, StiffFlop)):
+            raise ValueError("shape: the robot is of sections that do not deform, leave `shape` out")
         return self
 
     @model_validator(mode="after")
