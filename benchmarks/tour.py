@@ -55,7 +55,7 @@ def watch(clock: Clock) -> None:
         (problem.Problem, "evaluate", "forces and constraints"),
         (problem.Problem, "stiffness", "stiffness assembly"),
         (newton, "_correct", "corrections"),
-        (condensation, "_refine", "condensation"),
+        (condensation, "refined", "condensation"),
         (condensation, "symmetric_product", "condensation"),
         (predictor, "predict", "prediction"),
         (predictor, "knot", "prediction"),
