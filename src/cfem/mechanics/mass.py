@@ -60,16 +60,28 @@ def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_rod(beam: Beam, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (m, 2 k) of both sections of each element and (m, 2 k, 2 k) t; density of the cells."""
+    """Nodes (m, 6), three of each of an element's sections, and (m, 6, 6) t; density of the cells. Three nodes say how
+    a section moves: the others need no mass of their own."""
     sections = beam.sections
-    nodes = np.concatenate([sections.nodes[:-1], sections.nodes[1:]], axis=1)
     each = density.reshape(len(beam.length), -1).mean(axis=1) * beam.length
-    s, k = sections.nodes.shape
-    motion = np.concatenate([np.full((s, 1, k), 1 / k), sections.across], axis=1)  # of centre and axes
+    chosen, motion = zip(*(_three(arm) for arm in sections.arm[:, :, 1:]), strict=True)
+    three, motion = np.take_along_axis(sections.nodes, np.array(chosen), axis=1), np.array(motion)
+    nodes = np.concatenate([three[:-1], three[1:]], axis=1)
     shape = beam.shape
     inertia = np.stack(np.broadcast_arrays(shape.area, shape.bending, shape.bending, beam.length)[:3])
-    both = np.zeros((len(each), 2, 3, 2 * k))
-    both[:, 0, :, :k], both[:, 1, :, k:] = motion[:-1], motion[1:]
+    both = np.zeros((len(each), 2, 3, 6))
+    both[:, 0, :, :3], both[:, 1, :, 3:] = motion[:-1], motion[1:]
     shared = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
     blocks = np.einsum("mixa,ij,xm,mjxb->mab", both, shared, inertia, both, optimize=True)
     return nodes, each[:, None, None] * blocks
+
+
+def _three(arm: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """Three points far apart among arms (k, 2) mm of a section's nodes from its centre, and (3, 3) what takes their
+    positions to the section's centre and its two axes."""
+    first = int((arm**2).sum(axis=1).argmax())
+    second = int(((arm - arm[first]) ** 2).sum(axis=1).argmax())
+    edge, to = arm[second] - arm[first], arm - arm[first]
+    third = int(np.abs(edge[0] * to[:, 1] - edge[1] * to[:, 0]).argmax())
+    chosen = [first, second, third]
+    return chosen, np.linalg.inv(np.column_stack([np.ones(3), arm[chosen]]))
