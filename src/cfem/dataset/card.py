@@ -9,9 +9,17 @@ from cfem.core.names import Name
 from cfem.core.reading import Data
 
 
+class ViscosityCard(Data):
+    """relaxation: s; prony: (share, s) of each term."""
+
+    relaxation: float = Field(ge=0)
+    prony: list[tuple[float, float]] = Field(max_length=100)
+
+
 class DatasetCard(Data):
     """robot: what the scene said of it. plan: what sample.yaml says of the draws.
-    compliance: at rest, of all rows that carry a multiplier. skin: SHA-256 of the file of its modes."""
+    compliance: at rest, of all rows that carry a multiplier. skin: SHA-256 of the file of its modes. viscosity: of each
+    viscous material, where the rows can move."""
 
     scene: Name
     robot: dict[str, Any] | None = None
@@ -25,6 +33,7 @@ class DatasetCard(Data):
     plan: dict[str, Any] = {}
     compliance: list[list[float]] | None = None
     skin: str | None = None
+    viscosity: list[ViscosityCard] | None = Field(None, max_length=1000)
 
     @model_validator(mode="after")
     def _sizes(self) -> "DatasetCard":

@@ -36,7 +36,8 @@ class Dataset:
     actuators held, by a wrench on them, likewise; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a,
     dlambda_dp (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
     cost: (m,) each of COST by name; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ...
-    whole: the same states with the rows of the skin, `skin`; None where there is none
+    whole: the same states with the rows of the skin, `skin`; None where there is none; moving: what the rows need to
+    move, None where it was not asked for
 
     Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
     both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that
@@ -65,6 +66,7 @@ class Dataset:
     meta: dict[str, Any]
     n_c: int = 0
     whole: "WithSkin | None" = None
+    moving: "Moving | None" = None
 
     def __len__(self) -> int:
         return len(self.id)
@@ -78,8 +80,9 @@ class Dataset:
         """The rows that `index` (numbers, a mask or a slice) picks, in its order."""
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         picked = {name: array[index] for name, array in arrays.items() if isinstance(array, np.ndarray)}
-        whole = None if self.whole is None else self.whole.take(index)
-        return replace(self, **picked, cost={name: values[index] for name, values in self.cost.items()}, whole=whole)
+        picked["whole"] = None if self.whole is None else self.whole.take(index)
+        picked["moving"] = None if self.moving is None else self.moving.take(index)
+        return replace(self, **picked, cost={name: values[index] for name, values in self.cost.items()})
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,26 @@ class WithSkin:
     sha256: str
 
     def take(self, index: np.ndarray | slice) -> "WithSkin":
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.inertia` says of which.
+    rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; dV (m, n_a, n, n), None where
+    the dataset has none; viscosity: of each of these materials, its relaxation and prony."""
+
+    rows: Rows
+    W: np.ndarray
+    V: np.ndarray
+    V2: np.ndarray
+    V3: np.ndarray
+    loss: np.ndarray
+    dV: np.ndarray | None
+    viscosity: list[dict[str, Any]]
+
+    def take(self, index: np.ndarray | slice) -> "Moving":
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
 
@@ -169,6 +192,7 @@ def as_dataset(table: pa.Table) -> Dataset:
         failed=table.filter(pc.invert(solved)),
         meta=without_skin(meta),
         whole=_whole(good, meta, rows, W, dW, p) if stored.n_s else None,
+        moving=_moving(good, meta, replace(rows, skin=stored.skin), W) if "V" in has else None,
     )
 
 
@@ -178,6 +202,17 @@ def _whole(
     left = np.column_stack([column_array(good, name) for name in ("skin_rms", "skin_max")])
     rows = replace(rows, skin=rows_of(meta).skin)
     return WithSkin(rows, column_array(good, "delta_s"), W, dW, _by_p(good, "ddelta_s_dp", p), left, meta["skin"])
+
+
+def _moving(good: pa.Table, meta: dict[str, Any], rows: Rows, W: np.ndarray) -> Moving:
+    has, m = set(good.column_names), len(good)
+    V, V2, V3 = (unpack_upper(column_array(good, name)) for name in ("V", "V2", "V3"))
+    viscosity, n = meta["viscosity"], 2 * rows.n
+    loss = np.zeros((m, len(viscosity), n, n))
+    if viscosity:
+        loss = unpack_upper(column_array(good, "loss").reshape(m, len(viscosity), n * (n + 1) // 2))
+    dV = unpack_upper(column_array(good, "dV").reshape(m, rows.n_a, -1)) if "dV" in has else None
+    return Moving(rows, W, V, V2, V3, loss, dV, viscosity)
 
 
 def _by_p(good: pa.Table, name: str, p: np.ndarray) -> np.ndarray | None:
@@ -201,7 +236,8 @@ def read_table(path: Path) -> pa.Table:
     card = checked(DatasetCard, meta, f"{path}: metadata", _AGAIN)
     there = set(file.schema_arrow.names)
     units = [tuple(pair) for pair in card.row_units]
-    expected = schema(rows_of(meta), {}, parameters_of(meta), "dW" in there, units, "dC" in there)
+    moving = {"viscosity": meta["viscosity"]} if card.viscosity is not None else {}
+    expected = schema(rows_of(meta), moving, parameters_of(meta), "dW" in there, units, "dC" in there)
     for field in expected:
         if field.name not in there:
             raise InputError(f"is damaged: column '{field.name}' is missing", where=str(path), do=_AGAIN)

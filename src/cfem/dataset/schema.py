@@ -50,6 +50,11 @@ COLUMNS = (
     Column("energy", _F, "N mm", state=True),
     Column("dW", _F, "mm/N^2", "active x upper triangle", state=True),
     Column("dC", _F, "mm/N^2", "effectors cubed", state=True),
+    Column("V", _F, "mm/N s^2", "upper triangle", state=True),
+    Column("V2", _F, "mm/N s^4", "upper triangle", state=True),
+    Column("V3", _F, "mm/N s^6", "upper triangle", state=True),
+    Column("loss", _F, "", "viscous x twice the rows", state=True),
+    Column("dV", _F, "mm/N^2 s^2", "active x upper triangle", state=True),
     Column("dpsi_dp", _F, "N mm", "parameters", state=True),
     Column("dlambda_dp", _F, "N", "actuators x parameters", state=True),
     Column("ddelta_e_dp", _F, "mm", "effectors x parameters", state=True),
@@ -65,6 +70,7 @@ COLUMNS = (
     Column("seconds", _F, "s"),
 )
 BY_PARAMETERS = frozenset(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))  # all or none
+MOVING = frozenset(("V", "V2", "V3"))  # all or none
 OF_SKIN = frozenset(("delta_s", "skin_rms", "skin_max"))  # all or none
 
 
@@ -79,7 +85,8 @@ def schema(
     """Arrow schema of a robot's dataset; lists have a fixed size. parameters: sampled and exact ones; third_order:
     whether it has dW; loads: whether it has dC; row_units: of each row's displacement and multiplier, mm and N unless
     given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the format's version, the names and
-    units of the rows, the parameters and the unit of each column."""
+    units of the rows, the parameters and the unit of each column. Where it has "viscosity", that of each viscous
+    material, there are the columns of motion."""
     varied = sampled(parameters)
     triangle = rows.n * (rows.n + 1) // 2
     sizes = {
@@ -93,11 +100,14 @@ def schema(
         "rows": rows.n,
         "upper triangle": triangle,
         "active x upper triangle": (rows.n_a + rows.n_c) * triangle,
+        "viscous x twice the rows": len(meta.get("viscosity") or ()) * rows.n * (2 * rows.n + 1),
         "actuators x parameters": rows.n_a * len(varied),
         "effectors x parameters": rows.n_e * len(varied),
         "skin x parameters": rows.n_s * len(varied),
     }
     there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads}
+    moving = meta.get("viscosity") is not None
+    there |= dict.fromkeys(MOVING, moving) | {"loss": bool(meta.get("viscosity")), "dV": moving and third_order}
     there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
     there |= dict.fromkeys(OF_SKIN, rows.n_s > 0) | {"ddelta_s_dp": bool(varied) and rows.n_s > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
@@ -113,7 +123,7 @@ def schema(
         "rows": asdict(rows),
         "row_units": [list(pair) for pair in row_units],
         "parameters": to_json(parameters),
-        "units": _units(columns, rows, row_units, [one.unit for one in varied]),
+        "units": _units(columns, rows, row_units, [one.unit for one in varied], len(meta.get("viscosity") or ())),
     }
     return pa.schema(fields, metadata={KEY: json.dumps({**meta, **own}, sort_keys=True, allow_nan=False).encode()})
 
@@ -142,7 +152,11 @@ def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
 
 
 def _units(
-    columns: Sequence[Column], rows: Rows, row_units: Sequence[tuple[str, str]], parameters: Sequence[str]
+    columns: Sequence[Column],
+    rows: Rows,
+    row_units: Sequence[tuple[str, str]],
+    parameters: Sequence[str],
+    viscous: int = 0,
 ) -> dict[str, str | list[str]]:
     """Of each column with one: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has
     the displacement unit of row i over the multiplier unit of row j."""
@@ -161,6 +175,18 @@ def _units(
             units["delta_c"], units["lambda_c"] = common(displacement[rows.c]), common(multiplier[rows.c])
         units["delta_free"] = common(displacement)
         units["W"] = common([f"{displacement[i]}/{_factor(multiplier[j])}" for i, j in upper])
+        for power, name in enumerate(("V", "V2", "V3"), 1):
+            if name in units:
+                over = common([f"{displacement[i]}/{_factor(multiplier[j])} s^{2 * power}" for i, j in upper])
+                units[name] = over
+        if "dV" in units:
+            units["dV"] = common(
+                [
+                    f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)} s^2"
+                    for k in multiplier[rows.active]
+                    for i, j in upper
+                ]
+            )
         if "dW" in units:
             dW = [
                 f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}"
@@ -173,6 +199,13 @@ def _units(
             units["dC"] = common(
                 [f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(multiplier[k])}" for i, j, k in factors]
             )
+    if viscous:
+        both = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
+        pairs = [(one, other) for i, one in enumerate(both) for other in both[i:]]
+        each = [
+            f"{displacement[i]}/{_factor(multiplier[j])}" + (f" s^{p + q}" if p + q else "") for (i, p), (j, q) in pairs
+        ]
+        units["loss"] = each * viscous
     if parameters:
         units["p"] = list(parameters)
         per = ["" if unit == "1" else f"/{_factor(unit)}" for unit in parameters]

@@ -130,6 +130,8 @@ def make_job(
         "made_from": made_from,
         "versions": versions() | {"solver": solver_name()},
     }
+    if facts.viscosity is not None:
+        meta["viscosity"] = [plain(vars(one)) for one in facts.viscosity]
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
     return Job(

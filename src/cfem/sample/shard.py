@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cfem.condensed import Condensed, pack_upper
+from cfem.condensed import Condensed, Rows, pack_upper
 from cfem.condensed.packing import pack_symmetric3
 from cfem.condensed.parameters import sampled, slopes
 from cfem.condensed.pose import Patch
@@ -23,6 +23,7 @@ from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
 from cfem.sample import tally
@@ -228,6 +229,8 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
         }
     if solved.converged and held:
         row |= {"delta_c": held[1], "lambda_c": condensed.lam[solved.n_a :]}
+    if solved.converged and solved.inertia is not None:
+        row |= _motion(solved.inertia, solved.condensed.rows)
     if solved.converged and solved.dW is not None:
         n = solved.condensed.rows.c.start
         dW = solved.dW[: solved.n_a, :n, :n] if held is None else slopes_onto_patch(solved.condensed, solved.dW, *held)
@@ -235,6 +238,18 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
     if solved.converged and solved.dC is not None:
         row["dC"] = pack_symmetric3(solved.dC)
     return row
+
+
+def _motion(inertia: Inertia, rows: Rows) -> Record:
+    """Columns of the mass and viscosity of all rows but the contacts'."""
+    n, all_rows = rows.c.start, rows.n
+    both = np.r_[0:n, all_rows : all_rows + n]
+    record = {name: pack_upper(getattr(inertia, name)[:n, :n]) for name in ("V", "V2", "V3")}
+    if len(inertia.loss):
+        record["loss"] = pack_upper(inertia.loss[:, both[:, None], both]).ravel()
+    if inertia.dV is not None:
+        record["dV"] = pack_upper(inertia.dV[: rows.n_a, :n, :n]).ravel()
+    return record
 
 
 def _without_contacts(condensed: Condensed) -> Condensed:

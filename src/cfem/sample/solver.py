@@ -15,6 +15,7 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.viscosity import Viscosity
 from cfem.robot.same import robot_of
 from cfem.robot.spec import SceneSpec
 
@@ -30,7 +31,8 @@ class Facts:
     free. rows: its pose's coordinates are the contacts, if any; forces: (n_a, 2) smallest and largest multipliers, None
     where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
     best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
-    scene's own robot, None where it has none."""
+    scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
+    for."""
 
     scene: str
     rows: Rows
@@ -45,6 +47,7 @@ class Facts:
     in_a_row: bool = False
     robot: Mapping[str, Any] | None = None
     surface: Surface | None = None
+    viscosity: tuple[Viscosity, ...] | None = None
 
 
 class Solver(Protocol):
@@ -66,7 +69,8 @@ SolverFactory = Callable[[], Solver]
 @dataclass(frozen=True)
 class FiniteElements:
     """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`. turns:
-    whether the patch of its contact points can turn, None where nothing holds them."""
+    whether the patch of its contact points can turn, None where nothing holds them; dynamics: whether mass and
+    viscosity are asked for."""
 
     scene: SceneSpec
     mesh: Mesh
@@ -75,11 +79,13 @@ class FiniteElements:
     third_order: bool = False
     loads: bool = False
     turns: bool | None = None
+    dynamics: bool = False
 
     def __call__(self) -> Solver:
         from cfem.condensed.restrict import onto_patch
         from cfem.equilibrium.actuation import force
         from cfem.equilibrium.held_patch import contact_points, patch_of
+        from cfem.equilibrium.inertia import mass_of
         from cfem.equilibrium.newton import Settings
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
@@ -113,13 +119,16 @@ class FiniteElements:
             problem.kinematics.row is not None,
             robot_of(self.scene),
             outer_surface(robot.X, robot.body.mesh.facets),
+            tuple(one for one in robot.viscosity if not one.none) if self.dynamics else None,
         )
-        return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads)
+        mass = mass_of(robot) if self.dynamics else None
+        return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads, mass)
 
 
 @dataclass(frozen=True)
 class _FiniteElementSolver:
-    """problem: of the scene's own robot; skin: watched too, None where it is not; pushed: see `Solver.watching`."""
+    """problem: of the scene's own robot; mass: its own, None where no dynamics are asked for; skin: watched too, None
+    where it is not; pushed: see `Solver.watching`."""
 
     facts: Facts
     family: Any
@@ -127,20 +136,24 @@ class _FiniteElementSolver:
     settings: Any
     third_order: bool
     loads: bool
+    mass: Any = None
     skin: Skin | None = None
     pushed: bool = False
 
     def watching(self, skin: Skin, pushed: bool = False) -> "_FiniteElementSolver":
         problem = self._problem(self.problem.robot, skin, self.problem)
-        return replace(self, problem=problem, skin=skin, pushed=pushed, third_order=self.third_order and not pushed)
+        more = {"third_order": False, "mass": None} if pushed else {}
+        return replace(self, problem=problem, skin=skin, pushed=pushed, **more)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
+        from cfem.equilibrium.inertia import mass_of
         from cfem.equilibrium.parameter_slopes import Sides
         from cfem.equilibrium.solve import solve
 
-        problem, sides = self.problem, ()
+        problem, sides, mass = self.problem, (), self.mass
         if len(p):
             problem = self._problem(self.family.at(p), self.skin, self.problem if self.family.alike else None)
+            mass = None if mass is None else mass_of(problem.robot)
             around = (self.family.around(p, index, _STEP) for index in range(len(p)))
             sides = [
                 Sides(self._problem(behind, self.skin, problem), self._problem(ahead, self.skin, problem), width)
@@ -159,6 +172,7 @@ class _FiniteElementSolver:
             loads=self.loads,
             sides=sides,
             skin_response=self.pushed,
+            mass=mass,
         )
         return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
 

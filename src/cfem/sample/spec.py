@@ -138,6 +138,9 @@ class SampleSpec(Spec):
     loads: bool = False
     """Whether to record how the effectors' compliance changes with loads on them too. Models then take loads that the
     samples did not carry to the second order. It needs third_order and costs no factorisation."""
+    dynamics: bool = False
+    """Whether to record mass and viscosity of the rows' motions too, for models that move. It costs no factorisation.
+    Each material of the scene then needs its density."""
     skin: SkinSpec | None = SkinSpec()
     """Modes of the surface, for shapes without finite elements. Null leaves them out."""
     until: Until | None = None
@@ -164,6 +167,12 @@ class SampleSpec(Spec):
     def _contact_alone(self) -> "SampleSpec":
         if self.contact and (self.parameters or self.until):
             raise ValueError("contact does not go with parameters or until yet")
+        return self
+
+    @model_validator(mode="after")
+    def _moving_alone(self) -> "SampleSpec":
+        if self.dynamics and self.contact:
+            raise ValueError("dynamics does not go with contact yet")
         return self
 
     @model_validator(mode="after")

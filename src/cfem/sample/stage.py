@@ -47,9 +47,8 @@ def run(
         from cfem.sample.solver import FiniteElements
 
         turns = None if spec.contact is None else spec.contact.rotation is not None
-        return FiniteElements(
-            *load_scene_and_mesh(scene, mesh), spec.tolerance, parameters, spec.third_order, spec.loads, turns
-        )
+        robot = load_scene_and_mesh(scene, mesh)
+        return FiniteElements(*robot, spec.tolerance, parameters, spec.third_order, spec.loads, turns, spec.dynamics)
 
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
