@@ -54,23 +54,8 @@ def _work(
     from cfem.core.progress import progress
     from cfem.plant.fem_plant import FemPlant
     from cfem.plant.model_plant import ModelPlant
-    from cfem.predict.load import load_model
-    from cfem.robot.build import build_robot
-    from cfem.robot.load import load_scene_and_mesh
-    from cfem.robot.same import demand_robot
 
-    scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
-    predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
-    for name, predictor in predictors.items():
-        do = f"train a model of {base / spec.scene}, or name the scene of this one"
-        demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)
-    shift = np.zeros(0)
-    if spec.design:
-        from cfem.control.design import designed
-
-        robot, predictors, shift = designed(*scene_and_mesh, predictors, spec.design)
-    else:
-        robot = build_robot(*scene_and_mesh)
+    scene_and_mesh, robot, predictors, shift = _loaded(spec, base, mesh, models)
     demand_units(spec, robot.actuator_units)
     if spec.object:
         from cfem.control.assembled import assembled, touching
@@ -130,6 +115,26 @@ def _work(
         "fe_cost": cost,
         "nodes": len(robot.X),
     }
+
+
+def _loaded(spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path]) -> tuple:
+    """Scene and mesh, the robot, its models, and by how much goals move with the design (n_e,) mm, empty without one.
+    InputError where a model is of another robot."""
+    from cfem.predict.load import load_model
+    from cfem.robot.build import build_robot
+    from cfem.robot.load import load_scene_and_mesh
+    from cfem.robot.same import demand_robot
+
+    scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
+    predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
+    for name, predictor in predictors.items():
+        do = f"train a model of {base / spec.scene}, or name the scene of this one"
+        demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)
+    if not spec.design:
+        return scene_and_mesh, build_robot(*scene_and_mesh), predictors, np.zeros(0)
+    from cfem.control.design import designed
+
+    return scene_and_mesh, *designed(*scene_and_mesh, predictors, spec.design)
 
 
 def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from cfem.mechanics.assembly import Pattern, add_blocks, make_pattern
 from cfem.mechanics.sections import Sections
+from cfem.mechanics.transfer import Transfer, copies
 
 NO_JOINTS = np.zeros((0, 2), dtype=int)
 
@@ -46,7 +47,7 @@ class Kinematics:
     full: Pattern
     groups: tuple[Group, ...]
     fixed: np.ndarray
-    transfer: "_Transfer | None"
+    transfer: "Transfer | None"
     joint_slots: np.ndarray
     row: Sections | None = None
 
@@ -228,40 +229,6 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in pairs], axis=1)
 
 
-@dataclass(frozen=True)
-class _Transfer:
-    """From nodal blocks to blocks of the unknowns. copy_from, copy_to: entries between nodes of no group; then blocks
-    (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and across; own: (g, 2, 2, 3)
-    slots of each group's own block."""
-
-    copy_from: np.ndarray
-    copy_to: np.ndarray
-    within: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-    across: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-    own: np.ndarray
-
-    def fill(self, T: np.ndarray, data: np.ndarray, out: np.ndarray) -> None:
-        np.add.at(out, self.copy_to, data[self.copy_from])
-        a, b, slot, to = self.within
-        B = np.einsum("kip,kij,kjq->kpq", T[a], _blocks(a, b, slot, data), T[b])
-        B = np.where((a == b)[:, None, None], B, B + B.transpose(0, 2, 1))
-        add_blocks(B, to, out)
-        a, b, slot, to = self.across
-        B = np.einsum("kip,kij,kjq->kpq", T[a], _blocks(a, b, slot, data), T[b])
-        both = np.zeros((len(a), 12, 12))
-        both[:, :6, 6:], both[:, 6:, :6] = B, B.transpose(0, 2, 1)
-        add_blocks(both, to, out)
-
-
-def _blocks(a: np.ndarray, b: np.ndarray, slot: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) nodal blocks in full, those on the diagonal completed from their lower triangle."""
-    index = slot[:, None, :] + np.arange(3)[None, :, None]
-    diagonal = a == b
-    upper = np.array([[False, True, True], [False, False, True], [False, False, False]])
-    index[diagonal] = np.where(upper, index[diagonal].transpose(0, 2, 1), index[diagonal])
-    return data[index]
-
-
 def make_kinematics(
     X: np.ndarray,
     groups: Sequence[np.ndarray],
@@ -302,8 +269,8 @@ def make_kinematics(
     joined = np.where(joints[:, :, None] >= 0, len(X) + 2 * joints[:, :, None] + np.arange(2), -1).reshape(-1, 4)
     pattern = make_pattern(total, [pairs, within_nodes, across_nodes, own_nodes, joined], held)
     pair_slots, within_slots, across_slots, own, joint_slots = pattern.slots
-    copy_from, copy_to = _copies(slot[plain], a[plain] == b[plain], pair_slots)
-    transfer = _Transfer(
+    copy_from, copy_to = copies(slot[plain], a[plain] == b[plain], pair_slots)
+    transfer = Transfer(
         copy_from,
         copy_to,
         (a[same], b[same], slot[same], within_slots),
@@ -320,11 +287,3 @@ def make_kinematics(
 
 def pattern_number(pattern: Pattern, nodes: np.ndarray) -> np.ndarray:
     return pattern.number[nodes]
-
-
-def _copies(slot: np.ndarray, diagonal: np.ndarray, pair_slots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Entry by entry, from the full pattern to the reduced one, whose node order keeps that of the plain nodes."""
-    to = np.where(diagonal[:, None], pair_slots[:, 0, 0], pair_slots[:, 0, 1])
-    entries_from, entries_to = slot[:, None, :] + np.arange(3)[:, None], to[:, None, :] + np.arange(3)[:, None]
-    keep = ~diagonal[:, None, None] | (np.arange(3)[:, None] >= np.arange(3))
-    return entries_from[keep], entries_to[keep]
