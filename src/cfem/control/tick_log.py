@@ -2,6 +2,8 @@
 
 import json
 import math
+import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,12 +13,15 @@ from cfem.core.errors import CfemError
 from cfem.core.files import disk_errors, plain
 from cfem.core.progress import say
 
+SYNC = 1.0  # s: what a loss of power takes at most; every tick would wear the disk and hold up the device
+
 
 @contextmanager
 def tick_log(folder: Path) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Yields `append(row)`, which adds a JSON line to the first free `interrupted-<n>.jsonl` of the folder. The file
-    goes when the work within ends well; else it stays, and the error says how much it holds."""
-    number = 1
+    """Yields `append(row)`, which adds a JSON line to the first free `interrupted-<n>.jsonl` of the folder: it outlives
+    the process at once, and the machine after SYNC. The file goes when the work within ends well; else it stays, and
+    the error says how much it holds."""
+    number, synced = 1, -math.inf
     while (path := folder / f"interrupted-{number}.jsonl").exists():
         number += 1
     count = 0
@@ -25,10 +30,13 @@ def tick_log(folder: Path) -> Iterator[Callable[[dict[str, Any]], None]]:
     with file:
 
         def append(row: dict[str, Any]) -> None:
-            nonlocal count
+            nonlocal count, synced
             with disk_errors(path):
                 file.write(json.dumps(_known(plain(row))) + "\n")
                 file.flush()
+                if time.monotonic() - synced >= SYNC:
+                    os.fsync(file.fileno())
+                    synced = time.monotonic()
             count += 1
 
         try:

@@ -116,6 +116,7 @@ def _work(
 def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Mapping[str, Any]) -> None:
     """InputError where what the page is about is not all of the scene's robot."""
     from cfem.predict.load import read_meta
+    from cfem.report.used_models import demand_used
     from cfem.robot.same import demand_mesh_of, demand_robot, recorded_robot
 
     do = "name results of one robot"
@@ -125,6 +126,8 @@ def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, mani
     for name in spec.models:
         folder = manifests[f"model {name}"][0]
         demand_robot(scene, read_meta(folder).get("robot"), folder, do)
+    shown = {name: str(manifests[f"model {name}"][1]["content"]) for name in spec.models}
+    demand_used(*manifests["control"], shown)
 
 
 def _about(spec: ReportSpec) -> str:

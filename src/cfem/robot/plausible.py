@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from cfem.constraint.protocol import Watched
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
+from cfem.robot.soundness import moves_nothing
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
-_HELD = 1e-9  # of the largest entry of a gradient
 
 
 def demand_possible(scene, robot: Robot) -> None:
@@ -16,11 +15,11 @@ def demand_possible(scene, robot: Robot) -> None:
     for index, (item, actuator) in enumerate(zip(scene.actuators, robot.actuators, strict=True)):
         with scene.locating("actuators", index):
             _demand_reach(item, actuator)
-            if _is_held(robot, actuator):
+            if moves_nothing(robot, actuator):
                 what = f"{item.kind} '{item.name}' acts on held nodes alone and moves nothing"
                 raise SpecError(what, do="lead it beyond what `fixed` holds, or hold less")
     for index, (item, effector) in enumerate(zip(scene.effectors, robot.effectors, strict=True)):
-        if _is_held(robot, effector):
+        if moves_nothing(robot, effector):
             what = f"effector '{item.name}' lies where `fixed` holds the body and cannot move"
             with scene.locating("effectors", index):
                 raise SpecError(what, do="watch a point that is free, or hold less")
@@ -35,15 +34,6 @@ def _demand_reach(item, actuator) -> None:
     if volume is not None and low <= -volume:
         what = f"{item.kind} '{item.name}' holds {volume:.4g} mm^3 and cannot lose {-low:.4g} mm^3"
         raise SpecError(what, where="reach", do="give the largest loss of volume, below what it holds")
-
-
-def _is_held(robot: Robot, point: Watched) -> bool:
-    """Whether no free node moves it, to first order at rest."""
-    if len(point.nodes) == 0:
-        return False  # chambers of a rod act on its strains
-    slopes = np.abs(point.gradient(robot.X))
-    free = ~np.isin(point.nodes, robot.fixed)
-    return bool(slopes[:, free].max(initial=0.0) <= _HELD * slopes.max(initial=0.0))
 
 
 def doubts(scene, robot: Robot) -> list[str]:

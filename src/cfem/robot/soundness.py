@@ -5,6 +5,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from cfem.constraint.protocol import Watched
 from cfem.core.errors import InputError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import shape_derivatives
@@ -13,6 +14,7 @@ from cfem.robot.quality import scaled_jacobians
 
 # Faces of a tetrahedron, each with the corner across from it.
 _FACES = np.array([[1, 2, 3, 0], [0, 2, 3, 1], [0, 1, 3, 2], [0, 1, 2, 3]])
+_HELD = 1e-9  # of the largest entry of a gradient
 _ALIKE = 1e-10  # eigenvalue of the correlations of rows below which they are the same to rounding
 
 
@@ -75,6 +77,15 @@ def demand_held(robot: Robot) -> None:
         raise InputError(what, where=robot.name, do="hold it under 'fixed', join it to the rest, or leave it out")
 
 
+def moves_nothing(robot: Robot, row: Watched) -> bool:
+    """Whether all that a row acts on is held: no free node moves it, to first order at rest."""
+    if len(row.nodes) == 0:
+        return False  # chambers of a rod act on its strains
+    slopes = np.abs(row.gradient(robot.X))
+    free = ~np.isin(row.nodes, robot.fixed)
+    return not slopes[:, free].max(initial=0.0) > _HELD * slopes.max(initial=0.0)
+
+
 def demand_independent(robot: Robot) -> None:
     """Raises InputError where an actuator or contact acts on nothing that can move, or where some cannot be told from
     each other because they pull the body in the same way."""
@@ -82,13 +93,12 @@ def demand_independent(robot: Robot) -> None:
     pulls = [(name, row) for name, row in zip(names, robot.active, strict=True) if len(row.nodes)]
     columns, of = [], []
     for name, row in pulls:
-        nodal = np.zeros((*robot.X.shape, len(row.rest)))
-        nodal[row.nodes] = row.gradient(robot.X).transpose(1, 2, 0)
-        size = np.abs(nodal).max()
-        nodal[robot.fixed] = 0.0
-        if not np.abs(nodal).max() > 1e-12 * size:
+        if moves_nothing(robot, row):
             what = f"'{name}' acts on held nodes alone, and can move nothing"
             raise InputError(what, where=robot.name, do="lead it through the part that is free, or hold less")
+        nodal = np.zeros((*robot.X.shape, len(row.rest)))
+        nodal[row.nodes] = row.gradient(robot.X).transpose(1, 2, 0)
+        nodal[robot.fixed] = 0.0
         columns += list(nodal.reshape(-1, len(row.rest)).T)
         of += [name] * len(row.rest)
     if len(columns) < 2:

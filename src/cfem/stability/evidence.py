@@ -31,14 +31,16 @@ class Check:
 @dataclass(frozen=True)
 class Evidence:
     """Of one answer. status: its name; claimed: whether it says to be an answer; checks: all that must hold of it;
-    the rest is for the table, None where there is none: residual (relative, recomputed), rounding (as stated), of W
-    its asymmetry before it is symmetrised, and its smallest eigenvalue and condition number, scaled to a unit diagonal
-    so that units do not matter."""
+    the rest is for the table, None where there is none: residual (relative, recomputed), tolerance (what the answer
+    states that its residual may be, as asked for or as rounding allows), rounding (as stated), of W its asymmetry
+    before it is symmetrised, and its smallest eigenvalue and condition number, scaled to a unit diagonal so that units
+    do not matter."""
 
     status: str
     claimed: bool
     checks: tuple[Check, ...] = ()
     residual: float | None = None
+    tolerance: float | None = None
     rounding: float | None = None
     asymmetry: float | None = None
     smallest_eigenvalue: float | None = None

@@ -58,6 +58,7 @@ def examine(trial: Trial) -> Evidence:
         answer.status.name,
         answer.converged,
         (_finite(answer),),
+        tolerance=answer.tolerance,
         rounding=answer.rounding,
         iterations=answer.iterations,
         factorizations=answer.factorizations,

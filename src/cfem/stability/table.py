@@ -9,8 +9,17 @@ from cfem.core.shown import duration
 from cfem.core.system import peak_memory
 from cfem.stability.suite import Result, misbehaving
 
-_FIGURES = ("residual", "rounding", "asymmetry", "smallest_eigenvalue", "condition", "iterations", "factorizations")
-_NAME = 51  # columns of a case's name
+_FIGURES = (
+    "residual",
+    "tolerance",
+    "rounding",
+    "asymmetry",
+    "smallest_eigenvalue",
+    "condition",
+    "iterations",
+    "factorizations",
+)
+_NAME = 42  # columns of a case's name
 
 
 def as_text(results: Sequence[Result]) -> str:
@@ -18,14 +27,14 @@ def as_text(results: Sequence[Result]) -> str:
     figures are in `as_data`."""
     lines = []
     for family, cases in groupby(results, key=lambda result: result.case.name.partition("/")[0]):
-        lines += ["", f"{family:<{_NAME}}{'status':<20}{'residual':>9}"]
+        lines += ["", f"{family:<{_NAME}}{'status':<20}{'residual':>9}{'allowed':>9}"]
         for result in cases:
             name = result.case.name.partition("/")[2]
-            residual = _short(getattr(result.evidence, "residual", None))
+            residual, allowed = (_short(getattr(result.evidence, name, None)) for name in ("residual", "tolerance"))
             if len(name) > _NAME - 3:
                 lines.append(f"  {name}")
                 name = ""
-            lines.append(f"  {name:<{_NAME - 2}}{result.status:<20}{residual:>9}")
+            lines.append(f"  {name:<{_NAME - 2}}{result.status:<20}{residual:>9}{allowed:>9}")
             lines += [f"    wrong: {sentence}" for sentence in result.wrong]
     seconds = sum(result.seconds for result in results)
     memory = peak_memory()
