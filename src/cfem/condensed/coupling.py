@@ -192,12 +192,11 @@ class Coupled:
             K[n_a:, n_a:] += slope.T @ part.hessian[its, its] @ slope
             pulled += np.outer(hold.turn @ part.lambda_a[hold.n_a : hold.n_a + 3], self._levers[i])
             force, moment = max(force, float(np.linalg.norm(push[:3]))), max(moment, float(np.linalg.norm(push[3:])))
+        # robots that carry next to nothing: no less than what holds the object against a shift that nobody sees
+        force = max(force, UNSEEN * float(np.abs(K[n_a : n_a + 3, n_a : n_a + 3]).max()))
         if now is not None:
             K[n_a + 3 :, n_a + 3 :] += np.tensordot(now.second, pulled, 2)
-        # robots that carry next to nothing: no less than what holds the object against a shift that nobody sees
-        held = np.abs(K[n_a:, n_a:])
-        force = max(force, UNSEEN * float(held[:3, :3].max()))
-        moment = max(moment, UNSEEN / self._length * float(held[3:, 3:].max(initial=0.0)))
+            moment = max(moment, UNSEEN / self._length * float(np.abs(K[n_a + 3 :, n_a + 3 :]).max()))
         return parts, g, (K + K.T) / 2, (force, moment)
 
     def _poses(self, X: np.ndarray, now: Turn | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
