@@ -1,0 +1,61 @@
+"""Goals of every kind of trajectory, and what does not fit the robot."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from cfem.control.goals import goals_of
+from cfem.control.spec import TrajectorySpec
+from cfem.core.errors import SpecError
+
+TRAJECTORY = TypeAdapter(TrajectorySpec)
+ROBOT = SimpleNamespace(rows=SimpleNamespace(n_e=3, n_a=2), rest_e=np.array([0.0, 10.0, -120.0]))
+NOWHERE = np.zeros(0)
+
+
+class Fem:
+    """Ends where the shares of its pull say."""
+
+    def pull(self, share):
+        return SimpleNamespace(x_e=np.array([*share, share.sum()]))
+
+
+def goals(robot=ROBOT, shift=NOWHERE, **spec):
+    return goals_of("curve", TRAJECTORY.validate_python(spec), robot, Fem(), shift)
+
+
+def test_given_points_are_taken_and_move_with_the_design():
+    points = {"mm": [[0, 1, 2], [3, 4, 5]]}
+    np.testing.assert_array_equal(goals(kind="goals", points=points), [[0, 1, 2], [3, 4, 5]])
+    moved = goals(kind="goals", points=points, shift=np.array([0.0, 0.5, -1.0]))
+    np.testing.assert_array_equal(moved, [[0, 1.5, 1], [3, 4.5, 4]])
+
+
+def test_an_arc_begins_at_rest_where_it_is_asked_to():
+    arc = {"kind": "arc", "centre": {"mm": [0, 0, 0]}, "radius": "120 mm", "start": "-90 deg", "end": "0 deg"}
+    plain = goals(**arc, plane="yz", goals=4, from_rest=0)
+    np.testing.assert_allclose(plain[[0, -1]], [[0, 0, -120], [0, 120, 0]], atol=1e-12)
+    late = goals(**arc, plane="yz", goals=4, from_rest=3)
+    np.testing.assert_allclose(late[0], ROBOT.rest_e)
+    np.testing.assert_allclose(late[3:], plain, atol=1e-12)
+
+
+def test_a_curve_in_the_cube_is_where_finite_elements_end():
+    found = goals(kind="image", centre=[0.4, 0.5], radii=[0.1, 0.2], goals=8)
+    assert found.shape == (8, 3)
+    np.testing.assert_allclose(found[0], [0.5, 0.5, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "spec, words",
+    [
+        ({"kind": "goals", "points": {"mm": [[0, 1, 2]]}}, "a goal has 3 numbers, the robot 6 effector rows"),
+        ({"kind": "image", "centre": [0.4], "radii": [0.1], "goals": 3}, "centre has 1 numbers, the robot 2"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_named(spec, words):
+    robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.zeros(6))
+    with pytest.raises(SpecError, match=words):
+        goals(robot, **spec)
