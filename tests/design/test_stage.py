@@ -18,7 +18,7 @@ from cfem.sample.stage import run as simulate_sample
 from cfem.surrogate.stage import run as train
 
 QUIET = Options(quiet=True)
-QUICK = ("verify=no", "task=null", "figures=false", "constraints={}", "largest_force=null")
+QUICK = ("verify=no", "page=false", "task=null", "figures=false", "constraints={}", "largest_force=null")
 SCENE = """
 name: bar
 out: mesh
@@ -65,6 +65,7 @@ constraints:
 largest_force: 50 N
 grid: [6, 5]
 sensitivity: 64
+page: true
 verify: fe
 task:
   goals: {mm: [[57.5, 0, 3], [56, 0, 8]]}
@@ -130,6 +131,7 @@ def test_it_is_told_which_parameter_matters(done):
 
 def test_front_tables_and_pictures(folder, done):
     out = folder / "out"
+    assert done["page"] == "front.html" and (out / "front.html").read_text().count("design ") > 5
     front = pq.read_table(out / "front.parquet")
     assert front.num_rows == done["front"]["designs"] >= 5 and done["front"]["beaten_by_grid"] == 0
     assert pq.read_table(out / "grid.parquet").num_rows == 30
@@ -169,6 +171,7 @@ def test_a_changed_function_makes_the_output_stale(folder, done):
     [
         (["grid=[3]"], "grid: has 1 numbers of points, and 2 parameters vary"),
         (["grid=2000"], r"grid: has 4.0e\+06 designs, of 2 parameters .scatter them"),
+        (["page=true", "front=null"], "page: needs a front, and verify: fe or fe-front"),
         (["sensitivity=100"], "sensitivity: must be a power of two, such as 1024, got 100"),
         (["vary=[width]"], "vary: unknown parameter 'width'.*known are height, length"),
         (
@@ -187,13 +190,22 @@ def test_a_changed_function_makes_the_output_stale(folder, done):
     ],
 )
 def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):
-    first = ["verify=no"] if "mesh=null" not in overrides else []
+    first = ["verify=no", "page=false"] if "mesh=null" not in overrides else []
     with pytest.raises(SpecError, match=message):
         run(folder / "design.yaml", [*first, *overrides], tmp_path / "out", QUIET)
 
 
 def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
-    asked = ("verify=no", "task=null", "figures=false", "front=null", "blends={}", "cad=true", "grid=[3, 3]")
+    asked = (
+        "verify=no",
+        "page=false",
+        "task=null",
+        "figures=false",
+        "front=null",
+        "blends={}",
+        "cad=true",
+        "grid=[3, 3]",
+    )
     asked += ("controller={controller: {K_P: 0.1}}",)
     made = run(folder / "design.yaml", asked, folder / "with-cad", QUIET)
     entry = made["results"]["designs"]["dexterity"]

@@ -9,17 +9,21 @@ every point of a front, also where it is not convex. Solved by SLSQP (Kraft 1988
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import prod
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from cfem.core.errors import NumericalError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.design.problem import Problem, Scores
+from cfem.design.spec import Scattered
 
 _FEASIBLE = 1e-7
 _SCATTERED_APART = 0.25  # of a range: scattered designs that count as different starts
 AT_ONCE = 5000  # designs of one batch
+LARGEST_GRID = 1_000_000  # designs
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,21 @@ class Design:
     value: float
     iterations: int
     message: str
+
+
+def first_designs(problem: Problem, asked: Any) -> Grid:
+    """As design.yaml asks: points along each parameter, one number or a list, or a number of scattered designs.
+    SpecError where a grid has another number of parameters, or far too many designs."""
+    if isinstance(asked, Scattered):
+        return evaluate_scattered(problem, asked.designs)
+    n = len(problem.free)
+    shape = [asked] * n if isinstance(asked, int) else list(asked)
+    if len(shape) != n:
+        raise SpecError(f"has {len(shape)} numbers of points, and {n} parameters vary", where="grid")
+    if prod(shape) > LARGEST_GRID:
+        what = f"has {prod(shape):.1e} designs, of {n} parameters"
+        raise SpecError(what, where="grid", do="scatter them: grid: {designs: 10000}")
+    return evaluate_grid(problem, shape)
 
 
 def evaluate_grid(problem: Problem, shape: Sequence[int]) -> Grid:

@@ -5,11 +5,13 @@ be left of the variance if all others were known. Evenly spread designs, scrambl
 et al. (Comput. Phys. Commun. 181, 2010), by scipy.stats.sobol_indices."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.stats import sobol_indices, uniform
 
 from cfem.core.errors import NumericalError
+from cfem.design.problem import Problem
 
 
 def shares(of: Callable[[np.ndarray], np.ndarray], n: int, designs: int, seed: int = 0) -> dict[str, np.ndarray]:
@@ -25,6 +27,17 @@ def shares(of: Callable[[np.ndarray], np.ndarray], n: int, designs: int, seed: i
 
     found = sobol_indices(func=values, n=designs, dists=[uniform()] * n, rng=np.random.default_rng(seed))
     return {"first": np.atleast_2d(found.first_order), "total": np.atleast_2d(found.total_order)}
+
+
+def told(problem: Problem, designs: int) -> tuple[dict[str, Any], list[str]]:
+    """By objective and kind of share, the parameters' shares; and lines for a person."""
+    names = [one.name for one in problem.parameters]
+    found = shares(lambda z: problem(z).objectives, len(names), designs)
+    results = {
+        objective: {kind: dict(zip(names, values[index].tolist(), strict=True)) for kind, values in found.items()}
+        for index, objective in enumerate(problem.names)
+    }
+    return results, [line(one, names, found["total"][index]) for index, one in enumerate(problem.names)]
 
 
 def line(objective: str, names: list[str], total: np.ndarray, shown: int = 4) -> str:

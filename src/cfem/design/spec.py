@@ -163,6 +163,9 @@ class DesignSpec(Spec):
     front."""
     figures: bool = True
     """Whether to draw figures."""
+    page: bool = False
+    """Whether to write the front as a page to explore, front.html: click a design and see it move, by finite
+    elements."""
     cad: bool = False
     """Whether to write each best design as STEP, and as STL for printing."""
     controller: CSpec | None = None
@@ -189,6 +192,8 @@ class DesignSpec(Spec):
                 raise ValueError(f"{where}: no objective '{unknown[0]}', known are {', '.join(self.objectives)}")
         if self.verify != "no" and (self.scene is None or self.mesh is None):
             raise ValueError(f"verify: {self.verify} needs scene and mesh")
+        if self.page and (self.front is None or self.verify == "no"):
+            raise ValueError("page: needs a front, and verify: fe or fe-front, whose finite elements it shows")
         if self.controller is not None and self.controller.parameters:
             raise ValueError("controller.parameters: each design has its own")
         return self

@@ -1,6 +1,5 @@
 """`cfem optimize-design`: from what is asked of a design to the designs that do it best."""
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,17 +10,15 @@ from typing import Any
 import numpy as np
 
 from cfem.core.actuator_units import demand_units
-from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec, Scattered
+from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
 RESULT, GRID, FRONT = "design.json", "grid.parquet", "front.parquet"
-LARGEST_GRID = 1_000_000  # designs
 _PATHS = ("model", "scene", "mesh")
 
 
@@ -65,6 +62,7 @@ def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
 def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) -> dict[str, Any]:
     from cfem.design.answer import contradictions
     from cfem.design.formulation import problem_of, task_of
+    from cfem.design.page import write_page
     from cfem.parametric.load import finite_elements, learned
 
     family = learned(paths["model"], paths.get("scene"))
@@ -79,6 +77,8 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
         results |= _report(folder, spec, problem, volume, found, checked, results["headline"])
         results["judgement"] += contradictions(results["designs"])
         results |= _products(folder, spec, paths, problem, found.designs, results["headline"])
+        if spec.page:
+            results["page"] = write_page(folder, problem, found.front, exact, results.get("sensitivity"))
         if spec.figures:
             results["figures"] = _draw(folder, problem, found, checked)
     if spec.task:
@@ -99,11 +99,11 @@ class _Found:
 
 def _search(spec: DesignSpec, problem: Any) -> _Found:
     from cfem.design.front import best_of_each, pareto_front
-    from cfem.design.search import Scalar, best
+    from cfem.design.search import Scalar, best, first_designs
 
     seconds = {}
     begin = time.process_time()
-    grid = _first_designs(spec, problem)
+    grid = first_designs(problem, spec.grid)
     seconds["grid"], begin = time.process_time() - begin, time.process_time()
     designs = dict(zip(problem.names, best_of_each(problem, grid, spec.starts), strict=True))
     for name, weights in spec.blends.items():
@@ -119,21 +119,6 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
     return _Found(grid, designs | corners, front, seconds)
 
 
-def _first_designs(spec: DesignSpec, problem: Any) -> Any:
-    from cfem.design.search import evaluate_grid, evaluate_scattered
-
-    if isinstance(spec.grid, Scattered):
-        return evaluate_scattered(problem, spec.grid.designs)
-    n = len(problem.free)
-    shape = [spec.grid] * n if isinstance(spec.grid, int) else list(spec.grid)
-    if len(shape) != n:
-        raise SpecError(f"has {len(shape)} numbers of points, and {n} parameters vary", where="grid")
-    if math.prod(shape) > LARGEST_GRID:
-        what = f"has {math.prod(shape):.1e} designs, of {n} parameters"
-        raise SpecError(what, where="grid", do="scatter them: grid: {designs: 10000}")
-    return evaluate_grid(problem, shape)
-
-
 def _report(
     folder: Path,
     spec: DesignSpec,
@@ -145,6 +130,7 @@ def _report(
 ) -> dict[str, Any]:
     """Results; tables into the folder, lines into the headline."""
     from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
+    from cfem.design.sensitivity import told
 
     grid, seconds = found.grid, found.seconds
     results: dict[str, Any] = {
@@ -163,7 +149,8 @@ def _report(
         "signs": {name: getattr(one, "sign", 1.0) for name, one in problem.objectives.items()},
     }
     if spec.sensitivity:
-        results["sensitivity"] = _sensitivity(spec.sensitivity, problem, headline)
+        results["sensitivity"], lines = told(problem, spec.sensitivity)
+        headline += lines
     if volume:
         results["volume_error"] = volume.error
         headline.append(f"volume: polynomial through CAD models, largest error at others {volume.error:.1e} mm^3")
@@ -177,21 +164,6 @@ def _report(
         f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; slopes agree with differences of "
         f"second order to {results['slopes_checked']:.0e}"
     )
-    return results
-
-
-def _sensitivity(designs: int, problem: Any, headline: list[str]) -> dict[str, Any]:
-    """By objective and parameter: first and total shares of the variance."""
-    from cfem.design.sensitivity import line, shares
-
-    names = [one.name for one in problem.parameters]
-    found = shares(lambda z: problem(z).objectives, len(names), designs)
-    results = {}
-    for index, objective in enumerate(problem.names):
-        headline.append(line(objective, names, found["total"][index]))
-        results[objective] = {
-            kind: dict(zip(names, values[index].tolist(), strict=True)) for kind, values in found.items()
-        }
     return results
 
 

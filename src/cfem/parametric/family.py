@@ -105,6 +105,16 @@ class FiniteElements:
         W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
         return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
 
+    @property
+    def nodes(self) -> np.ndarray:
+        """(n, 3) mm in the state that was solved last."""
+        return self._solved[-1][1].x
+
+    @property
+    def robot(self) -> Any:
+        """The scene's own."""
+        return self._family.robot
+
     def _solve(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None) -> tuple[Condensed, np.ndarray]:
         from cfem.equilibrium import actuation
         from cfem.equilibrium.problem import Problem

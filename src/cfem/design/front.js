@@ -1,0 +1,68 @@
+// The front as points to click; viewer.js draws the design that is chosen.
+(() => {
+  "use strict";
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const svg = document.getElementById("front"), names = data.objectives, count = data.designs.length;
+  const box = { left: 62, right: 440, top: 16, bottom: 330 }, axes = [0, 1];
+  let chosen = 0;
+  const make = (tag, attributes, text) => {
+    const one = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    for (const [key, value] of Object.entries(attributes)) one.setAttribute(key, value);
+    if (text !== undefined) one.textContent = text;
+    svg.append(one);
+    return one;
+  };
+  const short = value => Number(value.toPrecision(4)).toString();
+  const ends = k => { const all = data.values.map(row => row[k]), low = Math.min(...all), high = Math.max(...all), pad = 0.06 * (high - low || 1); return [low - pad, high + pad]; };
+  const place = (value, [low, high], a, b) => a + (b - a) * (value - low) / (high - low);
+
+  function plot() {
+    svg.replaceChildren();
+    const [x, y] = axes.map(ends), third = names.findIndex((_, k) => !axes.includes(k));
+    make("line", { x1: box.left, y1: box.bottom, x2: box.right, y2: box.bottom });
+    make("line", { x1: box.left, y1: box.bottom, x2: box.left, y2: box.top });
+    for (let i = 0; i <= 4; i++) {
+      const u = x[0] + i / 4 * (x[1] - x[0]), v = y[0] + i / 4 * (y[1] - y[0]);
+      make("text", { x: place(u, x, box.left, box.right), y: box.bottom + 17, "text-anchor": "middle" }, short(u));
+      make("text", { x: box.left - 6, y: place(v, y, box.bottom, box.top) + 4, "text-anchor": "end" }, short(v));
+    }
+    make("text", { x: (box.left + box.right) / 2, y: 370, "text-anchor": "middle" }, names[axes[0]] + (third < 0 ? "" : `  (size: ${names[third]})`));
+    make("text", { x: box.left + 6, y: box.top + 4 }, names[axes[1]]);
+    data.values.forEach((row, i) => {
+      const r = third < 0 ? 6 : 4 + 7 * place(row[third], ends(third), 0, 1);
+      const dot = make("circle", {
+        cx: place(row[axes[0]], x, box.left, box.right), cy: place(row[axes[1]], y, box.bottom, box.top), r,
+        fill: "var(--c0)", class: i === chosen ? "chosen" : "", tabindex: 0, role: "button", "aria-label": `design ${i + 1}`,
+      });
+      dot.addEventListener("click", () => choose(i));
+      dot.addEventListener("keydown", event => { if (event.key === "Enter") choose(i); });
+    });
+  }
+
+  const bars = rows => `<div class="bars">${rows.map(([name, share, said]) => `<span>${name}</span><span class="bar"><i style="width:${(100 * Math.min(Math.max(share, 0), 1)).toFixed(1)}%"></i></span><span>${said}</span>`).join("")}</div>`;
+
+  function choose(i) {
+    chosen = (i + count) % count;
+    const select = document.querySelector(".viewer select");
+    if (select) { select.value = chosen; select.dispatchEvent(new Event("change")); }
+    plot();
+    const rows = data.parameters.map((one, k) => [one.name, data.shares[chosen][k], `${short(data.designs[chosen][k])} ${one.unit}`]);
+    const found = names.map((name, k) => `${name} ${short(data.values[chosen][k])}`).join(", ");
+    document.getElementById("design").innerHTML = `<h2>Design ${chosen + 1}</h2><p>${found}</p>${bars(rows)}`;
+  }
+
+  const picker = document.getElementById("axes");
+  if (names.length > 2) {
+    ["across", "up"].forEach((label, d) => {
+      const select = document.createElement("select"), tag = document.createElement("label");
+      names.forEach((name, k) => select.add(new Option(name, k, false, k === axes[d])));
+      select.onchange = () => { axes[d] = Number(select.value); plot(); };
+      tag.append(label + " ", select);
+      picker.append(tag);
+    });
+  }
+  const matters = Object.entries(data.matters);
+  document.getElementById("matters").innerHTML = matters.length ? "<h2>Which parameter matters</h2><p>Share of the variance over all designs.</p>" + matters.map(([name, shares]) => `<h3>${name}</h3>` + bars(Object.entries(shares).sort((a, b) => b[1] - a[1]).filter(one => one[1] > 0.005).map(([key, share]) => [key, share, `${(100 * share).toFixed(0)} %`]))).join("") : "";
+  addEventListener("keydown", event => { if (event.target.tagName !== "SELECT" && event.target.tagName !== "INPUT") { if (event.key === "ArrowRight") choose(chosen + 1); if (event.key === "ArrowLeft") choose(chosen - 1); } });
+  choose(0);
+})();

@@ -1,0 +1,84 @@
+"""The front as a page to explore: click a design, and see its shape move and what it is. One file, no network."""
+
+import json
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.files import write_whole
+from cfem.design.front import Front
+from cfem.design.problem import Problem
+from cfem.report.page import POLICY
+from cfem.report.viewer import BODY, HELD, Take, Viewer, flat_triangles
+
+PAGE = "front.html"
+STEPS = 7  # shapes from rest to the whole pull
+
+
+def moving(problem: Problem, exact: Any, designs: Sequence[Any]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """By finite elements, of each design: x (STEPS, n, 3) mm the nodes from rest to the full actuation, and x_e
+    (STEPS, n_e) mm the effectors."""
+    found = []
+    for one in designs:
+        p = problem.p(one.z)
+        shapes, tips = [], []
+        for share in np.linspace(0, 1, STEPS):
+            states = exact.at(problem.kind, share * problem.u, p[None])
+            shapes.append(exact.nodes)
+            tips.append(states.x_e[0])
+        found.append((np.array(shapes), np.array(tips)))
+    return found
+
+
+def write_page(folder: Path, problem: Problem, front: Front, exact: Any, sensitivity: dict[str, Any] | None) -> str:
+    """Solves what the page shows, and writes it; its name. exact: cfem.parametric.family.FiniteElements."""
+    shapes = moving(problem, exact, front.designs)
+    write_whole(folder / PAGE, front_page(problem, front, exact.robot, shapes, sensitivity).encode())
+    return PAGE
+
+
+def front_page(problem: Problem, front: Front, robot: Any, shapes: list, sensitivity: dict[str, Any] | None) -> str:
+    """robot: cfem.equilibrium.robot.Robot, any of the family's."""
+    triangles = flat_triangles(robot.facets)
+    held = np.isin(triangles, robot.fixed).all(axis=1)
+    takes = tuple(
+        Take(f"design {i + 1}", x, range(STEPS), tips[:, :3], tips[:, :3], [0.0] * STEPS)
+        for i, (x, tips) in enumerate(shapes)
+    )
+    viewer = Viewer(
+        "front",
+        "The design from rest to the full pull, by finite elements.",
+        triangles,
+        np.where(held, HELD, BODY),
+        takes,
+    )
+    parameters = problem.parameters
+    data = {
+        "objectives": list(front.names),
+        "values": [[float(one.objectives[k]) for k in front.of] for one in front.designs],
+        "parameters": [{"name": one.name, "unit": "" if one.unit == "1" else one.unit} for one in parameters],
+        "designs": [problem.p(one.z)[list(problem.free)].tolist() for one in front.designs],
+        "shares": [one.z.tolist() for one in front.designs],
+        "matters": {} if sensitivity is None else {k: v["total"] for k, v in sensitivity.items() if k in front.names},
+    }
+    style, script = ((files("cfem.report") / name).read_text(encoding="utf-8") for name in ("page.css", "viewer.js"))
+    own_style, own = ((files("cfem.design") / name).read_text(encoding="utf-8") for name in ("front.css", "front.js"))
+    said = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        f"<title>{escape(robot.name)}: front</title><style>{style}{own_style}</style></head>\n"
+        f"<body><main><h1>{escape(robot.name)}: {len(front.designs)} designs of the front</h1>"
+        '<p class="lead">No other design is better in one objective without being worse in another. '
+        "Click one, or use the arrow keys.</p>"
+        f'<div class="explore"><div><div id="axes"></div><svg id="front" viewBox="0 0 460 380" role="img" '
+        f'aria-label="the front"></svg></div>{viewer.html()}</div>'
+        f'<div class="explore"><div id="design"></div><div id="matters"></div></div>'
+        f'</main><script type="application/json" id="data">{said}</script><script>{script}</script>'
+        f"<script>{own}</script></body></html>\n"
+    )
