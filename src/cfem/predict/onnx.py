@@ -2,6 +2,10 @@
 
 import math
 import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +19,7 @@ from cfem.predict.protocol import Predictor
 MAX_BYTES = 2**31 - 1  # protobuf's own limit
 BATCH = 512  # states at once
 MEMORY = 2**31  # bytes that graphs may take while they run
+SECONDS = 20.0  # that a graph may take for a batch: a thousand times what the largest model does
 LARGEST = 2**24  # numbers in one tensor of a graph: a constant, or what its shapes make for one state
 # What `cfem export` writes. None of them loops, branches or holds a graph of its own.
 OPERATORS = frozenset((
@@ -91,6 +96,37 @@ def _limit_memory() -> None:
     ort.create_and_register_allocator(where, ort.OrtArenaCfg({"max_mem": MEMORY}))
 
 
+class _Watch:
+    """Ends runs of a graph that take longer than SECONDS, after the operator at which they are: one thread for all of
+    the process, started by the first run; a run costs two assignments."""
+
+    def __init__(self):
+        self._running: dict[int, tuple[float, Any]] = {}
+        self._thread: threading.Thread | None = None
+
+    @contextmanager
+    def over(self, options: Any) -> Iterator[None]:
+        """The run whose onnxruntime.RunOptions these are."""
+        if self._thread is None or not self._thread.is_alive():  # nor is it in a forked process
+            self._thread = threading.Thread(target=self._watch, name="cfem-onnx-watch", daemon=True)
+            self._thread.start()
+        self._running[id(options)] = time.monotonic() + SECONDS, options
+        try:
+            yield
+        finally:
+            del self._running[id(options)]
+
+    def _watch(self) -> None:
+        while True:
+            time.sleep(min(1.0, SECONDS / 4))
+            for deadline, options in list(self._running.values()):
+                if time.monotonic() > deadline:
+                    options.terminate = True
+
+
+_WATCH = _Watch()
+
+
 class OnnxPredictor(Predictor):
     """Inputs and outputs of the graph: delta_a or lambda_a (B, n_a) by the form, p (B, n_p) where it has parameters ->
     W (B, n, n), delta_free (B, n), float64."""
@@ -106,11 +142,14 @@ class OnnxPredictor(Predictor):
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
         try:
-            self._session = ort.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+            # Nothing is computed before the watch can end it; what cfem writes has its constants folded.
+            without = {"disabled_optimizers": ["ConstantFolding"]}
+            self._session = ort.InferenceSession(data, options, providers=["CPUExecutionProvider"], **without)
         except Exception as error:  # ONNX Runtime's own exceptions share no base class of their own
             raise InputError(
                 f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it again with --force"
             ) from error
+        self._options = ort.RunOptions()
         self._inputs = tuple(one.name for one in self._session.get_inputs())
         outputs = [one.name for one in self._session.get_outputs()]
         if len(self._inputs) != 1 + bool(self.parameters) or not {"W", "delta_free"} <= set(outputs):
@@ -133,8 +172,11 @@ class OnnxPredictor(Predictor):
     def _run(self, inputs: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         m, n, do = len(inputs[self._inputs[0]]), self.rows.n, "export it again with --force"
         try:
-            W, delta_free = self._session.run(["W", "delta_free"], inputs)
+            with _WATCH.over(self._options):
+                W, delta_free = self._session.run(["W", "delta_free"], inputs, self._options)
         except Exception as error:  # see above
+            if self._options.terminate:
+                raise InputError(f"takes more than {SECONDS:g} s for {m} states, which no model does", do=do) from None
             reason = next(iter(str(error).splitlines()), repr(error))
             raise InputError(f"ONNX Runtime cannot run it: {reason[:300]}", do=do) from error
         if W.shape != (m, n, n) or delta_free.shape != (m, n) or W.dtype != float or delta_free.dtype != float:
