@@ -18,6 +18,19 @@ def _plain(text: str) -> str:
 
 Name = Annotated[str, AfterValidator(_plain), WithJsonSchema({"type": "string", "pattern": NAME})]
 
+LABEL = r"""^[^/\\<>&"'`${}\x00-\x1f\x7f-\x9f]{1,100}$"""
+
+
+def _printable(text: str) -> str:
+    if not re.fullmatch(LABEL[1:-1], text):
+        what = "a name has 1 to 100 characters, none of them / \\ < > & \" ' ` $ { } or a control character"
+        raise ValueError(f"{what}; got {text[:120]!r}")
+    return text
+
+
+Label = Annotated[str, AfterValidator(_printable), WithJsonSchema({"type": "string", "pattern": LABEL})]
+"""What a person calls one thing of several on a page: text in pictures and names of their files."""
+
 
 def demand_scene_name(name: str) -> None:
     """SpecError unless it can be the name of a scene and of its folder."""

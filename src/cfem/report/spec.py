@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
+from cfem.core.names import Label
 from cfem.core.spec import Spec
 from cfem.core.units import Length
 
@@ -63,7 +64,7 @@ class Published(Spec):
 class SurrogateScene(Spec):
     """Models of one robot to compare."""
 
-    models: dict[str, Path] = Field(min_length=1)
+    models: dict[Label, Path] = Field(min_length=1)
     """Folders of `cfem train` by name."""
     default: str | None = None
     """The model that users get unless they ask for another."""
@@ -103,7 +104,7 @@ class ReportSpec(Spec):
     """Folder of its mesh."""
     samples: Path | None = None
     """Folder of its dataset."""
-    models: dict[str, Path] = {}
+    models: dict[Label, Path] = {}
     """Folders of `cfem train` by name."""
     control: Path | None = None
     """Folder of `cfem control`."""
@@ -113,13 +114,13 @@ class ReportSpec(Spec):
     """A study of meshes."""
     published: Published | None = None
     """Figures from the literature."""
-    surrogates: dict[str, SurrogateScene] = {}
+    surrogates: dict[Label, SurrogateScene] = {}
     """Models of several robots by the robots' names."""
-    sampling: dict[str, dict[str, list[Path]]] = {}
+    sampling: dict[Label, dict[Label, list[Path]]] = {}
     """Folders of `cfem train` by method of sampling and model, to compare methods."""
-    meshes: dict[str, SizedMesh] = {}
+    meshes: dict[Label, SizedMesh] = {}
     """Models and control of one robot by mesh."""
-    loops: dict[str, Path] = {}
+    loops: dict[Label, Path] = {}
     """Folders of `cfem control` with a loop, by name."""
 
     @model_validator(mode="after")
