@@ -1,6 +1,6 @@
 """Changes lines of the core one at a time and counts the changes that no test notices.
 
-python scripts/mutate.py [--count 60] [--seed 0] [--only control/qp.py] [--jobs 2]
+python scripts/mutate.py [--count 60] [--seed 0] [--only control/qp.py] [--jobs 2] [--least 0.9]
 
 A change flips a comparison, an arithmetic operator, a sign, `and` and `or`, a condition or a number, or leaves a
 statement out. It is made in a copy of the package, the tests beside the changed file run against it, and what they let
@@ -169,6 +169,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", default="", help="files whose path begins so")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--least", type=float, default=0.9, help="share that has to be caught, else it exits with 1")
     parser.add_argument(
         "--timeout", type=float, default=600.0, help="seconds a change, after which it counts as caught"
     )
@@ -191,6 +192,8 @@ def main() -> None:
     tries, finds = Counter(one[0].parts[0] for one in chosen), Counter(one[0].parts[0] for one in chosen if caught[one])
     print(*(f"{package}: {finds[package]} of {tries[package]}" for package in sorted(tries)), sep="\n")
     print(*(f"  missed: {what[one]}" for one in chosen if not caught[one]), sep="\n")
+    if sum(caught.values()) < arguments.least * len(caught):
+        sys.exit(f"fewer than {arguments.least:.0%} were caught")
 
 
 if __name__ == "__main__":
