@@ -30,7 +30,7 @@ CARD = (
 )
 
 
-def onnx_bytes(model: nn.Module, meta: dict[str, Any]) -> bytes:
+def onnx_bytes(model: nn.Module, meta: dict[str, Any], outputs: tuple[str, ...] = ("W", "delta_free")) -> bytes:
     """The checked graph of a torch model, with what model.json says as metadata_props (JSON text each)."""
     buffer = io.BytesIO()
     names = [{"displacement": "delta_a", "force": "lambda_a"}[meta["form"]], "p"][: len(example(meta))]
@@ -44,8 +44,8 @@ def onnx_bytes(model: nn.Module, meta: dict[str, Any]) -> bytes:
             dynamo=False,
             opset_version=OPSET,
             input_names=names,
-            output_names=["W", "delta_free"],
-            dynamic_axes={name: {0: "batch"} for name in (*names, "W", "delta_free")},
+            output_names=list(outputs),
+            dynamic_axes={name: {0: "batch"} for name in (*names, *outputs)},
         )
     graph = onnx.load_from_string(buffer.getvalue())
     props = {key: meta[key] if isinstance(meta[key], str) else json.dumps(meta[key]) for key in CARD}

@@ -88,5 +88,7 @@ class ExportSpec(Spec):
     loads: dict[Name, LoadSpec] = {}
     """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. Every
     format then holds the loaded robot."""
+    shape: bool = False
+    """Whether to write the whole surface in every format too: shape.onnx, shape.ts, cfem_shape in C."""
     c: CSpec = CSpec()
     """Settings of format c."""

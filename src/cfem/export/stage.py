@@ -16,10 +16,13 @@ from cfem.core.shown import size
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
+from cfem.export.skin import write_skin
 from cfem.export.spec import ExportSpec
-from cfem.predict.load import VECTORS, build, read_meta, read_model, read_vectors
+from cfem.predict.load import VECTORS, build, has_skin, read_arrays, read_meta, read_model, read_vectors
 from cfem.predict.load_spec import forces_of
 from cfem.predict.loaded import loaded, wrench_of
+from cfem.predict.loaded_skin import loaded_skin
+from cfem.predict.skin import FILE
 from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec
 
@@ -43,7 +46,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 
     return Stage(
         name="export",
-        version=3,
+        version=4,
         spec=spec,
         inputs={"model": base / spec.model},
         out=out or base / spec.out,
@@ -66,9 +69,10 @@ def _embedding(spec: ExportSpec, base: Path) -> Embedding:
 
 def _sources() -> dict[str, str]:
     """Content hashes of the C code that an export copies."""
-    from cfem.export.c_export import SOURCES
+    from cfem.export import c_export, c_skin
 
-    return {path.name: file_sha256(path) for path in sorted(SOURCES.iterdir())}
+    paths = [path for folder in (c_export.SOURCES, c_skin.SOURCES) for path in folder.iterdir()]
+    return {path.name: file_sha256(path) for path in sorted(paths)}
 
 
 def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding = NOTHING) -> dict[str, Any]:
@@ -99,9 +103,18 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
         sizes["c"] = report["coefficient_bytes"]
         if report["parity"] is not None:
             parity["c"] = report["parity"]
+    if has_skin(model_folder):
+        skin = read_arrays(model_folder, FILE)
+        if spec.loads:
+            skin = loaded_skin(build(meta, arrays), skin, meta["wrench"])
+        parity |= write_skin(folder, spec, meta, arrays, skin, vectors)
+    elif spec.shape:
+        what = "has no skin, and so no shape"
+        raise InputError(what, where=str(spec.model), do="sample it with `skin: {}` in sample.yaml, and train again")
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
-        f"{name}: {size(sizes[name])}, largest relative difference from the trained model {error:.1e}"
+        f"{name}: {f'{size(sizes[name])}, ' if name in sizes else ''}largest relative difference from the trained "
+        f"model {error:.1e}"
         for name, error in parity.items()
     ]
     if report and report["parity"] is None:

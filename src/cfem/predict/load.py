@@ -40,13 +40,18 @@ def with_skin(predictor: Predictor, folder: Path) -> Predictor:
     """The predictor, which reads the skin of the folder when somebody asks for it."""
 
     def read() -> LearnedSkin | None:
-        if FILE not in read_manifest(folder)["files"]:
+        if not has_skin(folder):
             return None
         with _blaming(folder / FILE):
             return skin_of(predictor, read_arrays(folder, FILE))
 
     predictor.skin_source = read
     return predictor
+
+
+def has_skin(folder: Path) -> bool:
+    """Whether the model of a folder has one."""
+    return FILE in read_manifest(folder)["files"]
 
 
 def skin_of(predictor: Predictor, arrays: dict[str, np.ndarray]) -> LearnedSkin:

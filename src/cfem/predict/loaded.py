@@ -22,6 +22,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.predict.domain import Domain
 from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.loaded_serial import LoadedSerialPredictor
+from cfem.predict.loaded_skin import skin_under
 from cfem.predict.protocol import ArrayPredictor, Predictor
 from cfem.predict.serial import SerialPredictor
 from cfem.predict.series import differentiated
@@ -76,6 +77,7 @@ def loaded(model: Predictor, wrench: np.ndarray) -> Predictor:
     found.meta = {**found.meta, "wrench": wrench.tolist(), "wrench_error": error}
     found.domain = _domain(model, found)
     found.meta["domain"] = found.domain.to_json()
+    found.skin_source = lambda: skin_under(model, wrench)
     return found
 
 

@@ -31,6 +31,7 @@ class LearnedSkin:
 
     def __init__(self, form: Form, n_e: int, n_a: int, n_inputs: int, arrays: dict[str, np.ndarray]):
         self.form, self._n_e, self._n_a = form, n_e, n_a
+        self.arrays = arrays
         self.rest = take(arrays, "rest", (None, 3)).astype(float)
         m = len(self.rest)
         self.nodes, self.triangles = take(arrays, "nodes", (m,), "iu"), take(arrays, "triangles", (None, 3), "iu")

@@ -101,7 +101,7 @@ class SkinSpec(Spec):
     0.02 % of the robot's length unless given."""
     modes: int | None = Field(None, ge=1, le=100)
     """Number of modes, instead of a tolerance."""
-    largest: int = Field(32, ge=1, le=100)
+    largest: int = Field(40, ge=1, le=100)
     """Largest number of modes that a tolerance may take."""
 
     @model_validator(mode="after")

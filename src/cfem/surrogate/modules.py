@@ -8,7 +8,7 @@ from cfem.condensed.parameters import from_json
 from cfem.predict.mlp import rest_arrays
 from cfem.surrogate.energy_net_module import EnergyNet
 from cfem.surrogate.serial_module import Serial
-from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Spectral, mlp_from_arrays
+from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Shape, Spectral, mlp_from_arrays
 
 
 def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
@@ -28,3 +28,8 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
             model = OnRest(model, module_of(meta["at_rest"], rest_arrays(arrays)).learned)
         model = model if sizes is None else Locked(model, rows.n_e, sizes)
     return (Parametric(model, meta["form"], parameters) if parameters else model).eval()
+
+
+def shape_module(meta: dict, skin: dict[str, np.ndarray]) -> nn.Module:
+    """The torch module of a model's whole surface; skin: arrays of its skin.npz."""
+    return Shape(meta["form"], from_json(meta["parameters"]), skin).eval()

@@ -25,19 +25,32 @@ class Parametric(nn.Module):
 
     def __init__(self, learned: nn.Module, form: Form, parameters: tuple[Parameter, ...]):
         super().__init__()
-        self.learned, self.form = learned, form
+        self.learned, self.inputs = learned, LearnedInputs(form, parameters)
+
+    def forward(self, s: Tensor, p: Tensor) -> tuple[Tensor, Tensor]:
+        s, q, softer = self.inputs(s, p)
+        W, delta_free = self.learned(s, q)
+        return W * softer[:, :, None], delta_free
+
+
+class LearnedInputs(nn.Module):
+    """s and p to s at the reference of exact parameters, the coordinates q of the others, and how much softer the robot
+    is than the reference (B, 1)."""
+
+    def __init__(self, form: Form, parameters: tuple[Parameter, ...]):
+        super().__init__()
+        self.form = form
         self.coordinates = [one.coordinate for one in parameters if not one.exact]
         self.columns = [i for i, one in enumerate(parameters) if not one.exact]
         self.exact = [(i, one.reference) for i, one in enumerate(parameters) if one.exact]
 
-    def forward(self, s: Tensor, p: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, s: Tensor, p: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         softer = torch.ones_like(p[:, :1])
         for column, reference in self.exact:
             softer = softer * reference / p[:, column : column + 1]
         q = [COORDINATES[name](p[:, i : i + 1]) for name, i in zip(self.coordinates, self.columns, strict=True)]
         s = s * softer if self.form == "force" else s
-        W, delta_free = self.learned(s, torch.cat(q, dim=1) if q else p[:, :0])
-        return W * softer[:, :, None], delta_free
+        return s, torch.cat(q, dim=1) if q else p[:, :0], softer
 
 
 COORDINATES = {"linear": lambda p: p, "log": torch.log, "log(1-2p)": lambda p: torch.log(1 - 2 * p)}
@@ -110,20 +123,21 @@ class Nearest(nn.Module):
         return self.forward(W_ee - moved) + moved
 
 
-class Spectral(nn.Module):
-    """The energy model in Chebyshev polynomials; arrays as cfem.predict.spectral.SpectralPredictor."""
+class Series(nn.Module):
+    """Chebyshev series; arrays: to_box, offset, indices and series as cfem.predict.spectral.SpectralPredictor."""
 
-    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):
+    def __init__(self, arrays: dict[str, np.ndarray]):
         super().__init__()
-        self.condense = Condense(form, rows, sizes)
         self.n = arrays["indices"].shape[1]
         self.degree = int(arrays["indices"].max(initial=0))
         for name in ("to_box", "offset", "indices", "series"):
-            self.register_buffer(name, torch.as_tensor(arrays[name]))
+            values = arrays[name]
+            self.register_buffer(name, torch.as_tensor(values.astype(np.int64) if name == "indices" else values))
 
-    def forward(self, s: Tensor, q: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def forward(self, s: Tensor, q: Tensor | None = None) -> Tensor:
+        """(B, n_a), (B, n_q) -> (B, outputs)."""
         t = s if q is None else torch.cat([s, q], dim=1)
-        return self.condense(s, self.basis(t @ self.to_box.T + self.offset) @ self.series.T)
+        return self.basis(t @ self.to_box.T + self.offset) @ self.series.T
 
     def basis(self, z: Tensor) -> Tensor:
         """(B, n) -> (B, M), by the doubling of cfem.predict.chebyshev."""
@@ -138,6 +152,35 @@ class Spectral(nn.Module):
         for axis in range(1, self.n):
             product = product * table[self.indices[:, axis], :, axis]
         return product.T
+
+
+class Spectral(nn.Module):
+    """The energy model in Chebyshev polynomials; arrays as cfem.predict.spectral.SpectralPredictor."""
+
+    def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):
+        super().__init__()
+        self.condense, self.series = Condense(form, rows, sizes), Series(arrays)
+
+    def forward(self, s: Tensor, q: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        return self.condense(s, self.series(s, q))
+
+
+class Shape(nn.Module):
+    """The whole surface, (B, m, 3) mm; arrays as cfem.predict.skin.LearnedSkin. forward(s), or forward(s, p) where
+    there are parameters."""
+
+    def __init__(self, form: Form, parameters: tuple[Parameter, ...], arrays: dict[str, np.ndarray]):
+        super().__init__()
+        self.series, self.inputs = Series(arrays), LearnedInputs(form, parameters)
+        self.register_buffer("modes", torch.as_tensor(arrays["modes"].reshape(len(arrays["modes"]), -1)))
+        self.register_buffer("rest", torch.as_tensor(np.asarray(arrays["rest"], float)))
+
+    def forward(self, s: Tensor, p: Tensor | None = None) -> Tensor:
+        q = None
+        if p is not None:
+            s, q, _ = self.inputs(s, p)
+        moved = self.series(s, q) @ self.modes.double()
+        return moved.reshape(-1, self.rest.shape[0], 3) + self.rest
 
 
 class Mlp(nn.Module):

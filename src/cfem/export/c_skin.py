@@ -1,0 +1,65 @@
+"""The whole surface in C, beside the controller: cfem_shape.c, the same for every robot, and its modes, cfem_skin.c."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from cfem.condensed.given import vector
+from cfem.core.files import disk_errors, write_whole
+from cfem.export import c_text
+from cfem.export.spec import CSpec
+from cfem.predict.protocol import Predictor
+
+SOURCES = Path(__file__).parent / "shape"
+DATA = ("cfem_skin.c", "cfem_skin.h")
+
+
+def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> int:
+    """Adds the skin (arrays of `cfem.predict.skin`) of a model to its C folder; the bytes of its constants."""
+    with disk_errors(folder):
+        for path in SOURCES.iterdir():
+            shutil.copyfile(path, folder / path.name)
+    constants = skin_constants(model, arrays, spec)
+    degrees, modes = constants["degrees"], constants["modes"]
+    sizes = {
+        "CFEM_SKIN_NODES": len(arrays["rest"]),
+        "CFEM_SKIN_TRIANGLES": len(arrays["triangles"]),
+        "CFEM_SKIN_ROWS": len(modes),
+        "CFEM_SKIN_TERMS": len(degrees),
+        "CFEM_SKIN_NZ": degrees.shape[1],
+        "CFEM_SKIN_DEGREE": int(degrees.max(initial=0)),
+    }
+    header = [
+        "/* The surface of the robot: by cfem export. */\n#ifndef CFEM_SKIN_H\n#define CFEM_SKIN_H\n\n",
+        '#include "cfem_data.h"\n\n',
+        c_text.defines(sizes),
+        "\n",
+    ]
+    body = ['#include "cfem_skin.h"\n\n']
+    kinds = {"f4": "float", "f8": "double", "u1": "uint8_t", "u2": "uint16_t", "u4": "uint32_t"}
+    for name, values in constants.items():
+        declaration, definition = c_text.array(f"cfem_skin_{name}", values, kinds[values.dtype.str[1:]])
+        header.append(declaration + "\n")
+        body.append(definition + "\n\n")
+    write_whole(folder / DATA[1], "".join([*header, "\n#endif\n"]).encode())
+    write_whole(folder / DATA[0], "".join(body).encode())
+    return sum(values.nbytes for values in constants.values())
+
+
+def skin_constants(model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> dict[str, np.ndarray]:
+    """Of one robot, the values of whose parameters are folded in: to_box (nz, n_a), offset (nz,), degrees (M, nz),
+    series (M, k), modes (k, 3 m), rest (3 m,), triangles (t, 3)."""
+    n_a = model.rows.n_a
+    p = vector(model.parameters, spec.parameters, "c.parameters")
+    softer = float(model.softer(p)) if len(p) and model.form == "force" else 1.0
+    to_box, m = arrays["to_box"], len(arrays["rest"])
+    return {
+        "to_box": softer * to_box[:, :n_a],
+        "offset": arrays["offset"] + to_box[:, n_a:] @ model.q(p),
+        "degrees": arrays["indices"].astype(np.uint8),
+        "series": np.ascontiguousarray(arrays["series"].T, dtype=float),
+        "modes": arrays["modes"].reshape(-1, 3 * m).astype(np.float32),
+        "rest": arrays["rest"].ravel().astype(float),
+        "triangles": arrays["triangles"].astype(np.uint16 if m < 2**16 else np.uint32),
+    }

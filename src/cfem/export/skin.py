@@ -1,0 +1,110 @@
+"""The skin in every format: skin.npz beside the model, and, where shapes are asked for, shape.onnx, shape.ts and
+cfem_shape in C, each compared with the trained skin."""
+
+import ctypes
+import re
+import tempfile
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.core.files import write_npz, write_whole
+from cfem.export.spec import ExportSpec
+from cfem.predict.load import build, skin_of
+from cfem.predict.protocol import Predictor
+from cfem.predict.skin import FILE
+
+SHAPES = {"onnx": "shape.onnx", "torchscript": "shape.ts"}
+STATES = 20  # at which shapes are compared
+
+
+def write_skin(
+    folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray], skin: dict, vectors: dict
+) -> dict[str, float]:
+    """Writes what the spec asks for; skin: arrays of `cfem.predict.skin`. By format, the largest difference of any
+    surface node from the trained skin relative to the robot's length, at test inputs."""
+    write_npz(folder / FILE, skin)
+    if not spec.shape:
+        return {}
+    model = build(meta, arrays)
+    s, p = vectors["s"][:STATES], vectors["p"][:STATES]
+    graphs = {name: file for name, file in SHAPES.items() if name in spec.formats}
+    found = _graphs(folder, graphs, meta, skin, s, p) if graphs else {}
+    trained = skin_of(model, skin)
+    length, own = model.length, s * model.softer(p)[:, None] if meta["parameters"] and model.form == "force" else s
+    expected = trained.surface(trained.rows(own, model.q(p if meta["parameters"] else None)))
+    parity = {name: float(np.abs(x - expected).max()) / length for name, x in found.items()}
+    if "c" in spec.formats:
+        parity |= _c(folder / "c", spec, model, skin, s)
+    return {f"{name} shape": value for name, value in parity.items()}
+
+
+def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.ndarray, p: np.ndarray) -> dict:
+    """Positions (m, nodes, 3) by format, from the files written."""
+    from cfem.export.onnx import example, onnx_bytes
+    from cfem.export.torchscript import torchscript_bytes
+    from cfem.surrogate.modules import shape_module
+
+    module, given = shape_module(meta, skin), ((s, p) if meta["parameters"] else (s,))
+    found: dict[str, Any] = {}
+    if "onnx" in graphs:
+        import onnxruntime
+
+        data = onnx_bytes(module, meta, ("x",))
+        write_whole(folder / graphs["onnx"], data)
+        session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+        names = [one.name for one in session.get_inputs()]
+        found["onnx"] = session.run(["x"], dict(zip(names, given, strict=True)))[0]
+    if "torchscript" in graphs:
+        import torch
+
+        write_whole(folder / graphs["torchscript"], torchscript_bytes(module, example(meta)))
+        with warnings.catch_warnings(), torch.no_grad():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            loaded = torch.jit.load(folder / graphs["torchscript"])
+            found["torchscript"] = loaded(*map(torch.as_tensor, given)).numpy()
+    return found
+
+
+def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarray) -> dict[str, float]:
+    from cfem.export.c_export import at_robot
+    from cfem.export.c_skin import write_c_skin
+    from cfem.export.compiled import compiler
+
+    write_c_skin(folder, model, skin, spec.c)
+    if not compiler():
+        return {}
+    p, s = at_robot(model, spec.c, s)
+    trained, shape = skin_of(model, skin), CompiledShape(folder)
+    own = s * model.softer(p) if p is not None and model.form == "force" else s
+    expected = trained.surface(trained.rows(own, np.broadcast_to(model.q(p), (len(s), model.q(p).shape[-1]))))
+    return {"c": float(np.abs(np.array([shape(one) for one in s]) - expected).max()) / model.length}
+
+
+class CompiledShape:
+    """cfem_shape of a C folder, compiled on this machine: (n_a,) -> (nodes, 3) mm."""
+
+    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
+        from cfem.export.compiled import STANDARD, compiler, run
+
+        command = compiler()
+        if not command:
+            raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
+        text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_skin.h"))
+        real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
+        nodes = int(re.search(r"#define CFEM_SKIN_NODES (\d+)", text)[1])
+        self._out = np.zeros((nodes, 3), dtype=real)
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
+            out = Path(place) / "libshape.so"
+            sources = [str((folder / name).resolve()) for name in ("cfem_shape.c", "cfem_skin.c")]
+            run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
+            self._call = ctypes.CDLL(str(out)).cfem_shape
+        self._call.restype = None
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        s = np.ascontiguousarray(s, dtype=float)
+        self._call(s.ctypes.data_as(ctypes.c_void_p), self._out.ctypes.data_as(ctypes.c_void_p))
+        return self._out.astype(float)
