@@ -204,3 +204,17 @@ def test_loads_are_recorded_where_asked_for(folder, spec):
 def test_loads_need_third_order(folder, spec, changes):
     with pytest.raises(SpecError, match="needs third_order: true"):
         run(spec, ["third_order=false", *changes], folder / "data" / "refused", QUIET, workers=1)
+
+
+def test_derivatives_of_the_rows_of_the_skin_are_those_of_their_compliance(folder, spec):
+    """dW of all rows by differences of W between two states of the dataset near each other, and of loads beside it."""
+    out = folder / "third"
+    near = ["space=displacement", "splits.test.method=grid", "splits.test.rows=9", "third_order=true", "loads=true"]
+    run(spec, [*SMALL, *near], out, QUIET, workers=1)
+    test = read_dataset(artefact_file(out, "test.parquet"))
+    whole = test.whole
+    assert test.dC is not None and whole.dW.shape == (9, 1, whole.rows.n, whole.rows.n)
+    lam, W, dW = test.lambda_a[:, 0], whole.W, whole.dW[:, 0]
+    by_hermite = (W[2:] - W[:-2]) / (lam[2:] - lam[:-2])[:, None, None]
+    weights = (dW[:-2] + 4 * dW[1:-1] + dW[2:]) / 6  # Simpson's rule: exact to the fourth order of the spacing
+    np.testing.assert_allclose(weights, by_hermite, atol=2e-2 * np.abs(by_hermite).max())

@@ -142,7 +142,7 @@ class _FiniteElementSolver:
 
     def watching(self, skin: Skin, pushed: bool = False) -> "_FiniteElementSolver":
         problem = self._problem(self.problem.robot, skin, self.problem)
-        more = {"third_order": False, "mass": None} if pushed else {}
+        more = {"third_order": False, "loads": False, "mass": None} if pushed else {}
         return replace(self, problem=problem, skin=skin, pushed=pushed, **more)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:

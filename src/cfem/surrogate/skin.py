@@ -70,6 +70,7 @@ def joined(dataset: Any) -> Any:
         rows=Rows((*rows.effectors, *whole.rows.skin), rows.actuators),
         W=whole.W,
         dW=whole.dW,
+        dC=None,
         delta_e=np.hstack([dataset.delta_e, whole.delta_s]),
         ddelta_e_dp=None if by_p is None else np.concatenate([dataset.ddelta_e_dp, by_p], axis=1),
         whole=None,
