@@ -1,0 +1,41 @@
+"""How patches of a body's surface yield to forces: rows of contact, and what the modes of a skin leave of them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.condensed.patches import Patches
+from cfem.constraint.attachment import Attachment
+from cfem.constraint.contact import ContactPoint
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solve import solve
+
+
+def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.ndarray) -> Robot:
+    """The robot with the `chosen` patches (numbers) for contact points; nodes (m,): of the surface in the mesh."""
+    points = []
+    for number in chosen:
+        mine = patches.members[number]
+        order = np.argsort(nodes[mine])
+        point = Attachment(nodes[mine][order], patches.shares[mine][order], patches.rest[number])
+        points.append(ContactPoint(point))
+    names = tuple(f"patch-{number}.{axis}" for number in chosen for axis in "xyz")
+    return replace(robot, contacts=tuple(points), rows=replace(robot.rows, contacts=names))
+
+
+def patch_compliance(robot: Robot, nodes: np.ndarray, patches: Patches, delta_a: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) mm/N: how each patch yields to a force on itself, actuators held at delta_a (n_a,) mm.
+
+    One equilibrium and one block of right-hand sides. NumericalError where there is no equilibrium."""
+    touched = with_patches(robot, nodes, patches, np.arange(len(patches)))
+    found = solve(Problem(touched), displacement(delta_a), slack=False)
+    if not found.converged:
+        raise NumericalError(f"patches of the surface: {found.status.value}")
+    W, rows = found.condensed.W, touched.rows
+    across = W[rows.c, rows.a]
+    G = np.linalg.solve(W[rows.a, rows.a], across.T).T
+    own = [slice(3 * number, 3 * number + 3) for number in range(len(patches))]
+    return np.array([W[rows.c, rows.c][one, one] - G[one] @ across[one].T for one in own])

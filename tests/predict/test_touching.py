@@ -1,0 +1,129 @@
+"""A learned robot that touches anything anywhere, against finite elements whose surface touches the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfem.contact.obstacle import Plane, Sphere
+from cfem.core.errors import InputError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.patch_compliance import patch_compliance, with_patches
+from cfem.equilibrium.press import press
+from cfem.equilibrium.problem import Problem
+from cfem.predict.load import load_model
+from cfem.predict.touching import Touchable, TouchedStatus, patches_of
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+DELTA = np.array([2.0])
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+
+
+@pytest.fixture(scope="module")
+def touchable(bar, robot):
+    model = load_model(bar / "models" / "bar" / "spectral")
+    patches = patches_of(model, 8.0)
+    return Touchable(model, patches, patch_compliance(robot, model.skin.nodes, patches, np.zeros(1)))
+
+
+def wall(touchable, depth, delta=DELTA):
+    """A plane that the foremost patches are `depth` mm behind."""
+    places = touchable.patches.mean(touchable.model.shape(delta))
+    normal = np.array([0.0, -1.0, 0.0])
+    t = places[np.argmax(places @ -normal)] + depth * normal
+    turn = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])  # z of the plane along the normal
+    return Plane(R=turn, t=t)
+
+
+def test_without_obstacles_in_reach_it_is_the_model(touchable):
+    far = Sphere(5.0, t=np.array([0.0, 500.0, 0.0]))
+    found, free = touchable.at(DELTA, [far]), touchable.model.at_displacement(DELTA)
+    assert found.converged and not len(found.patches)
+    assert np.array_equal(found.delta_e, free.delta_e) and np.allclose(found.lambda_a, free.lambda_a, rtol=1e-12)
+    assert np.allclose(touchable.model.skin.surface(found.rows), touchable.model.shape(DELTA), atol=1e-12)
+
+
+@pytest.mark.parametrize("depth", [0.1, 0.4])
+def test_a_wall_pushes_it_as_it_pushes_finite_elements(touchable, robot, depth):
+    obstacle = wall(touchable, depth)
+    found, free = touchable.at(DELTA, [obstacle]), touchable.model.at_displacement(DELTA)
+    assert found.converged and len(found.patches)
+    near = np.flatnonzero(obstacle.distance(touchable.patches.mean(touchable.model.shape(DELTA))) < 2.0)
+    touched = with_patches(robot, touchable.model.skin.nodes, touchable.patches, near)
+    truth = press(Problem(touched), displacement(DELTA), [obstacle] * len(near))
+    assert truth.converged
+    (solved,) = truth.solved
+    force = solved.lambda_c.reshape(-1, 3).sum(axis=0)
+    assert np.linalg.norm(found.forces.sum(axis=0) - force) < 0.06 * np.linalg.norm(force)
+    moved = np.linalg.norm(solved.delta_e - free.delta_e)
+    assert moved > depth / 2
+    assert np.linalg.norm(found.delta_e - solved.delta_e) < 0.06 * moved
+    change = np.abs(solved.lambda_a - free.lambda_a).max()
+    assert np.abs(found.lambda_a - solved.lambda_a).max() < 0.1 * change
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_what_it_answers_obeys_the_law(touchable, mu):
+    obstacle = wall(touchable, 0.5)
+    found = touchable.at(DELTA, [obstacle], mu=mu)
+    assert found.converged
+    normal, tangents = found.forces @ obstacle.R[:, 2], found.forces @ obstacle.R[:, :2]
+    assert (normal >= -1e-12).all() and normal.max() > 0
+    assert (np.linalg.norm(tangents, axis=1) <= mu * normal + 1e-9).all()
+    assert found.gaps.min() > -1e-6 * touchable.model.length
+    assert (np.abs(found.gaps[normal > 1e-9]) < 1e-6 * touchable.model.length).all()
+
+
+def test_friction_holds_what_slides_without_it(touchable):
+    """The cable pulls on while a patch stands at a wall: with friction it stays where it was."""
+    obstacle = wall(touchable, 0.3)
+    slips = []
+    for mu in (0.0, 5.0):
+        first = touchable.at(DELTA, [obstacle], mu=mu)
+        second = touchable.at(DELTA + 0.02, [obstacle], mu=mu, before=first)
+        both = np.intersect1d(first.patches, second.patches)[0]
+        (before,), (after,) = (one.places[one.patches == both] for one in (first, second))
+        slips.append(np.linalg.norm(obstacle.R[:, :2].T @ (after - before)))
+    assert slips[1] < 1e-6 < 1e-3 < slips[0]
+
+
+def test_the_forces_of_actuators_are_those_of_the_loaded_energy(touchable):
+    rng, h, none = np.random.default_rng(0), 1e-4, np.zeros(0)
+    w, skin = 0.05 * rng.normal(size=len(touchable.model.skin)), touchable.model.skin
+
+    def help_(delta):
+        return w @ skin.rows(delta, none) + w @ skin.compliance(delta, none)[1] @ w / 2
+
+    slope = (help_(DELTA + h) - help_(DELTA - h)) / (2 * h)
+    assert touchable._loads(DELTA, w)[0] == pytest.approx(slope, rel=1e-5)
+
+
+def test_more_patches_than_can_touch_at_once_are_named(touchable, monkeypatch):
+    monkeypatch.setattr("cfem.predict.touching.MOST", 1)
+    assert touchable.at(DELTA, [wall(touchable, 3.0)]).status is TouchedStatus.MANY
+
+
+def test_patches_cover_the_surface(touchable):
+    patches, skin = touchable.patches, touchable.model.skin
+    assert np.allclose(np.bincount(patches.of, patches.shares), 1.0)
+    assert np.array_equal(np.sort(np.concatenate(patches.members)), np.arange(len(skin.rest)))
+    assert np.allclose(patches.mean(skin.rest), patches.rest)
+    assert (np.linalg.norm(skin.rest - patches.rest[patches.of], axis=1) < 2 * 8.0).all()
+
+
+def test_what_does_not_fit_is_refused(touchable):
+    with pytest.raises(InputError, match="compliance of"):
+        replace(touchable, own=touchable.own[1:])
+
+
+def test_local_compliance_is_semidefinite_and_completes_the_modes(touchable):
+    assert np.linalg.eigvalsh(touchable.local).min() >= -1e-12
+    C_ss = touchable.model.skin.compliance(np.zeros(1), np.zeros(0))[1]
+    all_ = np.einsum("pik,kl,pjl->pij", touchable.U, C_ss, touchable.U) + touchable.local
+    size = np.trace(touchable.own, axis1=1, axis2=2).max()
+    assert np.abs(all_ - touchable.own).max() < 0.05 * size
