@@ -121,9 +121,7 @@ def test_what_does_not_fit_is_refused(touchable):
         replace(touchable, own=touchable.own[1:])
 
 
-def test_local_compliance_is_semidefinite_and_completes_the_modes(touchable):
-    assert np.linalg.eigvalsh(touchable.local).min() >= -1e-12
+def test_local_compliance_completes_the_modes(touchable):
     C_ss = touchable.model.skin.compliance(np.zeros(1), np.zeros(0))[1]
-    all_ = np.einsum("pik,kl,pjl->pij", touchable.U, C_ss, touchable.U) + touchable.local
-    size = np.trace(touchable.own, axis1=1, axis2=2).max()
-    assert np.abs(all_ - touchable.own).max() < 0.05 * size
+    U, left = touchable.U.reshape(len(touchable.own), -1), touchable.local.swapaxes(1, 2).reshape(touchable.own.shape)
+    assert np.allclose(U @ C_ss @ U.T + left, touchable.own, atol=1e-9 * np.abs(touchable.own).max())

@@ -11,6 +11,7 @@ chapter 1."""
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import count as counting
 from itertools import islice, product
 
 import numpy as np
@@ -73,11 +74,14 @@ def understood(problem: ContactProblem, law: Law, modes: Sequence[Mode]) -> tupl
     return tuple(mode if mode in known else known[-1] for mode in modes)
 
 
-def solve_mode(problem: ContactProblem, law: Law, modes: Sequence[Mode], quick: bool = False) -> ModeSolution:
-    """modes: one for each point. quick: fewer starts where directions of slip are unknown."""
+def solve_mode(
+    problem: ContactProblem, law: Law, modes: Sequence[Mode], quick: bool = False, angles: np.ndarray | None = None
+) -> ModeSolution:
+    """modes: one for each point. quick: fewer starts where directions of slip are unknown; angles: of the friction of
+    the slipping points, about, from which is started too."""
     p, modes = problem.normalised, understood(problem, law, modes)
     kept, status = np.zeros((0, len(p.free) + p.k)), ModeStatus.INCONSISTENT
-    for found, regular in _solutions(p, law, modes, quick):
+    for found, regular in _solutions(p, law, modes, quick, angles):
         if not len(found):
             continue
         status = ModeStatus.SOLVED if regular else ModeStatus.SINGULAR
@@ -106,11 +110,13 @@ def distinct(states: np.ndarray) -> list[int]:
     return kept
 
 
-def _solutions(p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool) -> Iterator[tuple[np.ndarray, bool]]:
+def _solutions(
+    p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None
+) -> Iterator[tuple[np.ndarray, bool]]:
     """(c, 3m + k) states of the equations, in portions, and whether their systems are regular."""
     sliding = law == "coulomb" and p.mu > 0 and Mode.SLIP in modes
     if sliding and p.cone == "exact":
-        yield _newton(p, modes, quick), True
+        yield _newton(p, modes, quick, angles), True
         return
     pieces = _pieces(p, modes) if sliding else iter([()])
     while chunk := list(islice(pieces, _CHUNK)):
@@ -227,7 +233,8 @@ def start_angles(count: int, quick: bool) -> np.ndarray:
         grid = np.array(list(product(range(per), repeat=count)))
         return 2 * np.pi * (grid + 0.5 * np.arange(count) / count) / per
     # A Kronecker sequence: the fractional parts of multiples of square roots of primes.
-    roots = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[:count]
+    primes = (n for n in counting(2) if all(n % k for k in range(2, n)))
+    roots = np.sqrt(list(islice(primes, count)))
     return 2 * np.pi * ((np.arange(1, total + 1)[:, None] * roots) % 1.0)
 
 
@@ -244,11 +251,12 @@ def with_angles(p: ContactProblem, modes: Sequence[Mode], angles: np.ndarray) ->
     return y
 
 
-def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool) -> np.ndarray:
+def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None) -> np.ndarray:
     """(c, 3m + k) solutions on the exact cone, repetitions included."""
     n3 = len(p.free)
     s = modes.count(Mode.SLIP)
-    y = with_angles(p, modes, start_angles(s, quick))
+    starts = start_angles(s, quick)
+    y = with_angles(p, modes, starts if angles is None else np.vstack([angles, starts]))
     for _ in range(25):
         F, J, _ = slip_equations(p, modes, y)
         try:

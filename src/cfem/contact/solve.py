@@ -1,4 +1,4 @@
-"""One valid state of the contacts: pivoting from a guess, then search.
+"""One valid state of the contacts: pivoting from a guess, from a better guess (`cfem.contact.sweep`), then search.
 
 Pivoting changes the mode of every violated point, or, where that leads back, of the worst alone; this nearly
 always ends within a few systems, though nothing promises it (friction makes the problem neither symmetric nor
@@ -11,12 +11,14 @@ from heapq import heappop, heappush
 
 import numpy as np
 
+from cfem.contact import sweep
 from cfem.contact.check import Check, check
 from cfem.contact.enumerate import MOST, ContactState, all_modes
 from cfem.contact.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
 from cfem.contact.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
+SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices, each from few starts
 _PIVOTS = 12
 
 
@@ -57,12 +59,21 @@ def solve_contact(
         tried = len(modes_of(problem, law)) ** problem.m
         status = ContactStatus.SEVERAL if len(states) > 1 else ContactStatus.SOLVED
         return _answer(problem, states, status if states else ContactStatus.NONE, tried)
+    many, tried = problem.m > MOST and not problem.k and law != "bilateral", 0
     guess = start_modes or [Mode.OPEN if gap > 0 else Mode.STICK for gap in problem.free[::3]]
-    state, tried = _pivot(problem, law, understood(problem, law, guess))
+    if many and not start_modes:
+        guess, angles = sweep.guess(problem, law)
+        found, tried = solve_mode(problem, law, guess, quick=True, angles=angles), 1
+        if found.valid:
+            return _answer(problem, [_state(problem, law, guess, found)], ContactStatus.SOLVED, 1)
+    state, more = _pivot(problem, law, understood(problem, law, guess))
+    tried += more
     if state is not None:
         return _answer(problem, [state], ContactStatus.SOLVED, tried)
+    if many and start_modes:
+        return solve_contact(problem, law, None, count, budget)
     total = len(modes_of(problem, law)) ** problem.m
-    limit = total if problem.m <= MOST else min(budget, total)
+    limit = total if problem.m <= MOST else min(budget if problem.m <= SEARCHED else FEW, total)
     state, searched = _search(problem, law, understood(problem, law, guess), limit)
     if state is not None:
         return _answer(problem, [state], ContactStatus.SOLVED, tried + searched)
@@ -128,7 +139,7 @@ def _search(problem: ContactProblem, law: Law, start: tuple[Mode, ...], limit: i
     queued, order, tried = {start}, 0, 0
     while queue and tried < limit:
         _, _, modes = heappop(queue)
-        found = solve_mode(problem, law, modes)
+        found = solve_mode(problem, law, modes, quick=problem.m > SEARCHED)
         tried += 1
         if found.valid:
             return _state(problem, law, modes, found), tried

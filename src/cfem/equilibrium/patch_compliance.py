@@ -27,7 +27,7 @@ def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.n
 
 
 def patch_compliance(robot: Robot, nodes: np.ndarray, patches: Patches, delta_a: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) mm/N: how each patch yields to a force on itself, actuators held at delta_a (n_a,) mm.
+    """(3 N, 3 N) mm/N: how the patches yield to forces on them, actuators held at delta_a (n_a,) mm.
 
     One equilibrium and one block of right-hand sides. NumericalError where there is no equilibrium."""
     touched = with_patches(robot, nodes, patches, np.arange(len(patches)))
@@ -37,5 +37,4 @@ def patch_compliance(robot: Robot, nodes: np.ndarray, patches: Patches, delta_a:
     W, rows = found.condensed.W, touched.rows
     across = W[rows.c, rows.a]
     G = np.linalg.solve(W[rows.a, rows.a], across.T).T
-    own = [slice(3 * number, 3 * number + 3) for number in range(len(patches))]
-    return np.array([W[rows.c, rows.c][one, one] - G[one] @ across[one].T for one in own])
+    return W[rows.c, rows.c] - G @ across.T

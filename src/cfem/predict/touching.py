@@ -3,13 +3,14 @@
 Patches p of the skin are where it may be touched. Their places follow from the modes u_k of the skin
 (`cfem.predict.skin`) and from the forces f_p on them, which work on the modes by w_k = sum_p u_kp . f_p:
 
-    x_p = X_p + sum_k u_kp s_k + L_p f_p        s = s_0 + C_ss w        e = e_0 + C_es w
+    x_p = X_p + sum_k u_kp s_k + sum_q L_pq f_q        s = s_0 + C_ss w        e = e_0 + C_es w
 
-s_0, e_0 and the compliances C are the model's at delta_a. L_p is what the modes leave of a patch's own compliance. It
-is local: it turns with the patch and else hardly changes. Signed distances and frames of obstacles at x_p, and the
-compliance of all patches that touch, make one linear contact problem (`cfem.contact`), which is solved exactly. It is
-posed again where the patches have come to, until neither forces nor the patches that touch change. The forces of the
-actuators follow from the energy of the loaded robot, Psi - w . s_0 - w . C_ss w / 2 (`cfem.predict.loaded`)."""
+s_0, e_0 and the compliances C are the model's at delta_a. L_pq is what the modes leave of the compliance between two
+patches. It is local: it falls with their distance, turns with them, and else hardly changes. Signed distances and
+frames of obstacles at x_p, and the compliance of all patches that touch, make one linear contact problem
+(`cfem.contact`), which is solved exactly. It is posed again where the patches have come to, until neither forces nor
+the patches that touch change. The forces of the actuators follow from the energy of the loaded robot,
+Psi - w . s_0 - w . C_ss w / 2 (`cfem.predict.loaded`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -70,8 +71,8 @@ class Touched:
 
 @dataclass(frozen=True)
 class Touchable:
-    """A model with a skin, its patches, and the compliance (N, 3, 3) mm/N of each in itself at rest, actuators held, by
-    finite elements (`cfem.equilibrium.patch_compliance`)."""
+    """A model with a skin, its patches, and their compliance (3 N, 3 N) mm/N at rest, actuators held, by finite
+    elements (`cfem.equilibrium.patch_compliance`)."""
 
     model: Predictor
     patches: Patches
@@ -80,7 +81,7 @@ class Touchable:
     def __post_init__(self) -> None:
         if self.model.form != "displacement" or self.model.parameters:
             raise InputError("contact anywhere needs a model of form displacement without parameters")
-        if self.own.shape != (len(self.patches), 3, 3) or not np.isfinite(self.own).all():
+        if self.own.shape != 2 * (3 * len(self.patches),) or not np.isfinite(self.own).all():
             raise InputError(f"expected the finite compliance of {len(self.patches)} patches")
 
     @cached_property
@@ -90,11 +91,10 @@ class Touchable:
 
     @cached_property
     def local(self) -> np.ndarray:
-        """(N, 3, 3) mm/N what the modes leave of `own`, positive semidefinite."""
-        rest = np.zeros(self.model.rows.n_a)
-        left = self.own - np.einsum("pik,kl,pjl->pij", self.U, self._compliance(rest)[1], self.U)
-        sizes, axes = np.linalg.eigh((left + left.swapaxes(1, 2)) / 2)
-        return (axes * np.maximum(sizes, 0.0)[:, None]) @ axes.swapaxes(1, 2)
+        """(N, N, 3, 3) mm/N what the modes leave of `own`."""
+        U = self.U.reshape(len(self.own), -1)
+        left = self.own - U @ self._compliance(np.zeros(self.model.rows.n_a))[1] @ U.T
+        return left.reshape(len(self.patches), 3, len(self.patches), 3).swapaxes(1, 2)
 
     def at(
         self,
@@ -175,7 +175,7 @@ class _Held:
         self.of, self.rows, self.C_es, self.C_ss = of, rows, C_es, C_ss
         self._surface = of.model.skin.surface(rows)
         self._free = of.patches.mean(self._surface)
-        self._local: dict[int, np.ndarray] = {}
+        self._turns: dict[int, np.ndarray] = {}
 
     def work(self, forces: np.ndarray) -> np.ndarray:
         """(N, 3) N -> (k,) N: the load on the modes."""
@@ -183,26 +183,30 @@ class _Held:
 
     def places(self, forces: np.ndarray) -> np.ndarray:
         """(N, 3) mm."""
-        found = self._free + self.of.U @ (self.C_ss @ self.work(forces))
-        for number in np.flatnonzero(forces.any(axis=1)):
-            found[number] += self.local(number) @ forces[number]
+        found, loaded = self._free + self.of.U @ (self.C_ss @ self.work(forces)), np.flatnonzero(forces.any(axis=1))
+        if len(loaded):
+            found[loaded] += (self.local(loaded) @ forces[loaded].ravel()).reshape(-1, 3)
         return found
 
     def compliance(self, chosen: np.ndarray) -> np.ndarray:
         """(3 c, 3 c) mm/N of the places of chosen patches."""
-        U = self.of.U[chosen]
-        J = np.einsum("pik,kl,qjl->piqj", U, self.C_ss, U).reshape(3 * len(chosen), -1)
-        return J + block_diag(*map(self.local, chosen))
+        U = self.of.U[chosen].reshape(3 * len(chosen), -1)
+        return U @ self.C_ss @ U.T + self.local(chosen)
 
-    def local(self, number: int) -> np.ndarray:
-        """(3, 3) mm/N the local compliance of a patch, turned as the patch is."""
-        if number not in self._local:
-            mine, R = self.of.patches.members[number], np.eye(3)
-            if len(mine) > 2:
-                before, after = (x[mine] - x[mine].mean(axis=0) for x in (self.of.model.skin.rest, self._surface))
-                R = Rotation.align_vectors(after, before)[0].as_matrix()
-            self._local[number] = R @ self.of.local[number] @ R.T
-        return self._local[number]
+    def local(self, chosen: np.ndarray) -> np.ndarray:
+        """(3 c, 3 c) mm/N what the modes leave, turned as the patches are, positive semidefinite."""
+        turns = block_diag(*map(self._turn, chosen.tolist()))
+        left = self.of.local[np.ix_(chosen, chosen)].swapaxes(1, 2).reshape(turns.shape)
+        sizes, axes = np.linalg.eigh(turns @ (left + left.T) @ turns.T / 2)
+        return (axes * np.maximum(sizes, 0.0)) @ axes.T
+
+    def _turn(self, number: int) -> np.ndarray:
+        """(3, 3) the rotation of a patch since rest."""
+        if number not in self._turns:
+            mine = self.of.patches.members[number]
+            before, after = (x[mine] - x[mine].mean(axis=0) for x in (self.of.model.skin.rest, self._surface))
+            self._turns[number] = Rotation.align_vectors(after, before)[0].as_matrix() if len(mine) > 2 else np.eye(3)
+        return self._turns[number]
 
 
 def _posed(
