@@ -184,6 +184,7 @@ def _combine(
 ) -> Attachment:
     """Sum of the samples' shape functions, one weight a node."""
     values = weights[:, None] * shape(mesh.cells.shape[1], coordinates)
-    nodes, place = np.unique(mesh.cells[cells], return_inverse=True)
-    sums = np.bincount(place.ravel(), values.ravel(), len(nodes))
-    return Attachment(nodes, sums, point)
+    touched, n = mesh.cells[cells].ravel(), len(mesh.X)
+    sums = np.bincount(touched, values.ravel(), n)
+    nodes = np.flatnonzero(np.bincount(touched, minlength=n))
+    return Attachment(nodes, sums[nodes], point)

@@ -43,7 +43,7 @@ def entry(
         "constraints": dict(zip(problem.constraints, design.constraints, strict=True)),
         "effector": states.x_e[0],
         "actuators": {"displacement": states.delta_a[0], "force": states.lam[0]},
-        "outside": bool(family.outside(states)),
+        "outside": bool(getattr(family, "outside", lambda states: [])(states)),
         "search": f"{design.iterations} iterations: {design.message}",
     }
     if volume:

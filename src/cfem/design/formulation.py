@@ -7,17 +7,43 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.given import demand_known, vector
+from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
+from cfem.core.units import parse_quantity
 from cfem.design.expression import inequality, names_in
+from cfem.design.fe import FeProblem
+from cfem.design.objective_spec import (
+    BodySpec,
+    DexteritySpec,
+    ForceSpec,
+    FunctionSpec,
+    ManipulabilitySpec,
+    ReachSpec,
+    RobustSpec,
+    StiffnessSpec,
+)
 from cfem.design.objectives import Dexterity, Objective, OwnFunction, Strength, load_function, position_rows
 from cfem.design.problem import Constraint, Problem
-from cfem.design.spec import DesignSpec, DexteritySpec, FunctionSpec
+from cfem.design.spec import DesignSpec
 from cfem.design.task import Task
 from cfem.design.volume import Volume
+from cfem.design.workspace import (
+    Force,
+    Manipulability,
+    OfBody,
+    Reach,
+    Robust,
+    Stiffness,
+    actuation_grid,
+    normal_offsets,
+)
+from cfem.parametric.differentiable import Differentiable
 from cfem.parametric.family import Family
 from cfem.parametric.states import States
 from cfem.robot.spec import SceneSpec
+
+MOST_STATES = 400  # of one design
 
 
 def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.ndarray]:
@@ -48,45 +74,102 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
     )
     if len(u) != family.rows.n_a:
         raise SpecError(f"has {len(u)} numbers, and the robot {family.rows.n_a} actuators", where=f"actuation.{kind}")
-    objectives = {name: _objective(name, one, family.rows, base) for name, one in spec.objectives.items()}
+    named = spec.objectives
+    plain = {k: _objective(k, one, family, volume, base) for k, one in named.items() if not isinstance(one, RobustSpec)}
+    objectives = {k: plain[k] if k in plain else _robust(k, one, family, plain) for k, one in named.items()}
     constraints = {name: _constraint(name, one, family, volume, base) for name, one in spec.constraints.items()}
     if spec.largest_force is not None:
         largest = spec.largest_force
         for i, name in enumerate(family.rows.actuators):
             constraints[f"force of {name}"] = lambda states, i=i: largest - np.abs(states.lam[:, i])
-    return Problem(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
+    made = FeProblem if spec.by == "fe" else Problem
+    return made(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
 
 
 def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | None:
     texts = [one for one in spec.constraints.values() if isinstance(one, str)]
-    if not any("volume" in names_in(text) for text in texts):
+    asked = [one for one in spec.objectives.values() if isinstance(one, BodySpec)]
+    if spec.by == "fe" or not (asked or any("volume" in names_in(text) for text in texts)):
         return None
     if scene is None:
-        raise SpecError("a constraint on the volume needs the key `scene`", where="scene")
+        raise SpecError("the volume needs the key `scene`", where="scene")
     return Volume(load_spec(scene, SceneSpec), family.parameters)
 
 
-def _objective(name: str, one: Any, rows: Rows, base: Path) -> Objective:
-    where = f"objectives.{name}"
+def _objective(name: str, one: Any, family: Family, volume: Volume | None, base: Path) -> Objective:
+    where, rows = f"objectives.{name}", family.rows
     if isinstance(one, FunctionSpec):
         sign = 1.0 if one.sense == "minimise" else -1.0
         return OwnFunction(where, load_function(one.function, base, where), sign)
-    which, along = position_rows(rows, one.effector, where), "xyz".index(one.axis)
+    if isinstance(one, BodySpec):
+        return OfBody(one.kind) if volume is None else lambda states: volume(states.p)
+    which = position_rows(rows, one.effector, where)
+    if isinstance(one, ReachSpec | ManipulabilitySpec | StiffnessSpec | ForceSpec):
+        return _of_workspace(one, which, family, where)
+    along = "xyz".index(one.axis)
     rest = None if one.rest is None else np.asarray(one.rest)
     if isinstance(one, DexteritySpec):
         return Dexterity(which, along, one.angle, rest)
     return Strength(which, along, one.largest, rest)
 
 
+def _of_workspace(one: Any, which: np.ndarray, family: Family, where: str) -> Objective:
+    direction = np.asarray(getattr(one, "direction", [1.0, 0.0, 0.0]), float)
+    direction /= np.linalg.norm(direction)
+    if isinstance(one, ForceSpec):
+        return Force(which, direction, np.asarray(one.goal))
+    if isinstance(one, StiffnessSpec) and one.points is None:
+        return Stiffness(which, direction)
+    if one.points**family.rows.n_a > MOST_STATES:
+        what = f"{one.points} actuations along each of {family.rows.n_a} reaches are more than {MOST_STATES} states"
+        raise SpecError(what, where=f"{where}.points", do="use fewer")
+    at = actuation_grid(family.reach, one.points)
+    if isinstance(one, StiffnessSpec):
+        return Stiffness(which, direction, at)
+    if isinstance(one, ManipulabilitySpec):
+        return Manipulability(which, at)
+    if family.rows.n_a > len(which):
+        raise SpecError("is of robots with one to three actuators", where=where, do="use kind: manipulability")
+    return Reach(which, at, one.points)
+
+
+def _robust(name: str, one: RobustSpec, family: Family, plain: dict[str, Objective]) -> Robust:
+    where, parameters = f"objectives.{name}.scatter", family.parameters
+    demand_known(parameters, one.scatter, where)
+    deviation = np.array(
+        [_deviation(each, one.scatter.get(each.name, 0), f"{where}.{each.name}") for each in parameters]
+    )
+    low, high = np.array([(each.low, each.high) for each in parameters]).T
+    share = None if one.statistic == "mean" else one.share
+    return Robust(plain[one.of], normal_offsets(deviation, one.robots), low, high, share)
+
+
+def _deviation(parameter: Parameter, given: Any, where: str) -> float:
+    if given == 0:
+        return 0.0
+    try:
+        value = float(given) if parameter.unit == "1" else parse_quantity(given, parameter.unit)
+    except (TypeError, ValueError) as error:
+        raise SpecError(str(error), where=where) from None
+    if not value > 0:
+        raise SpecError("a standard deviation is greater than 0", where=where)
+    return value
+
+
 def _constraint(name: str, one: Any, family: Family, volume: Volume | None, base: Path) -> Constraint:
     where = f"constraints.{name}"
     parameters = [parameter.name for parameter in family.parameters]
     if isinstance(one, str):
-        slack = inequality(one, [*parameters, *(["volume"] if volume else [])], where)
+        exact = isinstance(family, Differentiable)
+        slack = inequality(one, [*parameters, *(["volume"] if volume or exact else [])], where)
 
         def holds(states: States) -> np.ndarray:
             values = dict(zip(parameters, states.p.T, strict=True))
-            return np.broadcast_to(slack(values | ({"volume": volume(states.p)} if volume else {})), (len(states),))
+            if exact:
+                values["volume"] = states.numbers["volume"]
+            elif volume:
+                values["volume"] = volume(states.p)
+            return np.broadcast_to(slack(values), (len(states),))
 
         return holds
     own = OwnFunction(where, load_function(one.function, base, where))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfem.design.objectives import Objective
+from cfem.design.workspace import Robust
 from cfem.parametric.differences import Stencil, with_slopes
 from cfem.parametric.family import Family, Kind, Varied
 from cfem.parametric.states import States
@@ -47,10 +48,21 @@ class Problem(Varied):
     def score(self, states: States) -> Scores:
         m = len(states)
         both = [
-            np.stack([one(states) for one in group.values()], axis=1) if group else np.zeros((m, 0))
+            np.stack([self._number(one, states) for one in group.values()], axis=1) if group else np.zeros((m, 0))
             for group in (self.objectives, self.constraints)
         ]
         return Scores(*both)
+
+    def _number(self, one: Objective, states: States) -> np.ndarray:
+        """(m,); of an objective over several actuations from states of its own."""
+        if isinstance(one, Robust):
+            there = self.family.at(self.kind, self.u, one.parameters(states.p))
+            return one(self._number(one.of, there).reshape(len(states), -1))
+        actuations = getattr(one, "actuations", None)
+        if actuations is None:
+            return one(states)
+        k, m = len(actuations), len(states)
+        return one(self.family.at(one.kind, np.tile(actuations, (m, 1)), np.repeat(states.p, k, axis=0)))
 
     def states(self, z: np.ndarray) -> States:
         """(m, n) -> m states."""

@@ -102,6 +102,11 @@ def evaluate_scattered(problem: Problem, count: int, seed: int = 0) -> Grid:
 def _evaluated(problem: Problem, shape: tuple[int, ...], z: np.ndarray) -> Grid:
     parts = [problem(z[first : first + AT_ONCE]) for first in range(0, len(z), AT_ONCE)]
     scores = Scores(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+    return judged(problem, shape, z, scores)
+
+
+def judged(problem: Problem, shape: tuple[int, ...], z: np.ndarray, scores: Scores) -> Grid:
+    """Designs z (m, n) with their scores. NumericalError where none satisfies the constraints."""
     good = scores.objectives[scores.feasible]
     if not len(good):
         least = scores.constraints.max(axis=0)
@@ -109,7 +114,8 @@ def _evaluated(problem: Problem, shape: tuple[int, ...], z: np.ndarray) -> Grid:
             *problem.constraints
         ]
         raise NumericalError(
-            f"no design on the grid satisfies the constraints {', '.join(names)}", do="relax them, or refine the grid"
+            f"none of the {len(z)} designs tried first satisfies the constraints {', '.join(names)}",
+            do="relax them, or try more",
         )
     width = good.max(axis=0) - good.min(axis=0)
     return Grid(shape, z, scores, good.min(axis=0), np.where(width > 0, width, 1.0))

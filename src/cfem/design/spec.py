@@ -1,62 +1,19 @@
 """design.yaml: what a design is to be best at."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field, PositiveInt, field_validator, model_validator
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacements, Effort, Efforts
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Force, Forces, LengthMatrix, Point
+from cfem.core.units import Forces, LengthMatrix
+from cfem.design.objective_spec import BodySpec, Objective, RobustSpec
 from cfem.export.spec import CSpec
+from cfem.sample.spec import ParameterSpec
 
 Weight = Annotated[float, Field(ge=0)]
-
-
-class DexteritySpec(Spec):
-    """|angle - alpha| with alpha = arccos(tip_z / |rest|): how far the effector turns."""
-
-    kind: Literal["dexterity"]
-    """How far the effector turns."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
-    axis: Literal["x", "y", "z"] = "z"
-    """Axis that alpha is measured from."""
-    angle: Angle = np.pi / 2
-    """Wanted angle."""
-    rest: Point | None = None
-    """Point of rest for all designs. Where each design rests unless given."""
-
-
-class StrengthSpec(Spec):
-    """|largest - |lambda_c||, where lambda_c is the force along `axis` that holds the effector at rest."""
-
-    kind: Literal["strength"]
-    """How strongly the effector pushes."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
-    axis: Literal["x", "y", "z"] = "y"
-    """Axis of the force."""
-    largest: Force = 91.0
-    """Wanted force."""
-    rest: Point | None = None
-    """Point of rest for all designs. Where each design rests unless given."""
-
-
-class FunctionSpec(Spec):
-    """Your own function of W (m, n, n), delta_free (m, n) and p (m, n_p), which returns (m,)."""
-
-    kind: Literal["python"]
-    """A Python function."""
-    function: str
-    """'module:function' or 'file.py:function'."""
-    sense: Literal["minimise", "maximise"] = "minimise"
-    """Whether smaller or larger is better."""
-
-
-Objective = Annotated[DexteritySpec | StrengthSpec | FunctionSpec, Field(discriminator="kind")]
 
 
 class ActuationSpec(Spec):
@@ -125,8 +82,12 @@ class Scattered(Spec):
 class DesignSpec(Spec):
     """Which designs to look for, what they are judged by, and how they are checked."""
 
-    model: Path
-    """Folder of a model that takes parameters."""
+    by: Literal["model", "fe"] = "model"
+    """What judges designs: a model; or finite elements, one solve a design, with gradients by all parameters."""
+    model: Path | None = None
+    """Folder of a model that takes parameters. Needed where a model judges designs."""
+    parameters: dict[str, ParameterSpec] = {}
+    """Numbers of the scene that vary, by a name, where finite elements judge designs."""
     out: Path
     """Folder for the result."""
     scene: Path | None = None
@@ -158,6 +119,8 @@ class DesignSpec(Spec):
     power of two, such as 1024."""
     starts: PositiveInt = 3
     """Number of starts of the gradient search."""
+    screen: PositiveInt = 8
+    """Designs from which finite elements choose the starts."""
     verify: Literal["fe", "fe-front", "no"] = "no"
     """What to check with finite elements: fe, the best designs and the corners of the front; fe-front, all of the
     front."""
@@ -185,15 +148,49 @@ class DesignSpec(Spec):
         if self.objectives and self.actuation is None:
             raise ValueError("objectives need an actuation, at which designs are judged")
         asked = [("front.of", self.front.of)] if self.front else []
+        robust = {name: one for name, one in self.objectives.items() if isinstance(one, RobustSpec)}
+        asked += [(f"objectives.{name}.of", [one.of]) for name, one in robust.items()]
+        nested = next((name for name, one in robust.items() if one.of in robust), None)
+        if nested:
+            raise ValueError(f"objectives.{nested}.of: names a robust objective itself")
         asked += [(f"blends.{name}", list(weights)) for name, weights in self.blends.items()]
         for where, names in asked:
             unknown = [name for name in names if name not in self.objectives]
             if unknown:
                 raise ValueError(f"{where}: no objective '{unknown[0]}', known are {', '.join(self.objectives)}")
-        if self.verify != "no" and (self.scene is None or self.mesh is None):
-            raise ValueError(f"verify: {self.verify} needs scene and mesh")
+        if (self.verify != "no" or self.by == "fe") and (self.scene is None or self.mesh is None):
+            raise ValueError(f"{'by: fe' if self.by == 'fe' else f'verify: {self.verify}'} needs scene and mesh")
         if self.page and (self.front is None or self.verify == "no"):
             raise ValueError("page: needs a front, and verify: fe or fe-front, whose finite elements it shows")
+        self._judged()
         if self.controller is not None and self.controller.parameters:
             raise ValueError("controller.parameters: each design has its own")
         return self
+
+    def _judged(self) -> None:
+        """By what there is: a model or finite elements."""
+        if self.by == "model":
+            if self.model is None:
+                raise ValueError("model: needed where a model judges designs (or say by: fe)")
+            if self.parameters:
+                raise ValueError("parameters: the model has its own; they go with by: fe")
+            number = next((name for name, one in self.objectives.items() if _of_body(one)), None)
+            if number is not None:
+                raise ValueError(f"objectives.{number}: needs by: fe")
+            return
+        if self.model is not None:
+            raise ValueError("model: goes with by: model")
+        if not self.parameters:
+            raise ValueError("parameters: by: fe needs the numbers that vary")
+        robust = next((name for name, one in self.objectives.items() if isinstance(one, RobustSpec)), None)
+        if robust:
+            raise ValueError(f"objectives.{robust}: needs a model, as it asks for many robots")
+        for name in ("task", "controller", "sensitivity"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"{name}: needs a model")
+        if self.verify != "no":
+            raise ValueError("verify: finite elements judge every design already")
+
+
+def _of_body(one: Any) -> bool:
+    return isinstance(one, BodySpec) and one.kind != "volume"

@@ -15,7 +15,8 @@ from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.design.spec import ConstraintFunction, DesignSpec, FunctionSpec
+from cfem.design.objective_spec import BodySpec, FunctionSpec
+from cfem.design.spec import ConstraintFunction, DesignSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
 RESULT, GRID, FRONT = "design.json", "grid.parquet", "front.parquet"
@@ -48,7 +49,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
     """Of what the spec names and needs."""
     named = {name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None}
-    return {name: path for name, path in named.items() if name != "mesh" or spec.verify != "no"}
+    return {name: path for name, path in named.items() if name != "mesh" or spec.verify != "no" or spec.by == "fe"}
 
 
 def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
@@ -63,9 +64,13 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
     from cfem.design.answer import contradictions
     from cfem.design.formulation import problem_of, task_of
     from cfem.design.page import write_page
-    from cfem.parametric.load import finite_elements, learned
+    from cfem.parametric.load import differentiable, finite_elements, learned
 
-    family = learned(paths["model"], paths.get("scene"))
+    if spec.by == "fe":
+        fields = [one.kind for one in spec.objectives.values() if isinstance(one, BodySpec)]
+        family = differentiable(paths["scene"], paths["mesh"], spec.parameters, fields)
+    else:
+        family = learned(paths["model"], paths.get("scene"))
     demand_units(spec, family.actuator_units)
     exact = finite_elements(paths["scene"], paths["mesh"], family.parameters) if spec.verify != "no" else None
     results: dict[str, Any] = {"judgement": [], "headline": []}
@@ -103,7 +108,7 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
 
     seconds = {}
     begin = time.process_time()
-    grid = first_designs(problem, spec.grid)
+    grid = problem.screen(spec.screen, problem.z(problem.p0)) if spec.by == "fe" else first_designs(problem, spec.grid)
     seconds["grid"], begin = time.process_time() - begin, time.process_time()
     designs = dict(zip(problem.names, best_of_each(problem, grid, spec.starts), strict=True))
     for name, weights in spec.blends.items():
@@ -130,9 +135,10 @@ def _report(
 ) -> dict[str, Any]:
     """Results; tables into the folder, lines into the headline."""
     from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
+    from cfem.design.fe import FeProblem
     from cfem.design.sensitivity import told
 
-    grid, seconds = found.grid, found.seconds
+    grid, seconds, by_fe = found.grid, found.seconds, isinstance(problem, FeProblem)
     results: dict[str, Any] = {
         "grid": {"designs": len(grid.z), "feasible": int(grid.scores.feasible.sum())},
         "spread": {
@@ -143,7 +149,7 @@ def _report(
             name: entry(problem, grid, design, checked.get(design.z.tobytes()), volume)
             for name, design in found.designs.items()
         },
-        "slopes_checked": slopes_checked(problem),
+        "slopes_checked": problem.slope_error(problem.z(problem.p0)) if by_fe else slopes_checked(problem),
         "seconds": seconds,
         "evaluations": problem.evaluations,
         "signs": {name: getattr(one, "sign", 1.0) for name, one in problem.objectives.items()},
@@ -160,10 +166,18 @@ def _report(
         headline.append(front_line(found.front, seconds["front"]))
         write_front(folder / FRONT, problem, found.front)
     write_designs(folder / GRID, problem, grid.z, *grid.scores)
-    headline.append(
-        f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; slopes agree with differences of "
-        f"second order to {results['slopes_checked']:.0e}"
-    )
+    agree = f"slopes agree with differences to {results['slopes_checked']:.0e}"
+    if by_fe:
+        results |= {"solves": problem.family.solves, "failed": problem.failed}
+        headline.append(
+            f"{problem.family.solves} finite-element solves in {duration(sum(seconds.values()))} of CPU time, "
+            f"{problem.failed} designs failed; {agree} of solves along one direction"
+        )
+    else:
+        headline.append(
+            f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; slopes agree with differences of "
+            f"second order to {results['slopes_checked']:.0e}"
+        )
     return results
 
 
@@ -249,11 +263,12 @@ def _task(spec: DesignSpec, asked: Any, family: Any, exact: Any, said: dict[str,
 
 def _draw(folder: Path, problem: Any, found: Any, checked: dict[bytes, Any]) -> list[str]:
     try:
+        from cfem.design.fe import FeProblem
         from cfem.design.figure import front_figure, landscape
     except ImportError:
         return []  # matplotlib comes with cfem[report]
     made = {}
-    for index, name in enumerate(problem.names):
+    for index, name in enumerate([] if isinstance(problem, FeProblem) else problem.names):
         one = found.designs[name]
         known = checked.get(one.z.tobytes())
         verified = None if known is None else float(known.objectives[index])

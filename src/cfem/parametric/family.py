@@ -5,7 +5,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from cfem.condensed import Condensed, Rows
+from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter, coordinates, values
 from cfem.core.errors import InputError, NumericalError
 from cfem.parametric.differences import Stencil
@@ -99,9 +99,9 @@ class FiniteElements:
         found, rest = [], []
         for one, design, soft in zip(u, p, softer, strict=True):
             pushed = None if push is None else push * soft
-            answer, rest_e = self._solve(kind, one * soft if kind == "force" else one, design[~self._exact], pushed)
-            found.append(answer)
-            rest.append(rest_e)
+            answer, problem = self.solve(kind, one * soft if kind == "force" else one, design[~self._exact], pushed)
+            found.append(answer.condensed)
+            rest.append(problem.robot.rest_e)
         W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
         return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
 
@@ -115,7 +115,10 @@ class FiniteElements:
         """The scene's own."""
         return self._family.robot
 
-    def _solve(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None) -> tuple[Condensed, np.ndarray]:
+    def solve(
+        self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None, keep: bool = False
+    ) -> tuple[Any, Any]:
+        """The equilibrium and its problem; p without exact parameters; keep: as `equilibrium.solve` has it."""
         from cfem.equilibrium import actuation
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solution import State
@@ -131,13 +134,13 @@ class FiniteElements:
         if self._solved:
             _, state, X_there = min(self._solved, key=lambda known: float(np.abs(known[0] - place).max()))
             start = State(X + (state.x - X_there), state.pressure, state.lam)
-        found = solve(problem, getattr(actuation, kind)(u), start, slack=False)
+        found = solve(problem, getattr(actuation, kind)(u), start, slack=False, keep=keep)
         self.solves += 1
         if not found.converged:
             named = {one.name: float(value) for one, value in zip(self._learned, p, strict=True)}
             raise NumericalError(f"finite elements at {named}, {kind} {u.tolist()}: {found.status.value}")
         self._solved = [*self._solved[-60:], (place, found.state, X)]
-        return found.condensed, problem.robot.rest_e
+        return found, problem
 
     def _problem(self, p: np.ndarray) -> Any:
         from cfem.equilibrium.problem import Problem

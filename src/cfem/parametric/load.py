@@ -1,16 +1,20 @@
 """Families from files."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cfem.condensed.parameters import Parameter
+from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
+from cfem.parametric.differentiable import Differentiable
 from cfem.parametric.family import FiniteElements, Learned
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec
+from cfem.sample.parameters import scene_parameters
 from cfem.sample.rest import Rest
+from cfem.sample.spec import ParameterSpec
 
 
 def learned(model: Path, scene: Path | None = None) -> Learned:
@@ -26,3 +30,16 @@ def learned(model: Path, scene: Path | None = None) -> Learned:
 def finite_elements(scene: Path, mesh: Path, parameters: Sequence[Parameter]) -> FiniteElements:
     """Of a scene on a mesh artefact."""
     return FiniteElements(*load_scene_and_mesh(scene, mesh), parameters)
+
+
+def differentiable(
+    scene: Path, mesh: Path, parameters: Mapping[str, ParameterSpec], kinds: Sequence[str] = ()
+) -> Differentiable:
+    """Of a scene on a mesh artefact, with derivatives by these of its numbers. kinds: of numbers of the body that are
+    asked for, volume, mass, strain or stress."""
+    spec, there = load_scene_and_mesh(scene, mesh)
+    fields = [name for name in ("strain", "stress") if name in kinds]
+    made = Differentiable(spec, there, scene_parameters(parameters, scene), fields)
+    if "mass" in kinds and made.mass_unknown:
+        raise SpecError("mass needs the density of each material", where="objectives", do="state it in the scene")
+    return made

@@ -1,5 +1,6 @@
 """Many condensed states at once, each of a robot of its own."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from cfem.condensed import Condensed, Rows
 @dataclass(frozen=True)
 class States:
     """m states: p (m, n_p) of their robots; W (m, n, n), delta_free (m, n), lam (m, n_a) as `Condensed`; rest_e (m,
-    n_e) mm rest positions of the effectors, of each robot its own."""
+    n_e) mm rest positions of the effectors, of each robot its own; numbers: (m,) by name, of the whole bodies, where
+    finite elements give them: volume mm^3, mass t, strain, stress MPa."""
 
     rows: Rows
     p: np.ndarray
@@ -18,6 +20,7 @@ class States:
     delta_free: np.ndarray
     lam: np.ndarray
     rest_e: np.ndarray
+    numbers: Mapping[str, np.ndarray] | None = None
 
     def __len__(self) -> int:
         return len(self.p)

@@ -48,6 +48,14 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         return on_mesh(scene, _robot(scene, mesh.base), mesh)
 
 
+def with_actuator(scene: spec.SceneSpec, mesh: Mesh, robot: Robot, index: int) -> Robot:
+    """The robot, of this mesh, with one actuator built anew from the scene; its very body and loads."""
+    sections = stiff_flop.sections_of(mesh) if scene.mesh.element in SECTIONED else []
+    with scene.locating("actuators", index):
+        made = _actuator(scene, mesh, robot.body, scene.actuators[index], sections)
+    return replace(robot, actuators=(*robot.actuators[:index], made, *robot.actuators[index + 1 :]))
+
+
 def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
     regions = [
         select_cells(mesh, item.region, f"materials.{index}.region") for index, item in enumerate(scene.materials)

@@ -9,7 +9,7 @@ from cfem.condensed.parameters import Parameter, coordinates, sampled, values
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.build import build_robot, materials_of
+from cfem.robot.build import build_robot, materials_of, with_actuator
 from cfem.robot.deform import Deformation
 from cfem.robot.designs import Designs
 from cfem.robot.on_mesh import on_mesh
@@ -51,11 +51,24 @@ class RobotFamily:
         robot = replace(robot, body=with_materials(robot.body, materials_of(scene)))
         return on_mesh(scene, robot, mesh) if self._form else robot
 
-    def around(self, p: np.ndarray, index: int, step: float) -> tuple[Robot, Robot, float]:
+    def around(self, p: np.ndarray, index: int, step: float, at: Robot | None = None) -> tuple[Robot, Robot, float]:
         """The robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how
-        much that coordinate differs between them."""
+        much that coordinate differs between them. at: the robot of p itself, of which they then keep what the parameter
+        leaves alone."""
         low, high = range_coordinates(self.parameters)
         middle = coordinates(self.parameters, p)
         shift = step * (high - low) * (np.arange(len(p)) == index)
         behind, ahead = (values(self.parameters, middle + sign * shift) for sign in (-1, 1))
-        return self.at(behind), self.at(ahead), float(2 * shift[index])
+        behind, ahead = (self.at(one) if at is None else self._beside(one, index, at) for one in (behind, ahead))
+        return behind, ahead, float(2 * shift[index])
+
+    def _beside(self, p: np.ndarray, index: int, at: Robot) -> Robot:
+        """At p, which differs from that of the robot `at` in one parameter."""
+        kind, *key = self.parameters[index].key.split(".")
+        if self._built_anew and not self._form:
+            scene = with_values(self._scene, [one.key for one in self.parameters], p)
+            if kind in ("material", "materials") and key[-1] != "density":
+                return replace(at, body=with_materials(at.body, materials_of(scene)))
+            if kind == "actuators":
+                return with_actuator(scene, self._mesh, at, int(key[0]))
+        return self.at(p)

@@ -1,0 +1,166 @@
+"""A design problem by finite elements, without a model: what is asked of a design is differentiated by its own numbers
+(W, delta_free, ...), of which there are few, and those by the parameters with one adjoint solve a number."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import qmc
+
+from cfem.core.errors import NumericalError
+from cfem.design.problem import Problem, Scores
+from cfem.design.search import Grid, judged
+from cfem.parametric.differences import Stencil
+from cfem.parametric.differentiable import Outputs, chain, stacked
+from cfem.parametric.states import States
+
+# Of functions of a state's numbers, in shares of their sizes: short, as a nearly singular compliance may be inverted.
+_STENCIL = Stencil(4, 1e-5)
+
+
+@dataclass
+class FeProblem(Problem):
+    """failed: designs that finite elements could not solve; they count as worse than any that they could."""
+
+    failed: int = field(default=0, init=False)
+    _worst: np.ndarray | None = field(default=None, init=False)
+
+    def with_slopes(self, z: np.ndarray, stencil: Stencil | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) -> objectives and constraints in one row (n_f + n_g,), and their derivatives (n_f + n_g, n)."""
+        try:
+            values, slopes = self._with_slopes(z)
+        except NumericalError:
+            self.failed += 1
+            if self._worst is None:
+                raise
+            n_f = len(self.objectives)
+            size = 1.0 + np.abs(self._worst)
+            return np.concatenate([(self._worst + size)[:n_f], -size[n_f:]]), np.zeros((len(self._worst), len(z)))
+        self._worst = values if self._worst is None else np.maximum(self._worst, values)
+        return values, slopes
+
+    def _with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        p, spread = self.p(z[None])[0], self._spread(z)
+        asked = {**self.objectives, **self.constraints}
+        here = {name: one for name, one in asked.items() if getattr(one, "actuations", None) is None}
+        values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(z)))
+        places = {name: i for i, name in enumerate(asked)}
+        self.evaluations += 1
+        if here:
+            mine = [places[name] for name in here]
+            direct: list[np.ndarray] = []
+
+            def of(state: States) -> tuple[np.ndarray, list[Outputs]]:
+                rows, outputs, by_p = partials(_rows(list(here.values())), state, spread)
+                direct.append(by_p)
+                return rows, [one[0] for one in outputs]
+
+            _, values[mine], slopes[mine] = self.family.gradient(self.kind, self.u, p, self.free, of)
+            slopes[mine] += direct[0]
+        for name, one in asked.items():
+            if name not in here:
+                values[places[name]], slopes[places[name]] = self._over(one, p, spread)
+        return values, slopes
+
+    def _over(self, one: object, p: np.ndarray, spread: np.ndarray) -> tuple[float, np.ndarray]:
+        """A number of several states: value and derivatives."""
+        found = [self.family.jacobian(one.kind, u, p, self.free) for u in one.actuations]
+        states = stacked([state for state, _ in found])
+        rows, outputs, by_p = partials(_rows([one]), states, spread)
+        slope = sum(chain(each, by) for each, (_, by) in zip(outputs[0], found, strict=True))
+        return float(rows[0]), slope + by_p[0]
+
+    def _spread(self, z: np.ndarray) -> np.ndarray:
+        """(n, n_p) dp/dz of the free parameters."""
+        h = 1e-6
+        ahead, behind = (self.p(z + sign * h * np.eye(len(z))) for sign in (1, -1))
+        return (ahead - behind) / (2 * h)
+
+    def screen(self, count: int, start: np.ndarray) -> Grid:
+        """The start and Halton's points of the ranges; those that cannot be solved are left out."""
+        n = len(self.free)
+        wanted = [start, *qmc.Halton(n, scramble=False).random(count)[1:]][:count]
+        z, scores = [], []
+        for one in wanted:
+            try:
+                scores.append(self(one[None]))
+                z.append(one)
+            except NumericalError as error:
+                self.failed, last = self.failed + 1, error
+        if not z:
+            raise NumericalError(f"finite elements solve none of the {count} designs tried first: {last}")
+        both = Scores(*(np.concatenate(part) for part in zip(*scores, strict=True)))
+        self._worst = np.hstack(both).max(axis=0)
+        return judged(self, (), np.array(z), both)
+
+    def slope_error(self, z: np.ndarray, step: float = 2e-3) -> float:
+        """Largest difference between the slopes along (1, ..., 1) and those by differences of solves, of fourth order,
+        relative to each row's."""
+        way = np.ones(len(z)) / np.sqrt(len(z))
+        _, slopes = self._with_slopes(z)
+        ends = [np.hstack(self((z + k * step * way)[None]))[0] for k in (2, 1, -1, -2)]
+        plain = (8 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12 * step)
+        size = np.linalg.norm(slopes, axis=1)
+        return float((np.abs(slopes @ way - plain) / np.where(size > 0, size, 1.0)).max(initial=0.0))
+
+
+Rows = Callable[[States], np.ndarray]
+
+
+def _rows(numbers: list[Callable[[States], np.ndarray]]) -> Rows:
+    return lambda states: np.stack([one(states) for one in numbers], axis=1)
+
+
+def partials(rows: Rows, states: States, spread: np.ndarray) -> tuple[np.ndarray, list[list[Outputs]], np.ndarray]:
+    """rows: of designs (M, k states each, one after the other) -> (M, r). One design's k states -> values (r,); for
+    each row its derivatives by the outputs of each state; and by z (r, n) through p itself, spread (n, n_p) = dp/dz."""
+    shape = _Shape(states)
+    y, size = shape.packed(states), shape.sizes(states)
+    points = _STENCIL.points(np.zeros(y.size + len(spread)))
+    moved = y.ravel() + points[:, : y.size] * size.ravel()
+    p = (states.p[None] + points[:, None, y.size :] @ spread).reshape(-1, states.p.shape[1])
+    values = rows(shape.unpacked(moved.reshape(-1, y.shape[1]), p))
+    slopes = _STENCIL.slopes(values)  # (r, those of the outputs and of z)
+    by_y = slopes[:, : y.size].reshape(-1, *y.shape) / size
+    outputs = [[shape.outputs(one) for one in row] for row in by_y]
+    return values[0], outputs, slopes[:, y.size :]
+
+
+class _Shape:
+    """How the numbers of a state stand in one row."""
+
+    def __init__(self, states: States):
+        self.rows, self.names = states.rows, sorted(states.numbers or {})
+        n = self.rows.n
+        self.i, self.j = np.triu_indices(n)
+        self.ends = np.cumsum([len(self.i), n, states.lam.shape[1], states.rest_e.shape[1]])
+
+    def packed(self, states: States) -> np.ndarray:
+        """(m, ...)."""
+        numbers = [states.numbers[name][:, None] for name in self.names]
+        return np.hstack([states.W[:, self.i, self.j], states.delta_free, states.lam, states.rest_e, *numbers])
+
+    def sizes(self, states: States) -> np.ndarray:
+        """What a step of each number is a share of."""
+        diagonal = np.sqrt(np.abs(np.diagonal(states.W, axis1=1, axis2=2)))
+        W = diagonal[:, self.i] * diagonal[:, self.j]
+        length = np.maximum(np.abs(states.delta).max(axis=1), 1e-3)[:, None]
+        force = np.maximum(np.abs(states.lam).max(axis=1), 1e-9)[:, None]
+        numbers = [np.maximum(np.abs(states.numbers[name]), 1e-12)[:, None] for name in self.names]
+        given = ((length, states.delta_free), (force, states.lam), (length, states.rest_e))
+        others = [np.broadcast_to(one, like.shape) for one, like in given]
+        return np.hstack([np.maximum(W, 1e-12 * W.max()), *others, *numbers])
+
+    def unpacked(self, y: np.ndarray, p: np.ndarray) -> States:
+        W, free, lam, rest, numbers = np.split(y, self.ends, axis=1)
+        full = np.zeros((len(y), self.rows.n, self.rows.n))
+        full[:, self.i, self.j] = W
+        full[:, self.j, self.i] = W
+        return States(self.rows, p, full, free, lam, rest, dict(zip(self.names, numbers.T, strict=True)))
+
+    def outputs(self, y: np.ndarray) -> Outputs:
+        W, free, lam, rest, numbers = np.split(y, self.ends)
+        full = np.zeros((self.rows.n, self.rows.n))
+        full[self.i, self.j] += W / 2
+        full[self.j, self.i] += W / 2
+        return Outputs(full, free, lam, rest, dict(zip(self.names, numbers, strict=True)))

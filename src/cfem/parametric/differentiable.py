@@ -1,0 +1,162 @@
+"""Finite elements with derivatives by design parameters: no differences of whole solves.
+
+Everything is by z, the parameters' shares of their ranges. What a state gives: W, delta_free, lambda, where the
+effectors rest, and numbers of the whole body."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.errors import InputError
+from cfem.parametric.family import FiniteElements, Kind, ends, shares
+from cfem.parametric.states import States
+
+# Of each range, by which robots on either side differ. Moved nodes at the same displacements strain the body far more
+# than the design does: truncation of 1e-7 of that residual at 1e-3 would be 2e-3 of the answer (a bar's length).
+_STEP = 2e-5
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Derivatives of a number by what one state gives: W (n, n) symmetric, free (n,), lam (n_a,), rest (n_e,), numbers
+    by name. Or of what the state gives by parameters, whose axis is then the last."""
+
+    W: np.ndarray
+    free: np.ndarray
+    lam: np.ndarray
+    rest: np.ndarray
+    numbers: Mapping[str, np.ndarray]
+
+
+class Differentiable(FiniteElements):
+    """fields: names of numbers that are computed from the deformed body, `strain` or `stress`, beside `volume` (mm^3)
+    and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous robot
+    too."""
+
+    def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], fields: Sequence[str] = ()):
+        super().__init__(scene, mesh, [replace(one, exact=False) for one in parameters])
+        from cfem.equilibrium.fields import Strain, Stress
+
+        self.fields = {name: {"strain": Strain(), "stress": Stress()}[name] for name in fields}
+
+    @property
+    def mass_unknown(self) -> bool:
+        """Whether a material has no density."""
+        return self._family.robot.density is None
+
+    def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
+        if push is not None:
+            return super().at(kind, u, p, push)
+        u = np.broadcast_to(u, (len(p), self.rows.n_a))
+        each = [self._state(one, *self.solve(kind, ask, one, keep=True)) for ask, one in zip(u, p, strict=True)]
+        return stacked(each)
+
+    def _state(self, p: np.ndarray, found: Any, problem: Any) -> States:
+        """One state; the numbers of the body beside it."""
+        c = found.condensed
+        numbers = body_numbers(problem.robot)
+        numbers |= {name: field.value(problem, found.linear.at) for name, field in self.fields.items()}
+        given = {name: np.array([value]) for name, value in numbers.items()}
+        return States(self.rows, p[None], c.W[None], c.delta_free[None], c.lam[None], problem.robot.rest_e[None], given)
+
+    def gradient(
+        self,
+        kind: Kind,
+        u: np.ndarray,
+        p: np.ndarray,
+        free: Sequence[int],
+        slopes: Callable[[States], tuple[np.ndarray, Sequence[Outputs]]],
+    ) -> tuple[States, np.ndarray, np.ndarray]:
+        """One state at p (n_p,); r numbers of it with their derivatives by its outputs, as `slopes` gives them; and
+        their derivatives (r, n) by the shares of the parameters `free`, what depends on p itself left out. One
+        equilibrium, no factorisation beside."""
+        from cfem.equilibrium.adjoint import Weights, gradients
+
+        found, problem = self.solve(kind, u, p, keep=True)
+        state = self._state(p, found, problem)
+        values, asked = slopes(state)
+        if problem.robot.rigid or problem.body.beam is not None:
+            if self.fields:
+                raise InputError(
+                    "strain and stress of a robot with rigid groups have no derivatives yet", where="by: fe"
+                )
+            return state, values, self._chained(found, problem, p, free, asked)
+        W, lam, act = found.condensed.W, found.condensed.lam, self.rows.active
+        weights = []
+        for one in asked:
+            G = one.W.copy()
+            G[:, act] -= np.outer(one.free, lam)
+            l = one.lam - W[:, act].T @ one.free
+            of = tuple((float(one.numbers[name]), field) for name, field in self.fields.items())
+            weights.append(Weights((G + G.T) / 2, one.free, l, one.rest, of))
+        sides, still = self._sides(problem, p, free)
+        found = gradients(found.linear, weights, sides).dJ
+        return state, values, found + np.array([sum(one.numbers[k] * still[k] for k in still) for one in asked])
+
+    def jacobian(self, kind: Kind, u: np.ndarray, p: np.ndarray, free: Sequence[int]) -> tuple[States, Outputs]:
+        """One state at p, and the derivatives of its outputs by the shares of the parameters `free`."""
+        found, problem = self.solve(kind, u, p, keep=True)
+        return self._state(p, found, problem), self._outputs(found, problem, p, free)
+
+    def _outputs(self, found: Any, problem: Any, p: np.ndarray, free: Sequence[int]) -> Outputs:
+        from cfem.equilibrium.jacobian import jacobian
+
+        sides, still = self._sides(problem, p, free)
+        by = jacobian(found.linear, sides)
+        W, lam, act = found.condensed.W, found.condensed.lam, self.rows.active
+        delta_free = by.delta - np.einsum("ijq,j->iq", by.W[:, act], lam) - W[:, act] @ by.lam
+        return Outputs(by.W, delta_free, by.lam, by.rest_e, still)
+
+    def _chained(
+        self, found: Any, problem: Any, p: np.ndarray, free: Sequence[int], asked: Sequence[Outputs]
+    ) -> np.ndarray:
+        by = self._outputs(found, problem, p, free)
+        return np.array([chain(one, by) for one in asked])
+
+    def _sides(self, problem: Any, p: np.ndarray, free: Sequence[int]) -> tuple[list[Any], dict[str, np.ndarray]]:
+        """Of each parameter in `free`, by its share; and the derivatives of volume and mass."""
+        from cfem.equilibrium.parameter_slopes import Sides
+        from cfem.equilibrium.problem import Problem
+
+        low, high = ends(self.parameters)
+        sides, still = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
+        for number, i in enumerate(free):
+            behind, ahead, width = self._family.around(p, i, _STEP, problem.robot)
+            width /= high[i] - low[i]
+            sides.append(Sides(*(Problem(one, like=problem) for one in (behind, ahead)), width))
+            there = [body_numbers(one) for one in (behind, ahead)]
+            for name, slope in still.items():
+                slope[number] = (there[1][name] - there[0][name]) / width
+        return sides, still
+
+    def _place(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return np.concatenate([super()._place(kind, u, p)[: self.rows.n_a], shares(self.parameters, p)])
+
+
+def body_numbers(robot: Any) -> dict[str, float]:
+    """Of the body at rest."""
+    volumes = robot.body.mesh.volumes
+    found = {"volume": float(volumes.sum())}
+    if robot.density is not None:
+        found["mass"] = float(np.sum(robot.density * volumes))
+    return found
+
+
+def chain(number: Outputs, by: Outputs) -> np.ndarray:
+    """(n,): derivatives by parameters of a number of the outputs, from those of the outputs."""
+    found = np.tensordot(number.W, by.W, 2) + number.free @ by.free + number.lam @ by.lam + number.rest @ by.rest
+    return found + sum((number.numbers[name] * slope for name, slope in by.numbers.items()), np.zeros_like(found))
+
+
+def stacked(states: Sequence[States]) -> States:
+    """Many states as one value."""
+    arrays = (
+        np.concatenate([getattr(one, name) for one in states]) for name in ("p", "W", "delta_free", "lam", "rest_e")
+    )
+    names = states[0].numbers or {}
+    return States(
+        states[0].rows, *arrays, {name: np.concatenate([one.numbers[name] for one in states]) for name in names}
+    )
