@@ -92,6 +92,15 @@ def test_the_robots_push_the_object_against_its_load():
     np.testing.assert_allclose(at.forces.sum(axis=0), [-0.1, 0.2, -0.05], atol=1e-9)
 
 
+def test_the_object_balances_to_the_stated_share_of_what_pushes_it():
+    """Wherever the search has stopped: recomputed from the robots' own forces."""
+    rng, coupled = np.random.default_rng(5), two_robots(cubic=0.1)
+    for size in np.logspace(-3, -0.5, 15):
+        at = coupled.at_displacement(DELTA + size * rng.standard_normal(4))
+        left = np.linalg.norm(at.forces.sum(axis=0) + [0.1, -0.2, 0.05])
+        assert left <= 1e-8 * np.linalg.norm(at.forces, axis=1).max()
+
+
 def test_robots_ten_times_as_stiff_under_ten_times_the_load_do_the_same():
     one = two_robots().at_displacement(DELTA)
     ten = two_robots(scale=10.0, wrench=(1.0, -2.0, 0.5)).at_displacement(DELTA)
@@ -138,3 +147,5 @@ def test_an_object_that_nobody_pushes_is_at_rest():
     assert np.abs(at.X).max() < 1e-12 and max(at.balance) <= 1e-9
     noisy = two_robots(wrench=(0.0, 1e-12, 0.0)).at_displacement(np.zeros(4))
     assert noisy.updates <= 1
+    stiff = two_robots(wrench=(0.0, 1e-10, 0.0), scale=1e4).at_displacement(np.zeros(4))
+    assert stiff.updates == 0  # a force that moves the object by 1e-14 mm
