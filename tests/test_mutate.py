@@ -52,3 +52,11 @@ def test_a_kernel_is_part_of_what_is_compiled_with_it(mutate):
     stems = {one.stem for one in mutate.compiled_with(Path("mechanics/material/tensor.py"))}
     assert {"tensor", "neo_hookean", "ogden"} <= stems and "rod" not in stems
     assert mutate.compiled_with(Path("control/qp.py")) == set()
+
+
+def test_changes_that_alter_nothing_are_known_and_gone_ones_named(mutate, monkeypatch, tmp_path, capsys):
+    listed = tmp_path / "equivalent.toml"
+    listed.write_text('[[equivalent]]\nchange = "a"\nwhy = "-"\n[[equivalent]]\nchange = "b"\nwhy = "-"\n')
+    monkeypatch.setattr(mutate, "EQUIVALENT", listed)
+    assert mutate.equivalent({"a", "c"}) == {"a"}
+    assert capsys.readouterr().err == "equivalent.toml: is no more: b\n"
