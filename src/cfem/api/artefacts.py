@@ -133,6 +133,8 @@ def load_model(folder: PathLike, runtime: Literal["arrays", "onnx"] = "arrays") 
         `W` (n, n), `delta_free` (n,), `delta_e` (n_e,) mm from rest, `delta_a`, `lambda_a` (n_a,). Both take parameters
         (n_p,) as a second argument where the model has them. `inside(state)` and `distance(state)` say how near the
         training states are. `rest_e` (n_e,) mm, `reach` (n_a, 2), `rows`.
+        `shape(delta_a)` gives the whole surface, (..., nodes, 3) mm for (..., n_a), `facets` (t, 3) its triangles, and
+        `whole(delta_a)` the condensed robot with the rows of the surface's modes.
 
     Raises:
         InputError: a file is missing or damaged, or the model is of another version.
@@ -141,6 +143,7 @@ def load_model(folder: PathLike, runtime: Literal["arrays", "onnx"] = "arrays") 
     Examples:
         >>> model = cfem.load_model("models/bar/spectral")
         >>> model.at_displacement([5.0]).delta_e, model.at_force([1.0]).delta_e
+        >>> model.shape([5.0]).shape, model.facets.shape
     """
     from cfem.predict.load import load_model as load
 
