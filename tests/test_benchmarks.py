@@ -22,6 +22,7 @@ QUICK = {
 
 # What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
 LONG = {
+    "contact_anywhere.py": "make soft-finger",
     "control_process.py": "an exported model",
     "designs.py": "make parametric-finger",
     "embedded.py": "make embedded",
