@@ -19,8 +19,8 @@ import numpy as np
 
 from cfem.contact import Check, Law, Mode, solve_contact
 from cfem.contact.modes import modes_of, understood
-from cfem.control.contact_linearisation import ContactAim, ContactInverse, ContactInverseStatus, ContactLinearisation
-from cfem.control.contact_program import Program
+from cfem.control.contact.linearisation import ContactAim, ContactInverse, ContactInverseStatus, ContactLinearisation
+from cfem.control.contact.program import Program
 from cfem.control.inverse import Limits
 
 EXHAUSTIVE = 3  # points up to which every choice of modes is tried

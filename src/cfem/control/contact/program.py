@@ -10,8 +10,8 @@ import numpy as np
 
 from cfem.contact import ContactProblem, Law, Mode, check, solve_contact
 from cfem.contact.modes import CONDITION, directions, linear_equations, slip_equations, start_angles, with_angles
-from cfem.control.contact_bounds import Inequality, both, demands, near, opposed, tangent
-from cfem.control.contact_linearisation import ContactAim, ContactInverse, ContactInverseStatus, ContactLinearisation
+from cfem.control.contact.bounds import Inequality, both, demands, near, opposed, tangent
+from cfem.control.contact.linearisation import ContactAim, ContactInverse, ContactInverseStatus, ContactLinearisation
 from cfem.control.inverse import Limits
 from cfem.control.qp import QpStatus, solve_qp
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cfem.contact import ContactProblem, Mode, solve_contact
-from cfem.control.contact_inverse import contact_inverse
-from cfem.control.contact_linearisation import ContactAim, ContactInverseStatus, ContactLinearisation
+from cfem.control.contact.inverse import contact_inverse
+from cfem.control.contact.linearisation import ContactAim, ContactInverseStatus, ContactLinearisation
 from cfem.control.inverse import Limits
 
 OPEN = np.array([-np.inf, np.inf])

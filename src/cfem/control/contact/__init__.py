@@ -1,0 +1,1 @@
+"""The inverse step of a robot that touches something."""
