@@ -33,7 +33,7 @@ def placed(kind: str, point: np.ndarray, normal: np.ndarray, depth: float, size:
     if kind == "plane":
         return Plane(R=R, t=point - depth * normal)
     turn = np.array([[1.0, 0, 0], [0, np.sqrt(0.5), -np.sqrt(0.5)], [0, np.sqrt(0.5), np.sqrt(0.5)]])  # edge first
-    return Box(np.full(3, size), R=R @ turn, t=point + (np.sqrt(2) * size - depth) * normal)
+    return Box(np.array([size / 4, size, size]), R=R @ turn, t=point + (np.sqrt(2) * size - depth) * normal)
 
 
 def main() -> None:
@@ -61,9 +61,12 @@ def main() -> None:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
         normal /= np.linalg.norm(normal)
         kind, depth = ("sphere", "plane", "edge")[place % 3], rng.uniform(0.3, 1.5)
-        obstacle = placed(kind, at[number], normal, depth, 8.0)
         if kind == "plane":  # the foremost patch decides how deep
-            obstacle = placed(kind, at[np.argmax(at @ normal)], normal, depth, 8.0)
+            number = int(np.argmax(at @ normal))
+        obstacle = placed(kind, at[number], normal, depth, 8.0)
+        if size[obstacle.distance(at) < 0].min() < 0.1 * size.max():
+            print(f"  {kind:6s} at patch {number}: left out, it would reach where the body is held")
+            continue
         touchable.at(delta, [obstacle], mu=given.mu)
         begin = time.perf_counter()
         found = touchable.at(delta, [obstacle], mu=given.mu)
