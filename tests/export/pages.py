@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,8 +27,8 @@ ROBOTS = {
 UNILATERAL = ("two cables", "forces")
 
 
-def tube(length: float) -> SimpleNamespace:
-    """The skin of a round bar of that length along -z, ten points around, with three modes: it bends both ways and
+def tube(length: float) -> dict[str, np.ndarray]:
+    """The surface of a round bar of that length along -z, ten points around, with three modes: it bends both ways and
     lengthens."""
     angle, z = np.meshgrid(np.arange(10) * 2 * np.pi / 10, np.linspace(0, -length, 21))
     rest = np.stack([8 * np.cos(angle), 8 * np.sin(angle), z], axis=-1).reshape(-1, 3)
@@ -38,26 +37,34 @@ def tube(length: float) -> SimpleNamespace:
     triangles = np.concatenate([np.column_stack([a, c, b]), np.column_stack([b, c, d])])
     share = (rest[:, 2] / length) ** 2
     modes = np.stack([share[:, None] * np.eye(3)[axis] for axis in range(3)])
-    return SimpleNamespace(rest=rest, triangles=triangles, modes=modes)
+    return {"rest": rest, "triangles": triangles, "modes": modes.astype(np.float32)}
 
 
-def skin_series(meta: dict, arrays: dict) -> np.ndarray:
-    """(3, M): the skin's rows move as the effector does."""
+def skin_of(meta: dict, arrays: dict) -> dict[str, np.ndarray]:
+    """A tube, whose modes move as the effector does, of the model's first actuators."""
     one = meta.get("module", meta)
     n_a, n_e = (len(one["rows"][name]) for name in ("actuators", "effectors"))
-    return arrays["series"][layout(n_a, n_e)["effector"]][:3]
+    others = len(meta["rows"]["actuators"]) - n_a  # of modules behind the first, which the skin does not feel
+    n = arrays["to_box"].shape[1]
+    return tube(meta["length"]) | {
+        "to_box": np.pad(arrays["to_box"], ((0, others), (0, others))) + np.diag([0.0] * n + [0.1] * others),
+        "offset": np.pad(arrays["offset"], (0, others)),
+        "indices": np.pad(arrays["indices"], ((0, 0), (0, others))),
+        "series": arrays["series"][layout(n_a, n_e)["effector"]][:3],
+    }
 
 
-def skin_rows(arrays: dict, series: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """(k,) mm of the skin, by the polynomials as the model has them."""
-    return series @ Basis(arrays["indices"])(arrays["to_box"] @ s[: len(arrays["to_box"])] + arrays["offset"])
+def surface(skin: dict[str, np.ndarray], s: np.ndarray) -> np.ndarray:
+    """(n, 3) mm at inputs s of the form, by the polynomials as they are stored."""
+    rows = skin["series"] @ Basis(skin["indices"])(skin["to_box"] @ s + skin["offset"])
+    return skin["rest"] + np.tensordot(rows, skin["modes"].astype(float), axes=1)
 
 
 def page_of(name: str) -> str:
     """Cables pull only where their states do."""
     meta, arrays = ROBOTS[name]()
     spec = CSpec(controller={"unilateral": name in UNILATERAL, "damping": 1e-7 if name == "modules" else 0.0})
-    return page(meta, arrays, spec, tube(meta["length"]), skin_series(meta, arrays), Embedding())
+    return page(meta, arrays, skin_of(meta, arrays), spec, Embedding())
 
 
 @contextmanager

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from export.embedded import network, serial, spectral
-from export.pages import ROBOTS, page_of, skin_series, tube
+from export.pages import ROBOTS, page_of, skin_of
 from export.test_page_data import unpacked
 
 from cfem.core.errors import InputError
@@ -37,7 +37,7 @@ def test_it_is_the_same_for_the_same_model():
 def test_names_are_text():
     meta, arrays = spectral()
     meta = {**meta, "scene": "<b>&", "rows": {**meta["rows"], "actuators": ["</script>", "a&b"]}}
-    text = page(meta, arrays, CSpec(), tube(meta["length"]), skin_series(meta, arrays), Embedding())
+    text = page(meta, arrays, skin_of(meta, arrays), CSpec(), Embedding())
     assert "<title>&lt;b&gt;&amp;</title>" in text and text.count("</script>") == 2
     assert content(text)[0]["actuators"][0]["name"] == "</script>"
 
@@ -45,18 +45,18 @@ def test_names_are_text():
 def test_stated_pressures_bound_the_forces():
     meta, arrays = serial()
     pressures = np.tile([0.0, 0.2], (6, 1))
-    text = page(meta, arrays, CSpec(), tube(meta["length"]), skin_series(meta, arrays), Embedding(pressures))
+    text = page(meta, arrays, skin_of(meta, arrays), CSpec(), Embedding(pressures))
     assert content(text)[0]["actuators"][0]["lambda"] == [0.0, 0.2]
 
 
 def test_what_the_page_has_no_room_for_is_refused():
     meta, arrays = spectral()
-    thick, skin = np.zeros((41, len(arrays["indices"]))), tube(meta["length"])
-    skin.modes = np.zeros((41, *skin.rest.shape))
+    skin = skin_of(meta, arrays)
+    thick = {"modes": np.zeros((41, *skin["rest"].shape)), "series": np.ones((41, len(skin["indices"])))}
     with pytest.raises(InputError, match="40 modes"):
-        page(meta, arrays, CSpec(), skin, thick, Embedding())
+        page(meta, arrays, skin | thick, CSpec(), Embedding())
     with pytest.raises(InputError, match="no goal to drag"):
         rows = {"effectors": ["a.x", "b.y", "c.z"], "actuators": meta["rows"]["actuators"]}
-        page({**meta, "rows": rows}, arrays, CSpec(), tube(120.0), skin_series(meta, arrays), Embedding())
+        page({**meta, "rows": rows}, arrays, skin, CSpec(), Embedding())
     with pytest.raises(InputError, match="mlp"):
-        page(*network(), CSpec(), tube(120.0), np.zeros((3, 1)), Embedding())
+        page(*network(), skin, CSpec(), Embedding())

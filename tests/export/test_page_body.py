@@ -11,17 +11,17 @@ INSIDE = np.array([[0.0, 0.0, -50.0], [3.0, 1.0, -20.0], [-2.0, 4.0, -95.0]])
 
 
 def test_carriers_reproduce_affine_motions():
-    weights = carriers(INSIDE, SKIN.rest)
+    weights = carriers(INSIDE, SKIN["rest"])
     rng = np.random.default_rng(1)
     A, b = rng.normal(size=(3, 3)), rng.normal(size=3)
-    assert np.abs(weights @ (SKIN.rest @ A.T + b) - (INSIDE @ A.T + b)).max() < 1e-8
+    assert np.abs(weights @ (SKIN["rest"] @ A.T + b) - (INSIDE @ A.T + b)).max() < 1e-8
     assert np.abs(weights).sum(axis=1).max() < 3  # no point hangs on large weights that cancel
 
 
 def test_lines_follow_the_surface_and_what_is_held_does_not():
     line = Line(1, np.array([[0.0, 0.0, 30.0], *INSIDE]), 0.5, held=1)
-    made = body(SKIN.rest, SKIN.modes, SKIN.triangles, [line, Line(0, INSIDE[:1], 2.0)])
-    n = len(SKIN.rest)
+    made = body(SKIN["rest"], SKIN["modes"], SKIN["triangles"], [line, Line(0, INSIDE[:1], 2.0)])
+    n = len(SKIN["rest"])
     assert made.lines == [(1, n, 4, 0.5), (0, n + 4, 1, 2.0)]
     assert (made.rest[n : n + 4] == line.points).all() and (made.modes[:, n] == 0).all()
     # the skin's modes are (z / L)^2 in x, y and z

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from export.embedded import states
-from export.pages import ROBOTS, browser, opened, page_of, skin_rows, skin_series, tube, until
+from export.pages import ROBOTS, browser, opened, page_of, skin_of, surface, until
 
 from cfem.predict.load import build
 
@@ -64,7 +64,7 @@ def shown(tab) -> dict:
 def test_tip_and_surface_are_python_s(chromium, files, name):
     """100 commands set by hand: the effectors and every point of the surface to 1e-6 mm."""
     meta, arrays = ROBOTS[name]()
-    model, skin, series = build(meta, arrays), tube(meta["length"]), skin_series(meta, arrays)
+    model, skin = build(meta, arrays), skin_of(meta, arrays)
     s = states("displacement", model.rows.n_a, COMMANDS)
     tab = opened(chromium, files(name))
     there = tab.evaluate(
@@ -73,13 +73,12 @@ def test_tip_and_surface_are_python_s(chromium, files, name):
         s.tolist(),
     )
     assert len(there) == COMMANDS and not any(status for status, *_ in there)
-    n = skin.rest.size
+    n = skin["rest"].size
     for command, (_, lambda_a, x_e, x) in zip(s, there, strict=True):
         expected = model.at_displacement(command)
         given = expected.lam if model.form == "force" else command
-        surface = skin.rest + np.tensordot(skin_rows(arrays, series, given), skin.modes, axes=1)
         assert np.abs(np.array(x_e) - model.rest_e - expected.delta_e).max() < EXACT
-        assert np.abs(np.array(x[:n]) - surface.ravel()).max() < EXACT
+        assert np.abs(np.array(x[:n]) - surface(skin, given).ravel()).max() < EXACT
         assert np.abs(np.array(lambda_a) - expected.lam).max() < EXACT
     assert tab.faults == []
     tab.context.close()

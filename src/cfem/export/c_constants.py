@@ -51,11 +51,9 @@ class Surrogate:
         )
 
 
-def surrogate(
-    meta: dict, arrays: dict[str, np.ndarray], spec: CSpec, others: dict[str, np.ndarray] | None = None
-) -> tuple[Surrogate, np.ndarray]:
-    """The model's constants, and the values (n_p,) of its parameters; others: series by name, (outputs, M) on the
-    model's basis, to be had beside its own. InputError for a model that the C controller cannot hold."""
+def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
+    """The model's constants, and the values (n_p,) of its parameters. InputError for a model that the C controller
+    cannot hold."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no C code", do=f"train kind: {', '.join(KINDS)}, or export ONNX")
     if meta["kind"] == "serial" and meta["module"]["kind"] != "spectral":
@@ -66,11 +64,8 @@ def surrogate(
         raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
     p = vector(predictor.parameters, spec.parameters, "c.parameters")
-    if meta["kind"] == "mlp":
-        found = _mlp(predictor, arrays, p, spec)
-    else:
-        kinds = {"spectral": _spectral, "serial": _serial}
-        found = kinds[meta["kind"]](predictor, arrays, p, spec, others or {})
+    kinds = {"spectral": _spectral, "mlp": _mlp, "serial": _serial}
+    found = kinds[meta["kind"]](predictor, arrays, p, spec)
     if not spec.full:
         return found, p
     # W_ee alone is concerned, which control does not use
@@ -84,13 +79,7 @@ def _softer(predictor: Predictor, p: np.ndarray) -> float:
     return float(predictor.softer(p)) if len(p) else 1.0
 
 
-def _spectral(
-    predictor: Predictor,
-    arrays: dict[str, np.ndarray],
-    p: np.ndarray,
-    spec: CSpec,
-    others: dict[str, np.ndarray],
-) -> Surrogate:
+def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     softer, scalar = _softer(predictor, p), np.dtype(spec.scalar if spec.scalar == "double" else "float32")
     parts = layout(n_a, n_e)
@@ -103,7 +92,7 @@ def _spectral(
     if predictor.form == "force":
         to_box = to_box * softer
     outputs = np.vstack([effector, compliance]) if spec.full else effector
-    series = {"potential": potential, "effector": outputs, **others}
+    series = {"potential": potential, "effector": outputs}
     kept = {name: np.flatnonzero((value != 0).any(axis=0)) for name, value in series.items()}
     axes, trees = trees_of(indices, kept)
     constants = {"cfem_to_box": to_box[axes], "cfem_offset": offset[axes]}
@@ -118,23 +107,17 @@ def _spectral(
         "CFEM_SERIES_NE": n_e,
         "CFEM_SERIES_OUTPUTS": len(outputs),
         "CFEM_NZ": len(axes),
-        "CFEM_DEGREE": max(int(indices[np.concatenate([*kept.values()])].max(initial=1)), 1),
+        "CFEM_DEGREE": max(int(indices[np.union1d(*kept.values())].max(initial=1)), 1),
         **{f"CFEM_{name.upper()}_GROUPS": len(tree.groups) for name, tree in trees.items()},
     }
     return Surrogate(sizes, constants, [], {name: tree.groups for name, tree in trees.items()}, predictor)
 
 
-def _serial(
-    predictor: SerialPredictor,
-    arrays: dict[str, np.ndarray],
-    p: np.ndarray,
-    spec: CSpec,
-    others: dict[str, np.ndarray],
-) -> Surrogate:
+def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
     """The module's series, and what the modules are beside it."""
     if spec.full:
         raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
-    module = _spectral(predictor.module, arrays, p, spec, others)
+    module = _spectral(predictor.module, arrays, p, spec)
     softer = np.asarray(predictor.meta["softer"], float)
     return replace(
         module,

@@ -8,10 +8,10 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.shown import length
-from cfem.export.c_constants import Surrogate, controller, surrogate
+from cfem.export.c_constants import controller, surrogate
 from cfem.export.embedding import Embedding
-from cfem.export.page_block import block
-from cfem.export.page_body import Body, body, lines
+from cfem.export.page_block import block, skin_series
+from cfem.export.page_body import body, lines
 from cfem.export.page_data import Fixed, pack
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
@@ -19,34 +19,31 @@ from cfem.predict.protocol import Predictor
 ASSETS = files("cfem.export") / "web"
 SCRIPTS = ("data.js", "robot.js", "scene.js", "words.js", "reach.js", "hands.js", "app.js")
 KINDS = ("spectral", "serial")
-EXACT = 1e-7  # mm: about what rounding moves a point by
+EXACT = 1e-7  # mm: the finest step of what is stored of places
 POINT = ("x", "y", "z")
 
 
-def page(
-    meta: dict, arrays: dict[str, np.ndarray], spec: CSpec, skin: Any, series: np.ndarray, robot: Embedding
-) -> str:
-    """The whole file. skin: rest (n, 3) mm, triangles (t, 3), modes (k, n, 3); series: (k, M) of its rows, on the
-    model's basis. InputError where the page has no room for the robot."""
+def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray], spec: CSpec, robot: Embedding) -> str:
+    """The whole file. skin: arrays of `cfem.predict.skin`. InputError where the page has no room for the robot."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no page", do=f"train kind: {' or '.join(KINDS)}")
     if robot.rest_e is not None:
         meta = {**meta, "rest_e": robot.rest_e.tolist()}
     spec = spec.model_copy(update={"scalar": "double", "full": False})
-    model, p = surrogate(meta, arrays, spec, {"skin": series})
+    model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
-    points = watched(predictor)
-    chosen = spec.controller
-    if chosen.weights is None:
-        weights = np.isin(np.arange(predictor.rows.n_e), [row for one in points for row in range(*one["rows"])])
-        chosen = chosen.model_copy(update={"weights": weights.astype(float).tolist()})
+    points, chosen = watched(predictor), spec.controller
+    if chosen.weights is None:  # a goal is a place: rotations follow
+        dragged = [row for one in points for row in range(*one["rows"])]
+        weights = np.isin(np.arange(predictor.rows.n_e), dragged).astype(float).tolist()
+        chosen = chosen.model_copy(update={"weights": weights})
     defines, constants = controller(predictor, p, chosen, "double", robot.pressures)
-    drawn = body(skin.rest, skin.modes, skin.triangles, lines(meta["robot"], predictor.length))
+    drawn = body(skin["rest"], skin["modes"], skin["triangles"], lines(meta["robot"], predictor.length))
     said = {
         "actuators": actuators(predictor, constants),
         "points": points,
         "rest_e": predictor.rest_e.tolist(),
-        "skin": len(skin.modes),
+        "skin": len(drawn.modes),
         "length": predictor.length,
         "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
         "command": chosen.command,
@@ -55,9 +52,9 @@ def page(
     }
     data = {
         "code": (ASSETS / "cfem.wasm").read_bytes(),
-        "block": block(model, defines, constants, len(skin.modes)),
-        "rest": Fixed(drawn.rest, np.array([max(np.abs(drawn.rest).max() / 2**30, EXACT / 4)])),
-        "modes": Fixed(drawn.modes, steps(drawn, model, meta)),
+        "block": block(model, defines, constants, skin_series(predictor, skin, p)),
+        "rest": Fixed(drawn.rest, np.array([max(np.abs(drawn.rest).max() / 2**30, EXACT)])),
+        "modes": drawn.modes.astype(np.float32),
         "triangles": drawn.triangles,
         "states": predictor.domain.states[:, : predictor.rows.n_a],
     }
@@ -97,15 +94,6 @@ def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[di
             }
         )
     return found
-
-
-def steps(drawn: Body, model: Surrogate, meta: dict) -> np.ndarray:
-    """(k,) of each mode, so fine that its rounding moves no point by more than a part of EXACT where the model was
-    trained."""
-    terms = np.asarray(model.arrays["cfem_skin"]).reshape(-1, len(drawn.modes))
-    largest = np.abs(terms).sum(axis=0)  # |T_k| <= 1 on the box
-    finest = np.abs(drawn.modes).max(axis=(1, 2)) / 2**30
-    return np.maximum(EXACT / np.maximum(largest, 1e-12), np.maximum(finest, 1e-300))
 
 
 def about(meta: dict, predictor: Predictor) -> str:

@@ -27,7 +27,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Body:
-    """rest (n, 3) mm; modes (k, n, 3): x = rest + sum of modes times skin rows; triangles (t, 3), of the first points;
+    """rest (n, 3) mm; modes (k, n, 3): positions x = rest + sum of modes times skin rows; triangles (t, 3) of the first
+    points;
     lines: (actuator, first point, number of points, radius mm)."""
 
     rest: np.ndarray

@@ -35,7 +35,7 @@ class Fixed:
 
 
 def pack(said: dict[str, Any], arrays: dict[str, np.ndarray | Fixed | bytes]) -> Packed:
-    """said: JSON; arrays: bytes as they are, whole numbers as 32 bits, real ones as Fixed or double."""
+    """said: JSON; arrays: bytes as they are, whole numbers and float32 as 32 bits, others as Fixed or double."""
     index, parts = {}, []
     for name, array in arrays.items():
         described, data = _described(array)
@@ -52,6 +52,8 @@ def _described(array: np.ndarray | Fixed | bytes) -> tuple[dict[str, Any], bytes
         return {"type": "bytes"}, array
     if isinstance(array, Fixed):
         return {"type": "fixed", "steps": array.steps.tolist()}, _planes(array.whole())
+    if array.dtype == np.float32:
+        return {"type": "single"}, _planes(array.view("<i4"))
     if np.issubdtype(array.dtype, np.integer):
         return {"type": "whole"}, _planes(array.astype("<i4"))
     return {"type": "double"}, array.astype("<f8").tobytes()

@@ -51,6 +51,9 @@ typedef struct {
     double to_box[CFEM_MOST_NZ][CFEM_MOST_NA], offset[CFEM_MOST_NZ];
     double softer[CFEM_MOST_MODULES], module_rest[3];
     cfem_series potential, effector, skin;
+    /* The skin's own coordinates. */
+    int skin_n_z, skin_degree;
+    double skin_to_box[CFEM_MOST_NZ][CFEM_MOST_NA], skin_offset[CFEM_MOST_NZ];
 } cfem_robot;
 
 extern cfem_robot cfem_here;

@@ -57,18 +57,18 @@ static int between(reader *r, int least, int value, int most) {
     return r->good;
 }
 
-static void a_series(reader *r, cfem_series *f, int outputs) {
+static void a_series(reader *r, cfem_series *f, int outputs, int n_z, int degree) {
     const int32_t *sizes = take(r, 2 * sizeof *sizes);
     if (!r->good || !between(r, 0, sizes[0], 1 << 16) || !between(r, 0, sizes[1], sizes[0])) return;
     f->outputs = outputs, f->terms = sizes[0], f->groups = sizes[1];
     f->coefficients = take(r, (size_t)f->terms * (size_t)outputs * sizeof *f->coefficients);
     f->degrees = take(r, (size_t)f->terms);
     f->group = take(r, (size_t)f->groups * sizeof *f->group);
-    for (int m = 0; r->good && m < f->terms; m++) between(r, 0, f->degrees[m], cfem_here.degree);
+    for (int m = 0; r->good && m < f->terms; m++) between(r, 0, f->degrees[m], degree);
     for (int g = 0, end = 0; r->good && g < f->groups; end = f->group[g++].end) {
         between(r, end, f->group[g].end, f->terms);
-        between(r, 0, f->group[g].depth, cfem_here.n_z - 1);
-        for (int d = 0; r->good && d < cfem_here.n_z - 1; d++) between(r, 0, f->group[g].degrees[d], cfem_here.degree);
+        between(r, 0, f->group[g].depth, n_z - 1);
+        for (int d = 0; r->good && d < n_z - 1; d++) between(r, 0, f->group[g].degrees[d], degree);
     }
     if (r->good && f->groups) between(r, f->terms, f->group[f->groups - 1].end, f->terms);
 }
@@ -78,13 +78,15 @@ int SERVED(load)(const unsigned char *block, int size) {
     reader r = {block, block + size, 1};
     cfem_robot *const to = &cfem_here;
     int *const counts = &to->kind;
-    const int32_t *head = take(&r, 16 * sizeof *head);
+    const int32_t *head = take(&r, 18 * sizeof *head);
     if (!r.good) return 1;
     for (int i = 0; i < 14; i++) counts[i] = head[i];
     const int skin = head[14], n_a = to->n_a, n_e = to->n_e;
+    to->skin_n_z = head[15], to->skin_degree = head[16];
     between(&r, CFEM_KIND_SPECTRAL, to->kind, CFEM_KIND_SERIAL);
     between(&r, 1, n_a, CFEM_MOST_NA), between(&r, 1, n_e, CFEM_MOST_NE);
     between(&r, 1, to->n_z, CFEM_MOST_NZ), between(&r, 1, to->degree, CFEM_MOST_DEGREE);
+    between(&r, 1, to->skin_n_z, CFEM_MOST_NZ), between(&r, 1, to->skin_degree, CFEM_MOST_DEGREE);
     between(&r, 0, skin, CFEM_MOST_SKIN), between(&r, 1, to->modules, CFEM_MOST_MODULES);
     if (to->kind == CFEM_KIND_SERIAL)
         between(&r, 6, to->series_n_e, 6), between(&r, n_a, to->modules * to->series_n_a, n_a), between(&r, 3, n_e, 3);
@@ -101,22 +103,24 @@ int SERVED(load)(const unsigned char *block, int size) {
     matrix(&r, to->domain_delta_a, 2, n_a), matrix(&r, to->domain_lambda_a, 2, n_a);
     matrix(&r, to->to_box, to->n_z, to->series_n_a), numbers(&r, to->offset, to->n_z);
     numbers(&r, to->softer, to->modules), numbers(&r, to->module_rest, 3);
-    a_series(&r, &to->potential, 1);
-    a_series(&r, &to->effector, to->series_n_e);
-    a_series(&r, &to->skin, skin);
+    matrix(&r, to->skin_to_box, to->skin_n_z, n_a), numbers(&r, to->skin_offset, to->skin_n_z);
+    a_series(&r, &to->potential, 1, to->n_z, to->degree);
+    a_series(&r, &to->effector, to->series_n_e, to->n_z, to->degree);
+    a_series(&r, &to->skin, skin, to->skin_n_z, to->skin_degree);
     return !(r.good && r.at == r.end);
 }
 
 /* --- the skin ----------------------------------------------------------------------------------------------------------- */
 
-/* Values of a series at s, summed from the leaves as in cfem_spectral.c. out (outputs,). */
-static void values(const cfem_series *f, const double *s, double *out) {
+/* Rows of the skin at s, (outputs,) mm, summed from the leaves as in cfem_spectral.c. */
+static void skin_rows(const double *s, double *out) {
+    const cfem_series *const f = &cfem_here.skin;
     double T[CFEM_MOST_NZ][CFEM_MOST_DEGREE + 1], sum[CFEM_MOST_NZ][CFEM_MOST_SKIN];
-    const int N = cfem_here.n_z, outputs = f->outputs;
+    const int N = cfem_here.skin_n_z, outputs = f->outputs;
     for (int i = 0; i < N; i++) {
-        const double z = cfem_here.offset[i] + cfem_dot(cfem_here.series_n_a, cfem_here.to_box[i], s);
+        const double z = cfem_here.skin_offset[i] + cfem_dot(cfem_here.n_a, cfem_here.skin_to_box[i], s);
         T[i][0] = 1.0, T[i][1] = z;
-        for (int k = 2; k <= cfem_here.degree; k++) T[i][k] = 2.0 * z * T[i][k - 1] - T[i][k - 2];
+        for (int k = 2; k <= cfem_here.skin_degree; k++) T[i][k] = 2.0 * z * T[i][k - 1] - T[i][k - 2];
         for (int o = 0; o < outputs; o++) sum[i][o] = 0.0;
     }
     for (int g = 0, m = 0; g < f->groups; g++) {
@@ -146,7 +150,7 @@ void SERVED(surface)(int points, int triangles, const double *rest, const double
 /* Where the skin is: io.skin, and x (points, 3) mm; drawn, normals: the same for a graphics card, normals of length one (0 of lone points). */
 void SERVED(shape)(double *x, float *drawn, float *normals) {
     const int count = 3 * surface.points;
-    values(&cfem_here.skin, CFEM_FORM_DISPLACEMENT ? io.delta_a : io.lambda_a, io.skin);
+    skin_rows(CFEM_FORM_DISPLACEMENT ? io.delta_a : io.lambda_a, io.skin);
     __builtin_memcpy(x, surface.rest, (size_t)count * sizeof *x);
     for (int k = 0; k < cfem_here.skin.outputs; k++) {
         const double *mode = surface.modes + (size_t)k * (size_t)count, s = io.skin[k];

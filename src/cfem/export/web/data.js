@@ -39,6 +39,7 @@ async function unpack(element) {
     const part = whole.slice(at, at + one.bytes);
     at += one.bytes + (8 - one.bytes % 8) % 8;
     arrays[name] = one.type === "bytes" ? part : one.type === "double" ? new Float64Array(part.buffer) : fromPlanes(part);
+    if (one.type === "single") arrays[name] = Float64Array.from(new Float32Array(arrays[name].buffer));
     if (one.type !== "fixed") continue;
     const count = arrays[name].length / one.steps.length;
     arrays[name] = Float64Array.from(arrays[name], (value, i) => value * one.steps[Math.floor(i / count)]);
