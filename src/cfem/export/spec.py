@@ -12,7 +12,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import Length
 from cfem.predict.load_spec import LoadSpec
 
-Format = Literal["arrays", "onnx", "torchscript", "c"]
+Format = Literal["arrays", "onnx", "torchscript", "c", "html"]
 
 
 class ControllerSpec(Spec):
@@ -80,7 +80,9 @@ class ExportSpec(Spec):
     model: Path
     """Folder of `cfem train`."""
     scene: Path | None = None
-    """For format c: the scene whose stated pressures bound the multipliers."""
+    """For formats c and html: the scene whose stated pressures bound the multipliers."""
+    skin: Path | None = None
+    """For format html: folder of a model of the same robot whose skin is drawn. The model's own unless given."""
     out: Path
     """Folder for the files."""
     formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")
@@ -91,4 +93,4 @@ class ExportSpec(Spec):
     shape: bool = False
     """Whether to write the whole surface in every format too: shape.onnx, shape.ts, cfem_shape in C."""
     c: CSpec = CSpec()
-    """Settings of format c."""
+    """Settings of format c; of its controller and parameters, for format html too."""

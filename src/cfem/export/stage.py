@@ -26,7 +26,8 @@ from cfem.predict.skin import FILE
 from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec
 
-FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c"}
+FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c", "html": "page.html"}
+CONTROLLERS = {"c", "html"}
 PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
 NOTHING = Embedding()
 
@@ -35,22 +36,27 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     """The export's manifest; results: largest relative difference from the trained model and size, by format."""
     made = stage(spec_path, overrides, out)
     embedded = _embedding(made.spec, spec_path.parent)
-    return run_stage(made, partial(work, spec=made.spec, model_folder=made.inputs["model"], embedded=embedded), options)
+    model, skin = made.inputs["model"], made.inputs.get("skin")
+    return run_stage(
+        made, partial(work, spec=made.spec, model_folder=model, embedded=embedded, skin_folder=skin), options
+    )
 
 
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     spec, base = load_spec(spec_path, ExportSpec, overrides), spec_path.parent
 
     def extra() -> dict[str, Any]:
-        return {"c": _sources(), "embedding": plain(vars(_embedding(spec, base)))} if "c" in spec.formats else {}
+        chosen = CONTROLLERS & set(spec.formats)
+        found = {name: _sources(name) for name in sorted(chosen)}
+        return found | ({"embedding": plain(vars(_embedding(spec, base)))} if chosen else {})
 
     return Stage(
         name="export",
         version=4,
         spec=spec,
-        inputs={"model": base / spec.model},
+        inputs={"model": base / spec.model} | ({"skin": base / spec.skin} if spec.skin else {}),
         out=out or base / spec.out,
-        paths=("model", "scene", "out"),
+        paths=("model", "scene", "skin", "out"),
         extra=extra,
         spec_path=spec_path,
         overrides=overrides,
@@ -58,7 +64,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 
 
 def _embedding(spec: ExportSpec, base: Path) -> Embedding:
-    if "c" not in spec.formats:
+    if not CONTROLLERS & set(spec.formats):
         return NOTHING
     meta, scene = read_meta(base / spec.model), None
     if spec.scene is not None:
@@ -67,16 +73,27 @@ def _embedding(spec: ExportSpec, base: Path) -> Embedding:
     return embedding(meta, spec.c, scene)
 
 
-def _sources() -> dict[str, str]:
-    """Content hashes of the C code that an export copies."""
+def _sources(name: str) -> dict[str, str]:
+    """Content hashes of what an export copies from the package."""
+    if name == "html":
+        from cfem.export.page_file import sources
+
+        return sources()
     from cfem.export import c_export, c_skin
 
     paths = [path for folder in (c_export.SOURCES, c_skin.SOURCES) for path in folder.iterdir()]
     return {path.name: file_sha256(path) for path in sorted(paths)}
 
 
-def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding = NOTHING) -> dict[str, Any]:
-    """Writes every format, runs each from its file, compares."""
+def work(
+    folder: Path,
+    spec: ExportSpec,
+    model_folder: Path,
+    embedded: Embedding = NOTHING,
+    skin_folder: Path | None = None,
+) -> dict[str, Any]:
+    """Writes every format, runs each from its file, compares. skin_folder: of the model whose skin a page draws, if it
+    is another."""
     for name in spec.formats:
         demand(*PACKAGES.get(name, ()), where=f"formats: {name}")
     meta, arrays = read_model(model_folder)
@@ -84,6 +101,11 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     if spec.loads:
         meta, arrays, vectors = _under_loads(spec, meta, arrays, vectors)
     write_npz(folder / VECTORS, vectors)
+    page_bytes = None
+    if "html" in spec.formats:
+        from cfem.export.page_file import write_page
+
+        page_bytes = write_page(folder / FILES["html"], spec, meta, arrays, skin_folder or model_folder, embedded)
     if "arrays" in spec.formats:
         write_npz(folder / FILES["arrays"], arrays)
     if {"onnx", "torchscript"} & set(spec.formats):
@@ -94,7 +116,7 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     parity = {
         name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
         for name in spec.formats
-        if name != "c"
+        if name not in CONTROLLERS
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
     report = None
@@ -119,6 +141,9 @@ def work(folder: Path, spec: ExportSpec, model_folder: Path, embedded: Embedding
     ]
     if report and report["parity"] is None:
         headline.append("c: not compared with the trained model, there is no C compiler here")
+    if page_bytes is not None:
+        sizes["html"] = page_bytes
+        headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
     results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
     return {**results, "c": report} if report else results
 

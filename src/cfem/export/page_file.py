@@ -1,0 +1,61 @@
+"""Writes the page of a trained model: its own skin, or that of another model of the same robot."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.core.files import file_sha256, write_whole
+from cfem.core.stage import read_manifest
+from cfem.export.embedding import Embedding
+from cfem.export.page import ASSETS, page
+from cfem.export.spec import ExportSpec
+from cfem.predict.load import read_arrays, read_meta, skin_of
+from cfem.predict.protocol import Predictor, build
+from cfem.predict.skin import FILE
+
+
+def write_page(
+    path: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray], skin_folder: Path, robot: Embedding
+) -> int:
+    """Bytes of the page. meta, arrays: of the model without loads; skin_folder: of the model whose skin it draws."""
+    if spec.loads:
+        raise InputError("a page draws no loads", where="loads", do="leave them out, or leave html out of `formats`")
+    moved = [one["name"] for one in meta["parameters"] if one["key"].startswith("geometry")]
+    if spec.c.parameters and moved:
+        what = f"the surface of other designs is not known: '{moved[0]}' changes where it rests"
+        raise InputError(what, where="c.parameters", do="leave the parameters out, for the scene's own design")
+    skin = read_skin(skin_folder, build(meta, arrays))
+    text = page(meta, arrays, skin, spec.c, robot).encode()
+    write_whole(path, text)
+    return len(text)
+
+
+def read_skin(folder: Path, predictor: Predictor) -> dict[str, np.ndarray]:
+    """The arrays of a model folder's skin, for a model of the same inputs. InputError where it has none."""
+    if FILE not in read_manifest(folder)["files"]:
+        do = "train a model of samples with `skin: {}` in sample.yaml, or name one that has a skin under `skin`"
+        raise InputError("the model has no skin, so there is nothing to draw", where=str(folder), do=do)
+    arrays, other = read_arrays(folder, FILE), read_meta(folder)
+    mine = predictor.meta
+    for what, one, two in (
+        ("actuators", mine["rows"]["actuators"], other["rows"]["actuators"]),
+        ("form", mine["form"], other["form"]),
+        ("robot", mine.get("robot"), other.get("robot")),
+        ("parameters", mine["parameters"], other["parameters"]),
+    ):
+        if one != two:
+            raise InputError(
+                f"the skin is of a model with another {what}", where=str(folder), do="name one of this robot"
+            )
+    try:
+        skin_of(predictor, arrays)
+    except InputError as error:
+        raise InputError(error.what, where=str(folder / FILE), do="train it again") from None
+    return arrays
+
+
+def sources() -> dict[str, Any]:
+    """Content hashes of what every page holds."""
+    return {one.name: file_sha256(one) for one in sorted(Path(str(ASSETS)).iterdir()) if one.suffix not in (".c", ".h")}
