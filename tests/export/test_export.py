@@ -83,5 +83,5 @@ def test_only_the_formats_asked_for(tmp_path):
 
 def test_an_unknown_format_is_a_spec_error(tmp_path):
     (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [pickle]\n")
-    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript' or 'c'"):
+    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript', 'c' or 'html'"):
         run(tmp_path / "export.yaml", [], None, Options())

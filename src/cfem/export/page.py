@@ -19,6 +19,7 @@ from cfem.predict.protocol import Predictor
 ASSETS = files("cfem.export") / "web"
 SCRIPTS = ("data.js", "robot.js", "scene.js", "words.js", "reach.js", "hands.js", "app.js")
 KINDS = ("spectral", "serial")
+LEAST = 1e-3  # mm: a smaller error is of no interest to those who look
 EXACT = 1e-7  # mm: the finest step of what is stored of places
 POINT = ("x", "y", "z")
 
@@ -101,7 +102,8 @@ def about(meta: dict, predictor: Predictor) -> str:
     error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
     known = ""
     if error is not None:
-        known = f" Its tip is off the finite-element model's by at most {length(max(error, 1e-4))} in unseen states."
+        off = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
+        known = f" The largest error of its tip in unseen states: {off}."
     return (
         f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "
         "Nothing is sent anywhere. Made by cfem."
