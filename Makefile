@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate wasm $(SCENES)
+.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate pages wasm $(SCENES)
 
 # The soft finger through all its stages, three numbers and a page.
 demo: export CFEM_STEP := 1/7
@@ -123,6 +123,12 @@ embedded: .venv/all
 embedded-stiff-flop: stiff-flop
 	$(CFEM) run pipelines/$</export-c.yaml pipelines/$</export-c-serial.yaml
 	for model in spectral serial; do $(MAKE) -C models/$</$$model-embedded/c test measure size || exit; done
+
+# A page of each robot that any browser opens, and a gallery of them: build/pages/index.html.
+PAGES := soft-finger/export-page bar/export-page diamond/export-page trunk/export-page stiff-flop/export-page stiff-flop/export-page-serial
+pages: .venv/all
+	$(CFEM) run $(PAGES:%=pipelines/%.yaml)
+	$(PYTHON) scripts/pages.py $(foreach robot,soft-finger bar diamond trunk stiff-flop,models/$(robot)/page) models/stiff-flop/page-serial
 
 # The program of the page that `cfem export` writes, compiled again after its C code has changed; the compiler is a wheel of 80 MB.
 wasm: .venv/dev

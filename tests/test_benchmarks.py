@@ -29,6 +29,7 @@ LONG = {
     "front_nsga.py": "make finger-shapes",
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
+    "page.py": "make pages",
     "throughput.py": "make soft-finger",
 }
 

@@ -128,10 +128,19 @@ function start(robot) {
   }
 
   // --- every frame
-  let busy = 0;
-  function frame() {
+  let busy = 0, lastFrame = 0, slow = 0;
+  // A machine that draws slowly gets fewer pixels while things move, and all of them when they stand.
+  function sharpen(now) {
+    const late = now - lastFrame, moving = state.moving || state.dragged !== null;
+    lastFrame = now;
+    slow = moving && late < 500 ? 0.85 * slow + 0.15 * late : 0;
+    if (!moving) { state.camera.sharpness = 1; return; }
+    if (slow > 26) { state.camera.sharpness = Math.max(0.45, 0.85 * (state.camera.sharpness ?? 1)); slow = 16; }
+  }
+  function frame(now) {
     requestAnimationFrame(frame);
     if (!state.shown) return;
+    sharpen(now);
     const begin = performance.now();
     if (reach.more(8)) scene.setReach(reach.places, reach.lines);
     if (state.moving && !state.byHand) step(said.paced ? 1 : TICKS);
@@ -139,7 +148,8 @@ function start(robot) {
     draw();
     tell();
     if (state.byHand) state.moving = false;
-    state.shown = state.moving || state.dragged !== null || !reach.done;
+    const unsharp = (state.camera.sharpness ?? 1) < 1;
+    state.shown = state.moving || state.dragged !== null || !reach.done || unsharp;
     busy = performance.now() - begin;
   }
   function step(most) {

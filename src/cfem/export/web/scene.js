@@ -1,4 +1,4 @@
-// Draws the robot with WebGL: its body, translucent, over what is inside of it; the reach of the tip; goal and tip.
+// Draws the robot with WebGL: its body, with what is inside showing through; the reach of the tip; goal and tip.
 const VERTEX = `
 attribute vec3 place, normal; attribute vec4 paint;
 uniform mat4 view; uniform mat3 turn; uniform float size;
@@ -43,8 +43,16 @@ function axesOf(camera) {
   return { right, up: cross(towards, right), towards };
 }
 
+// Whether WebGL has no graphics card here: smooth edges then cost twice the time.
+function inSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl"), known = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = known ? gl.getParameter(known.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
 function makeScene(canvas, robot) {
-  const gl = canvas.getContext("webgl", { antialias: true, alpha: false, preserveDrawingBuffer: false });
+  const gl = canvas.getContext("webgl", { antialias: !inSoftware(), alpha: false });
   if (!gl || !gl.getExtension("OES_element_index_uint")) throw new Error("This page needs WebGL, which this browser lacks or has switched off, so nothing is drawn.");
   const compile = (type, text) => {
     const shader = gl.createShader(type);
@@ -98,7 +106,7 @@ function makeScene(canvas, robot) {
   }
 
   function frame(camera) {
-    const wide = canvas.clientWidth, tall = canvas.clientHeight, ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const wide = canvas.clientWidth, tall = canvas.clientHeight, ratio = Math.min(window.devicePixelRatio || 1, 2) * (camera.sharpness ?? 1);
     const columns = Math.max(1, Math.round(wide * ratio)), rows = Math.max(1, Math.round(tall * ratio));
     if (canvas.width !== columns || canvas.height !== rows) { canvas.width = columns; canvas.height = rows; }
     const { right, up, towards } = axesOf(camera), scale = 2 / camera.height, aspect = wide / tall || 1, depth = 20 * camera.size;
@@ -123,25 +131,28 @@ function makeScene(canvas, robot) {
     gl.uniformMatrix4fv(uniforms.view, false, [x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, x[3], y[3], z[3], 1]);
     gl.uniformMatrix3fv(uniforms.turn, false, [f.right[0], f.up[0], f.towards[0], f.right[1], f.up[1], f.towards[1], f.right[2], f.up[2], f.towards[2]]);
 
-    const out = { place: [], normal: [], paint: [] };
-    for (const [points, radius, colour] of lines) tube(points, radius, [...colour, 1], out);
-    look(0, 1, [0, 0, 0, 0]);
-    if (out.place.length) {
+    gl.enable(gl.CULL_FACE);
+    feed(slots.place, buffers.place, robot.drawn);
+    feed(slots.normal, buffers.normal, robot.normals);
+    one(slots.paint, ...theme.body, 1);
+    look(0, 1, [...theme.rim, 0.45]);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.triangles);
+    gl.drawElements(gl.TRIANGLES, robot.triangles.length, gl.UNSIGNED_INT, 0);
+
+    // What is inside shows through: in full where nothing hides it, else fainter.
+    for (const [alpha, depth] of [[0.65, gl.GREATER], [1, gl.LEQUAL]]) {
+      const out = { place: [], normal: [], paint: [] };
+      for (const [points, radius, colour] of lines) tube(points, radius, [...colour, alpha], out);
+      if (!out.place.length) break;
+      gl.depthFunc(depth); gl.depthMask(depth === gl.LEQUAL);
+      look(0);
       feed(slots.place, buffers.loose, new Float32Array(out.place));
       feed(slots.normal, buffers.looseNormal, new Float32Array(out.normal));
       feed(slots.paint, buffers.loosePaint, new Float32Array(out.paint), 4);
       gl.drawArrays(gl.TRIANGLES, 0, out.place.length / 3);
     }
-
-    feed(slots.place, buffers.place, robot.drawn);
-    feed(slots.normal, buffers.normal, robot.normals);
-    one(slots.paint, ...theme.body, lines.length ? 0.58 : 1);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.triangles);
-    gl.colorMask(false, false, false, false);
-    gl.drawElements(gl.TRIANGLES, robot.triangles.length, gl.UNSIGNED_INT, 0);
-    gl.colorMask(true, true, true, true);
-    look(0, 1, [...theme.rim, 0.55]);
-    gl.drawElements(gl.TRIANGLES, robot.triangles.length, gl.UNSIGNED_INT, 0);
+    gl.depthFunc(gl.LEQUAL);
+    gl.disable(gl.CULL_FACE);
 
     gl.depthMask(false);
     one(slots.normal, 0, 0, 1);

@@ -1,0 +1,97 @@
+"""The page of a robot (`cfem export`, format html): its size, what a picture costs in a headless Chromium that draws in
+software, and a tick of its WebAssembly beside that of the firmware's C code by gcc -O2. Prints one JSON object.
+
+Usage: page.py FOLDER   of an export with both formats: cfem export SPEC --set "formats=[html, c]" --out FOLDER"""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox")
+ROUNDS = 15
+# The path of measure.c: from home to each goal and on to the next in 20 ticks; ns a tick, the shortest of some times.
+TICKS = """commands => {
+  const { robot } = cfem, goals = commands.map(c => { robot.set(c, cfem.robot.said.command === "force", false); return [...robot.x_e]; });
+  const follow = () => {
+    robot.home();
+    let from = [...robot.x_e], ticks = 0;
+    for (const goal of goals) {
+      for (let k = 1; k <= 20; k++, ticks++) { for (let e = 0; e < from.length; e++) robot.goal[e] = from[e] + k / 20 * (goal[e] - from[e]); robot.tick(); }
+      from = goal;
+    }
+    return ticks;
+  };
+  const times = [];
+  for (let i = 0; i < 40; i++) {
+    const begin = performance.now();
+    let ticks = 0;
+    while (performance.now() < begin + 15) ticks += follow();
+    times.push(1e6 * (performance.now() - begin) / ticks);
+  }
+  return Math.min(...times);
+}"""  # noqa: E501
+# ms of one picture, all included: a tick, the surface, and WebGL until its pixels are there.
+PICTURES = """() => {
+  const { robot, scene, step, moveGoal, goals, draw } = cfem, gl = scene.gl, pixel = new Uint8Array(4), found = [];
+  const start = goals[0].tip, size = 0.1 * robot.said.length;
+  for (let i = 0; i < 150; i++) {
+    const begin = performance.now();
+    moveGoal(goals[0], [9, 7, 11].map((period, axis) => start[axis] + size * Math.sin(i / period)));
+    step(1);
+    const ticked = performance.now();
+    robot.shape();
+    const shaped = performance.now();
+    draw();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    found.push([ticked - begin, shaped - ticked, performance.now() - shaped]);
+  }
+  return found.slice(20);
+}"""
+
+
+def main() -> int:
+    from playwright.sync_api import sync_playwright
+
+    page, firmware = Path(sys.argv[1]) / "page.html", Path(sys.argv[1]) / "c"
+    subprocess.run(["make", "-s", "-C", firmware, "measured"], check=True)
+    program = next(filter(None, map(shutil.which, BROWSERS)))
+    ticks = []
+    with sync_playwright() as tool:
+        chromium = tool.chromium.launch(executable_path=program, args=GL)
+        tab = chromium.new_context(viewport={"width": 1280, "height": 800}).new_page()
+        tab.goto(page.resolve().as_uri())
+        tab.wait_for_selector("html[data-state=ready]", state="attached")
+        pictures = np.array(tab.evaluate(PICTURES))
+        for _ in range(ROUNDS):  # by turns: the machine's clock is not the same all the time
+            printed = subprocess.run([firmware / "measured"], capture_output=True, text=True, check=True).stdout
+            here = float(re.search(r"tick median (\d+)", printed)[1])
+            ticks.append([tab.evaluate(TICKS, commands(printed, tab)), here])
+        chromium.close()
+    web, c = np.min(ticks, axis=0)
+    shares = {"shortest_tenth": 0.1, "median": 0.5, "p99": 0.99}  # other processes make the long ones
+    parts = zip(("tick", "surface", "drawing"), pictures.T, strict=True)
+    result = {
+        "page_bytes": page.stat().st_size,
+        "picture_ms": {name: float(np.quantile(pictures.sum(axis=1), share)) for name, share in shares.items()},
+        "parts_ms": {name: float(np.quantile(values, 0.1)) for name, values in parts},
+        "tick_ns": {"webassembly": web, "gcc": c, "ratio": web / c},
+    }
+    print(json.dumps(result, indent=1))
+    return 0
+
+
+def commands(printed: str, tab) -> list[list[float]]:
+    """What measure.c commanded at each of its goals."""
+    by_force, n = tab.evaluate("() => [cfem.robot.said.command === 'force', cfem.robot.n_a]")
+    found = [[float(word) for word in line.split()[2:]] for line in printed.splitlines() if line.startswith("command")]
+    return [one[n:] if by_force else one[:n] for one in found]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
