@@ -85,7 +85,7 @@ def photographs(pages: list[Path]) -> list[dict[str, bytes]]:
 
 
 def photograph(chromium, page: Path, theme: str) -> bytes:
-    tab = chromium.new_context(viewport={"width": 480, "height": 360}, color_scheme=theme).new_page()
+    tab = chromium.new_context(viewport={"width": 800, "height": 600}, color_scheme=theme).new_page()
     tab.goto(page.resolve().as_uri())
     tab.wait_for_timeout(1500)
     tab.evaluate(POSE)
