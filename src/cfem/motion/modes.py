@@ -1,0 +1,47 @@
+"""Natural frequencies and damping of the condensed model, as `cfem.dynamics.modes` has those of the full one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from cfem.core.errors import NumericalError
+from cfem.motion.model import MotionModel
+from cfem.motion.payload import Payload
+
+
+@dataclass(frozen=True)
+class Modes:
+    """frequency: (k,) Hz, lowest first; damping: (k,) share of the critical; shapes: (n_q, k) of q, of unit mass;
+    effectors: (n_e, k) mm likewise."""
+
+    frequency: np.ndarray
+    damping: np.ndarray
+    shapes: np.ndarray
+    effectors: np.ndarray
+
+
+def natural_modes(
+    model: MotionModel, delta_a: np.ndarray, held: bool = True, count: int = 3, payload: Payload | None = None
+) -> Modes:
+    """The lowest modes about rest at delta_a (n_a,) mm. held: whether the actuators' displacements are kept still;
+    otherwise their forces are. NumericalError where the robot is unstable there."""
+    place = model.at(np.asarray(delta_a, float))
+    M, K, first = place.M, place.K, model.n_a if held else 0
+    if payload is not None:
+        J = payload.rows_of(place.effectors_by_q)
+        M = M + payload.mass * J.T @ J
+    squares, shapes = eigh(K[first:, first:], M[first:, first:])
+    count = min(count, len(squares))
+    squares, shapes = squares[:count], np.vstack([np.zeros((first, count)), shapes[:, :count]])
+    if not (squares > 0).all():
+        what = f"{int((squares <= 0).sum())} of the {count} lowest modes grow: the robot is unstable at {delta_a} mm"
+        raise NumericalError(what, do="hold its actuators, or take another state")
+    by_material = [np.einsum("ik,ij,jk->k", shapes, F, shapes) for F in place.F]
+    found, lost = squares, np.zeros_like(squares)
+    for _ in range(20 if by_material else 0):
+        moduli = [one.modulus(np.sqrt(found)) for one in model.losses]
+        stored = sum(m[0] * f for m, f in zip(moduli, by_material, strict=True))
+        lost = sum(m[1] * f for m, f in zip(moduli, by_material, strict=True))
+        found = squares + stored
+    return Modes(np.sqrt(found) / (2 * np.pi), lost / (2 * found), shapes, place.effectors_by_q @ shapes)

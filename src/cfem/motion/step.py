@@ -1,0 +1,162 @@
+"""One step in time of the condensed model: the implicit midpoint rule of its Lagrangian.
+
+With v the mean velocity of the step, q_m = q + dt v / 2 and the forces Q at q_m,
+
+    p' = p + dt (dL/dq + Q)        M(q_m) v = p + dt/2 (dL/dq + Q)        q' = q + dt v
+
+(Marsden and West, Acta Numerica 10, 2001): symplectic, so that without viscosity the energy does not drift, and of
+second order. Where displacements of actuators are commanded, their v is known and their forces follow."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.core.errors import NumericalError
+from cfem.motion.model import MotionModel, Place
+from cfem.motion.payload import Payload
+
+_ITERATIONS = 30
+_DIFFERENCE = 1e-4  # mm: how the payload's inertia turns, by differences
+
+
+@dataclass(frozen=True)
+class Motion:
+    """t: s; q (n_q,) mm and amplitudes; p (n_q,): momenta; v (n_q,): mean velocity of the last step; memory
+    (terms, n_q): of the Prony terms of all materials; lam (n_a,): the actuators' forces in the last step."""
+
+    t: float
+    q: np.ndarray
+    p: np.ndarray
+    v: np.ndarray
+    memory: np.ndarray
+    lam: np.ndarray
+
+
+@dataclass(frozen=True)
+class Command:
+    """Of one step: displacement (n_a,) mm at its end, or force (n_a,) N during it; push: (n_e,) N on the effectors."""
+
+    displacement: np.ndarray | None = None
+    force: np.ndarray | None = None
+    push: np.ndarray | None = None
+
+
+def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = None) -> Motion:
+    """Standing still with the actuators held at delta_a (n_a,) mm, under the payload's weight."""
+    delta_a = np.asarray(delta_a, float)
+    place, n_a = model.at(delta_a), model.n_a
+    q, lam = np.concatenate([delta_a, np.zeros(model.n_r)]), place.pull.copy()
+    if payload is not None:
+        J = payload.rows_of(place.effectors_by_q)
+        q[n_a:] = np.linalg.solve(place.inner, J[:, n_a:].T @ payload.weight)
+        lam = lam + _by_inner(place, q[n_a:]) - (J.T @ payload.weight)[:n_a]
+    terms = sum(len(one.prony) for one in model.losses)
+    none = np.zeros(model.n_q)
+    return Motion(0.0, q, none, none, np.zeros((terms, model.n_q)), lam)
+
+
+def effectors(model: MotionModel, motion: Motion) -> np.ndarray:
+    """(n_e,) mm from rest."""
+    n_a = model.n_a
+    e = model.at(motion.q[:n_a]).e
+    return e + motion.q[n_a : n_a + len(e)]
+
+
+def energy(model: MotionModel, motion: Motion, payload: Payload | None = None) -> float:
+    """N mm: kinetic and potential, the payload's weight included."""
+    n_a = model.n_a
+    place, eta = model.at(motion.q[:n_a]), motion.q[n_a:]
+    M = place.M
+    stored = float(model.static.parts(motion.q[:n_a], motion.q[:0])["energy"][0]) + float(eta @ place.inner @ eta) / 2
+    if payload is not None:
+        J = payload.rows_of(place.effectors_by_q)
+        M = M + payload.mass * J.T @ J
+        stored -= float(payload.weight @ payload.rows_of(place.e + eta[: len(place.e)]))
+    return stored + float(motion.p @ np.linalg.solve(M, motion.p)) / 2
+
+
+def step(
+    model: MotionModel,
+    motion: Motion,
+    command: Command,
+    dt: float,
+    payload: Payload | None = None,
+    tolerance: float = 1e-8,
+) -> Motion:
+    """After dt seconds, to a relative `tolerance` of its motion. NumericalError where its equations are not solved."""
+    n_a, held = model.n_a, command.displacement is not None
+    first, v = n_a if held else 0, motion.v.copy()
+    if held:
+        v[:n_a] = (command.displacement - motion.q[:n_a]) / dt
+    least = 1e-6 / dt  # a motion of a nanometre needs no digits
+    for _ in range(_ITERATIONS):
+        force, M, slope = _terms(model, motion, command, v, dt, payload)
+        rest = dt / 2 * force + motion.p - M @ v
+        change = np.linalg.solve((M + slope)[first:, first:], rest[first:])
+        v[first:] += change
+        moved = float(np.abs(change).max(initial=0.0))
+        if not np.isfinite(moved):
+            break
+        if moved <= tolerance * max(float(np.abs(v).max()), least):
+            Mv = M @ v
+            lam = 2 / dt * (Mv - motion.p)[:n_a] - force[:n_a] if held else np.asarray(command.force, float)
+            memory = _remembered(model, motion, v, dt)
+            return Motion(motion.t + dt, motion.q + dt * v, 2 * Mv - motion.p, v, memory, lam)
+    raise NumericalError(f"the step of {dt:g} s at {motion.t:g} s is not found", do="take shorter steps")
+
+
+def _terms(
+    model: MotionModel, motion: Motion, command: Command, v: np.ndarray, dt: float, payload: Payload | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """dL/dq + Q (n_q,) at the middle of the step, but for the forces that hold actuators; M; and the slope by v of
+    M v - dt/2 Q but for M, second derivatives of M and K left out."""
+    n_a = model.n_a
+    middle = motion.q + dt / 2 * v
+    place, eta = model.at(middle[:n_a]), middle[n_a:]
+    M, K = place.M, place.K
+    by_turn, by_inner = place.dM @ v, place.d_inner @ eta  # (n_a, n_q) and (n_a, n_r)
+    force = np.empty(model.n_q)
+    force[:n_a] = by_turn @ v / 2 - place.pull - by_inner @ eta / 2
+    force[n_a:] = -K[n_a:, n_a:] @ eta
+    if command.force is not None:
+        force[:n_a] += command.force
+    if command.push is not None:
+        force += place.effectors_by_q.T @ command.push
+    slope = dt**2 / 4 * K
+    slope[:, :n_a] += dt / 2 * by_turn.T
+    slope[:n_a] -= dt / 2 * by_turn
+    slope[:n_a, n_a:] += dt**2 / 4 * by_inner
+    slope[n_a:, :n_a] += dt**2 / 4 * by_inner.T
+    term = 0
+    for loss, F in zip(model.losses, place.F, strict=True):
+        by_rate, history = loss.relaxation, np.zeros(model.n_q)
+        for share, tau in loss.prony:
+            half = dt / (2 * tau)
+            by_rate += share * dt / 2 / (1 + half)
+            history += share * motion.memory[term] / (1 + half)
+            term += 1
+        force -= F @ (by_rate * v + history)
+        slope = slope + dt / 2 * by_rate * F
+    if payload is not None:
+        J = payload.rows_of(place.effectors_by_q)
+        ahead = middle + _DIFFERENCE * v / max(float(np.abs(v).max()), 1e-12)
+        there = payload.rows_of(model.at(ahead[:n_a]).effectors_by_q)
+        turning = (there - J) * (max(float(np.abs(v).max()), 1e-12) / _DIFFERENCE)
+        M = M + payload.mass * J.T @ J
+        force += payload.mass * turning.T @ (J @ v) + J.T @ payload.weight
+    return force, M, slope
+
+
+def _by_inner(place: Place, eta: np.ndarray) -> np.ndarray:
+    """(n_a,) slope of eta . K eta / 2 by delta_a."""
+    return (place.d_inner @ eta) @ eta / 2
+
+
+def _remembered(model: MotionModel, motion: Motion, v: np.ndarray, dt: float) -> np.ndarray:
+    """(terms, n_q) dh/dt = v - h / tau, at the middle of the step."""
+    memory = motion.memory.copy()
+    taus = [tau for loss in model.losses for _, tau in loss.prony]
+    for index, tau in enumerate(taus):
+        half = dt / (2 * tau)
+        memory[index] = ((1 - half) * memory[index] + dt * v) / (1 + half)
+    return memory

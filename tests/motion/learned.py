@@ -1,0 +1,77 @@
+"""A condensed model that moves, learned from a bar with one cable in this process: no meshing, no files."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+from dynamics.moving import moving_bar
+
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.viscosity import Viscosity
+from cfem.motion.model import MotionModel
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import Splitter
+from cfem.surrogate.motion import fit_motion
+from cfem.surrogate.spectral import fit
+
+TAU = 2e-3
+LARGEST = 3.0  # mm of cable
+
+
+class Static:
+    """Of the energy model alone, what motion asks for."""
+
+    form, parameters = "displacement", ()
+
+    def __init__(self, rows, rest_e, arrays):
+        self.rows, self.rest_e = rows, rest_e
+        self._basis, self._series = Basis(arrays["indices"]), arrays["series"].T
+        self._to_box, self._offset = arrays["to_box"].T, arrays["offset"]
+        self._split = Splitter(rows.n_a, rows.n_e)
+
+    def parts(self, s, q):
+        return self._split(self._basis(s @ self._to_box + self._offset) @ self._series)
+
+
+class States(SimpleNamespace):
+    def __len__(self):
+        return len(self.delta_a)
+
+
+@cache
+def problem():
+    return moving_bar([Viscosity(TAU)], element="tet4", divisions=(6, 1, 1), cables=1)
+
+
+@cache
+def states():
+    full, found, start = problem(), [], None
+    for delta in np.linspace(0.0, LARGEST, 13):
+        solved = solve(full, displacement([delta]), start, mass=full.mass, slack=False)
+        assert solved.converged
+        found.append(solved)
+        start = solved.state
+    return found
+
+
+def dataset():
+    found, robot = states(), problem().robot
+    names = ("delta_a", "delta_e", "lambda_a", "energy")
+    stacked = {name: np.array([getattr(one, name) for one in found]) for name in names}
+    W = np.array([one.condensed.W for one in found])
+    own = {name: np.array([getattr(one.inertia, name) for one in found]) for name in ("V", "V2", "V3", "loss")}
+    viscosity = [{"relaxation": TAU, "prony": []}]
+    moving = SimpleNamespace(rows=robot.rows, W=W, dV=None, viscosity=viscosity, **own)
+    none = dict.fromkeys(("dW", "dC", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
+    p = np.zeros((len(found), 0))
+    return States(rows=robot.rows, W=W, moving=moving, p=p, n_c=0, meta={"parameters": []}, **stacked, **none)
+
+
+@cache
+def model(viscous=True):
+    data = dataset()
+    arrays, _ = fit_motion(data, max_degree=8, folds=3)
+    static = Static(data.rows, problem().robot.rest_e, fit(data, max_degree=8, folds=3).arrays)
+    viscosity = data.moving.viscosity if viscous else [{"relaxation": 0.0, "prony": []}]
+    return MotionModel(static, arrays, viscosity)

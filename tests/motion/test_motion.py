@@ -1,0 +1,125 @@
+"""The condensed model that moves, against the full finite elements that it was learned from."""
+
+import numpy as np
+import pytest
+from motion.learned import LARGEST, dataset, model, problem, states
+
+from cfem.core.errors import InputError, NumericalError
+from cfem.dynamics import modes as full_modes
+from cfem.dynamics.scheme import Scheme
+from cfem.dynamics.simulate import Pace
+from cfem.dynamics.simulate import simulate as full_simulate
+from cfem.dynamics.start import at_rest as full_at_rest
+from cfem.equilibrium.actuation import displacement, force
+from cfem.motion.model import MotionModel
+from cfem.motion.modes import natural_modes
+from cfem.motion.payload import Payload
+from cfem.motion.simulate import simulate
+from cfem.motion.step import Command, at_rest, effectors, energy, step
+from cfem.surrogate.motion import fit_motion
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_frequencies_and_damping_are_those_of_the_full_model(held):
+    for solved in states()[2:11:4]:
+        full = full_modes.natural_modes(problem(), solved.state, 2, None if held else force([0.0]))
+        ours = natural_modes(model(), solved.delta_a, held, 2)
+        np.testing.assert_allclose(ours.frequency, full.frequency, rtol=1e-2)
+        np.testing.assert_allclose(ours.damping, full.damping, rtol=3e-2)
+
+
+def test_mass_is_positive_over_the_range():
+    for delta in np.linspace(0.0, LARGEST, 40):
+        place = model().at(np.array([delta]))
+        assert np.linalg.eigvalsh(place.M).min() > 0 and np.linalg.eigvalsh(place.inner).min() > 0
+
+
+def test_the_derivatives_are_those_of_the_matrices():
+    delta, h = np.array([1.3]), 1e-5
+    place, ahead, behind = (model().at(delta + x) for x in (0.0, h, -h))
+    for name, slope in (("M", place.dM[0]), ("inner", place.d_inner[0])):
+        difference = (getattr(ahead, name) - getattr(behind, name)) / (2 * h)
+        np.testing.assert_allclose(slope, difference, atol=1e-5 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_the_tip_moves_as_that_of_the_full_model(kind):
+    """A smooth step within about a period, then the vibration that it leaves."""
+    solved, end, dt = states()[4], 0.06, 5e-4
+
+    def amount(t):
+        return 0.5 - 0.5 * np.cos(np.pi * min(t / 0.02, 1.0))
+
+    def of(t):
+        first = solved.delta_a if kind == "displacement" else solved.lambda_a
+        return first * (1 + 0.5 * amount(t))
+
+    def full_command(t):
+        return displacement(of(t)) if kind == "displacement" else force(of(t))
+
+    def command(t):
+        return Command(**{kind: of(t) if kind == "displacement" else of(t - dt / 4)})
+
+    pace = Pace(dt, tolerance=None)
+    full = full_simulate(
+        problem(), full_at_rest(problem(), solved.state), full_command, end, (0.02,), pace, Scheme(1.0)
+    )
+    ours = simulate(model(), at_rest(model(), solved.delta_a), command, end, dt / 2).arrays()
+    tip = np.array([np.interp(full.t, ours["t"], column) for column in ours["delta_e"].T]).T
+    wanted = full.of("delta_e")
+    travel = np.linalg.norm(np.ptp(wanted, axis=0))
+    assert np.linalg.norm(tip - wanted, axis=1).max() < 0.02 * travel
+
+
+def test_without_viscosity_the_energy_does_not_drift():
+    still = model(viscous=False)
+    start = at_rest(still, np.array([1.5]))
+    lam, period = 0.9 * start.lam, 1 / natural_modes(still, start.q[:1], False, 1).frequency[0]
+    found, now = [], start
+    for _ in range(30 * 60):
+        now = step(still, now, Command(force=lam), period / 60)
+        found.append(energy(still, now) - float(lam @ now.q[:1]))
+    swing = float(0.1 * start.lam @ start.q[:1])
+    early, late = np.mean(found[: 5 * 60]), np.mean(found[-5 * 60 :])
+    assert abs(late - early) < 1e-3 * swing
+    assert np.ptp(found) < 1e-2 * swing
+
+
+def test_steps_are_of_second_order():
+    start = at_rest(model(), np.array([1.0]))
+
+    def ends(dt):
+        return simulate(model(), start, lambda t: Command(displacement=np.array([1.0 + np.sin(40 * t) ** 4])), 0.06, dt)
+
+    coarse, middle, fine = (ends(dt).delta_e[-1] for dt in (1e-3, 5e-4, 2.5e-4))
+    assert np.log2(np.linalg.norm(coarse - middle) / np.linalg.norm(middle - fine)) == pytest.approx(2.0, abs=0.3)
+
+
+def test_a_payload_lowers_the_frequency_and_sags():
+    """Rayleigh's quotient of the first mode bounds the fall; at rest the sag is the compliance times the weight."""
+    delta, mass = np.array([1.0]), 2e-6
+    bare = natural_modes(model(), delta, count=1)
+    payload = Payload(mass, gravity=(0.0, 0.0, -9810.0))
+    heavy = natural_modes(model(), delta, count=1, payload=payload)
+    participation = mass * float((bare.effectors[:3, 0] ** 2).sum())
+    assert heavy.frequency[0] <= bare.frequency[0] / np.sqrt(1 + participation) * (1 + 1e-9)
+    start = at_rest(model(), delta, payload)
+    place = model().at(delta)
+    C = np.linalg.inv(place.inner)[:3, :3]
+    np.testing.assert_allclose(effectors(model(), start) - place.e, C @ payload.weight, rtol=1e-9, atol=1e-12)
+    later = simulate(model(), start, lambda t: Command(displacement=delta), 0.02, 1e-3, payload)
+    np.testing.assert_allclose(later.delta_e[-1], later.delta_e[0], atol=1e-6)
+
+
+def test_bad_input_says_so():
+    still = dataset()
+    still.moving = None
+    with pytest.raises(InputError, match="dynamics: true"):
+        fit_motion(still)
+    driven = at_rest(model(), np.array([1.0]))
+    with pytest.raises(NumericalError, match="is not found"):
+        step(model(), driven, Command(displacement=np.array([np.nan])), 1e-3)
+    static = model().static
+    dual = type("Dual", (), {"form": "force", "parameters": (), "rows": static.rows})()
+    with pytest.raises(InputError, match="displacement"):
+        MotionModel(dual, {}, [])
