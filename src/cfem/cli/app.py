@@ -268,6 +268,28 @@ def inspect(
     run_command(lambda _: describe(artefact, json), as_json=json)
 
 
+@app.command("modes")
+def natural_modes(
+    model: Annotated[Path, typer.Argument(help="Folder of a trained model that moves.")],
+    at: Annotated[
+        list[str] | None, typer.Option("--at", metavar="MM,...", help="Displacements of the actuators. Repeatable.")
+    ] = None,
+    free: Annotated[bool, typer.Option("--free", help="Leave the actuators free instead of held.")] = False,
+    count: Annotated[int, typer.Option("--count", min=1, max=12, help="How many modes.")] = 3,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the frequencies into this file.")] = None,
+    json: Json = False,
+) -> None:
+    """Print natural frequencies and damping of a model along its workspace."""
+
+    def work(_):
+        from cfem.cli.modes import as_text, modes
+
+        results = modes(model, at or [], free, count, picture)
+        return results if json else as_text(results)
+
+    run_command(work, as_json=json)
+
+
 @app.command()
 def verify(
     folders: Annotated[

@@ -36,7 +36,7 @@ class ModelCard(Data):
     """robot: what the scene said of it. wrench: a constant load that the samples did not carry, on each effector row,
     and the estimated error that it makes, mm.
     semidefinite: of each effector row, see `cfem.predict.semidefinite`.
-    softer, module: of modules in a row.
+    softer, module: of modules in a row. motion: of mass and viscosity, see `cfem.motion`.
     activation, at_rest: of a network of entries."""
 
     format: Literal[FORMAT]
@@ -60,6 +60,7 @@ class ModelCard(Data):
     history: list[Any] = []
     versions: dict[str, str] = {}
     dataset: DatasetCard = DatasetCard()
+    motion: dict[str, Any] | None = None
     activation: Literal["relu", "tanh", "silu"] | None = None
     softer: list[Annotated[float, Field(gt=0)]] | None = Field(None, min_length=1, max_length=100)
     module: "ModelCard | None" = None

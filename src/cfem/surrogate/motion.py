@@ -46,7 +46,7 @@ def fit_motion(
     lifted = _lift(chosen, s, to_box, offset)
     indices, series = _union(chosen)
     arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": series, "scale": scale}
-    arrays["watched"] = np.array(dataset.moving.rows.n_e + dataset.moving.rows.n_s)
+    arrays["watched"] = np.array(dataset.rows.n_e)
     return arrays, {"terms": {name: len(one.indices) for name, one in chosen.items()}, "added": lifted}
 
 
@@ -55,7 +55,7 @@ def observed_parts(moving: Any) -> tuple[dict[str, np.ndarray], np.ndarray]:
     shares the mean stiffness is one. moving: of cfem.dataset.reader.Dataset."""
     K, M, F = split(moving)
     rows = moving.rows
-    kept = chosen_motions(K, rows.n_a, rows.n_e + rows.n_s)
+    kept = chosen_motions(K, rows.n_a, rows.n_e, rows.n_s)
     K, M, F = (each[..., kept[:, None], kept] for each in (K, M, F))
     scale = 1 / np.sqrt(np.einsum("mii->i", K) / len(K))
     size = np.outer(scale, scale)
@@ -67,14 +67,15 @@ def observed_parts(moving: Any) -> tuple[dict[str, np.ndarray], np.ndarray]:
     return parts | {f"F{index}": pack_upper(F[:, index] * size) for index in range(F.shape[1])}, scale
 
 
-def chosen_motions(K: np.ndarray, n_a: int, watched: int) -> np.ndarray:
-    """Which of the coordinates of `split` are kept: the actuators' and the watched rows', then such Y as do not depend
-    on those before at any state, the actuators' first. K: (m, n, n)."""
-    n = n_a + watched
+def chosen_motions(K: np.ndarray, n_a: int, n_e: int, n_s: int) -> np.ndarray:
+    """Which of the coordinates of `split` are kept: the actuators' and the effectors', then such as do not depend on
+    those before at any state: Y of the actuators, Y of the effectors, Z of the skin. K: (m, n, n)."""
     size = 1 / np.sqrt(np.einsum("mii->i", K) / len(K))
     scaled = K * np.outer(size, size)
-    kept = list(range(n))
-    for one in [*range(n + watched, 2 * n), *range(n, n + watched)]:
+    Z_s, Y_e = n_a + n_e, n_a + n_e + n_s
+    Y_a = Y_e + n_e + n_s
+    kept = list(range(n_a + n_e))
+    for one in [*range(Y_a, Y_a + n_a), *range(Y_e, Y_e + n_e), *range(Z_s, Z_s + n_s)]:
         trial = np.array([*kept, one])
         if len(trial) <= COORDINATES and np.linalg.eigvalsh(scaled[:, trial[:, None], trial])[:, 0].min() > DISTINCT:
             kept.append(one)

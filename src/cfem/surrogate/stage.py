@@ -1,6 +1,7 @@
 """`cfem train`: a dataset to a model folder. Test rows judge, and do nothing else.
 
-weights.npz: arrays of the kind's predictor; skin.npz: those of the skin, where the samples have one; model.json: its
+weights.npz: arrays of the kind's predictor; skin.npz: those of the skin, motion.npz: of mass and viscosity, where the
+samples have them; model.json: its
 card; test_vectors.npz: the test inputs s (and p) with the W and delta_free that the model gives there, so that every
 other form of it can be compared."""
 
@@ -92,6 +93,9 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
         if samples < len(training)
     ] + [point(results)]
     data = {"content": artefact_content(dataset_folder), "samples": len(training)}
+    if moves(training, spec.model):
+        doing("learning how it moves")
+        results["motion"] = meta["motion"] = add_motion(folder, training)
     write_json(folder / "model.json", {**meta, "dataset": data, "positive_definite": definite})
     write_npz(folder / "weights.npz", arrays)
     s, p = model_inputs(predictor, test)
@@ -103,6 +107,20 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     results["headline"] = headline(results)
     shutil.rmtree(checkpoints, ignore_errors=True)
     return results
+
+
+def moves(training: Any, model: ModelSpec) -> bool:
+    """Whether the samples have mass, and the model is of a kind that can move."""
+    return training.moving is not None and isinstance(model, SpectralSpec) and model.form == "displacement"
+
+
+def add_motion(folder: Path, training: Any) -> dict[str, Any]:
+    """Writes motion.npz; facts of the fit, and the viscosity of the materials."""
+    from cfem.surrogate.motion import fit_motion
+
+    arrays, facts = fit_motion(training)
+    write_npz(folder / "motion.npz", arrays)
+    return {**facts, "viscosity": training.moving.viscosity}
 
 
 def add_skin(

@@ -1,0 +1,90 @@
+"""`cfem modes`: natural frequencies and damping of a learned model along its workspace."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import NumericalError, SpecError
+
+PLACES = 5  # on the way from rest to the ends
+
+
+def modes(
+    folder: Path, at: Sequence[str] = (), free: bool = False, count: int = 3, picture: Path | None = None
+) -> dict[str, Any]:
+    """Frequencies (Hz) and damping at training states from rest outwards, or at given displacements 'a, b'."""
+    from cfem.motion.load import load_motion
+    from cfem.motion.modes import natural_modes
+
+    model = load_motion(folder)
+    rows = []
+    for delta in _given(at, model.n_a) if at else _along(model):
+        try:
+            found = natural_modes(model, delta, not free, count)
+            row = {"frequency": found.frequency.tolist(), "damping": found.damping.tolist()}
+        except NumericalError as error:
+            row = {"frequency": [], "damping": [], "why": error.what}
+        rows.append({"delta_a": delta.tolist(), **row})
+    results = {"actuators": "free" if free else "held", "units": {"frequency": "Hz"}, "states": rows}
+    if picture is not None:
+        _draw(rows, picture, results["actuators"])
+        results["picture"] = str(picture)
+    return results
+
+
+def as_text(results: dict[str, Any]) -> str:
+    """A table."""
+    lines = [f"actuators {results['actuators']}: natural frequencies in Hz, and damping in % of the critical"]
+    for row in results["states"]:
+        where = ", ".join(f"{value:.4g}" for value in row["delta_a"])
+        pairs = zip(row["frequency"], row["damping"], strict=True)
+        told = "   ".join(f"{f:8.3f} ({100 * d:.2f} %)" for f, d in pairs) or row["why"]
+        lines.append(f"{where:>30}   {told}")
+    return "\n".join(lines)
+
+
+def _given(at: Sequence[str], n_a: int) -> list[np.ndarray]:
+    found = []
+    for text in at:
+        try:
+            delta = np.array([float(part) for part in text.split(",")])
+        except ValueError:
+            raise SpecError(f"--at {text}: expected numbers between commas") from None
+        if len(delta) != n_a or not np.isfinite(delta).all():
+            raise SpecError(f"--at {text}: expected {n_a} finite displacements, one an actuator")
+        found.append(delta)
+    return found
+
+
+def _along(model: Any) -> list[np.ndarray]:
+    """States of the training set, from the nearest to rest to the farthest of all."""
+    states = model.static.domain.states[:, : model.n_a]
+    far = np.linalg.norm(states / np.abs(model.static.reach).max(axis=1), axis=1)
+    order = np.argsort(far)
+    return [states[order[place]] for place in np.linspace(0, len(order) - 1, PLACES).round().astype(int)]
+
+
+def _draw(rows: list[dict[str, Any]], path: Path, actuators: str) -> None:
+    from cfem.core.optional import demand
+
+    demand("matplotlib", where="--picture")
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6, 3.5), layout="constrained")
+    places = [i for i, row in enumerate(rows) if row["frequency"]]
+    for mode, values in enumerate(zip(*(rows[i]["frequency"] for i in places), strict=True)):
+        axes.plot(places, values, marker="o", label=f"mode {mode + 1}")
+    labels = [", ".join(f"{value:.3g}" for value in row["delta_a"]) for row in rows]
+    axes.set(
+        xticks=range(len(rows)), xlabel="displacement of the actuators", ylabel="natural frequency, Hz", ylim=(0, None)
+    )
+    axes.set_xticklabels(labels)
+    axes.set_title(f"actuators {actuators}")
+    axes.legend()
+    figure.savefig(path, dpi=150)
+    plt.close(figure)

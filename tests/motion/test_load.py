@@ -1,0 +1,64 @@
+"""Model folders that move: written by training, read back, told by `cfem modes`."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cfem.cli.modes import as_text, modes
+from cfem.core.errors import InputError, SpecError
+from cfem.core.stage import Options, read_manifest
+from cfem.motion.load import load_motion
+from cfem.motion.modes import natural_modes
+from cfem.robot import stage as mesh_stage
+from cfem.sample.stage import run as sample
+from cfem.surrogate.stage import run as train
+
+PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
+QUIET = Options(quiet=True)
+SAMPLES = ["splits.train.rows=10", "splits.test.rows=2", "skeleton=3", "skin=null", "dynamics=true"]
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    root = tmp_path_factory.mktemp("bar")
+    pipeline = shutil.copytree(PIPELINE, root / "pipelines" / "bar")
+    scene = pipeline / "scene.yaml"
+    heavy = "material: {young: 1 MPa, poisson: 0.45, density: 1070 kg/m^3, viscosity: {relaxation: 3 ms}}"
+    scene.write_text(scene.read_text().replace("material: {young: 1 MPa, poisson: 0.45}", heavy))
+    scene.write_text(scene.read_text().replace("size: 8 mm", "size: 12 mm\n  element: tet4"))
+    mesh_stage.run(scene, [], None, QUIET)
+    sample(pipeline / "sample.yaml", SAMPLES, None, QUIET, workers=1)
+    train(pipeline / "train.yaml", ["samples=null"], None, QUIET)
+    return root
+
+
+@pytest.fixture
+def folder(root):
+    return root / "models" / "bar" / "spectral"
+
+
+def test_training_writes_what_a_model_needs_to_move(folder):
+    assert (folder / "motion.npz").exists() and "motion.npz" in read_manifest(folder)["files"]
+    model = load_motion(folder)
+    found = natural_modes(model, np.array([2.0]))
+    assert (np.diff(found.frequency) > 0).all() and (found.damping > 0).all()
+
+
+def test_modes_are_told_along_the_workspace(folder, tmp_path):
+    results = modes(folder, picture=tmp_path / "modes.png")
+    assert len(results["states"]) == 5 and (tmp_path / "modes.png").stat().st_size > 1000
+    assert all(len(row["frequency"]) == 3 for row in results["states"])
+    assert "Hz" in as_text(results)
+    one = modes(folder, ["2.0"], free=True, count=2)
+    assert one["states"][0]["delta_a"] == [2.0] and one["actuators"] == "free"
+    with pytest.raises(SpecError, match="--at"):
+        modes(folder, ["2.0, 1.0"])
+
+
+def test_a_model_that_cannot_move_says_so(folder, tmp_path):
+    still = shutil.copytree(folder, tmp_path / "still")
+    (still / "motion.npz").unlink()
+    with pytest.raises(InputError, match="has not learned to move"):
+        load_motion(still)
