@@ -11,6 +11,7 @@ from cfem.equilibrium.solve import solve
 from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.model import MotionModel
 from cfem.predict.chebyshev import Basis
+from cfem.predict.domain import Domain
 from cfem.predict.energy import Splitter
 from cfem.surrogate.motion import fit_motion
 from cfem.surrogate.spectral import fit
@@ -24,8 +25,9 @@ class Static:
 
     form, parameters = "displacement", ()
 
-    def __init__(self, rows, rest_e, arrays):
-        self.rows, self.rest_e = rows, rest_e
+    def __init__(self, data, rest_e, arrays):
+        rows, self.rest_e, self.length = data.rows, rest_e, 60.0
+        self.rows, self.domain = rows, Domain.of(data.delta_a, data.lambda_a)
         self._basis, self._series = Basis(arrays["indices"]), arrays["series"].T
         self._to_box, self._offset = arrays["to_box"].T, arrays["offset"]
         self._split = Splitter(rows.n_a, rows.n_e)
@@ -72,6 +74,6 @@ def dataset():
 def model(viscous=True):
     data = dataset()
     arrays, _ = fit_motion(data, max_degree=8, folds=3)
-    static = Static(data.rows, problem().robot.rest_e, fit(data, max_degree=8, folds=3).arrays)
+    static = Static(data, problem().robot.rest_e, fit(data, max_degree=8, folds=3).arrays)
     viscosity = data.moving.viscosity if viscous else [{"relaxation": 0.0, "prony": []}]
     return MotionModel(static, arrays, viscosity)

@@ -111,6 +111,19 @@ def test_a_payload_lowers_the_frequency_and_sags():
     np.testing.assert_allclose(later.delta_e[-1], later.delta_e[0], atol=1e-6)
 
 
+def test_a_motion_that_leaves_what_was_learned_says_when():
+    start = at_rest(model(), np.array([1.0]))
+    inside = simulate(model(), start, lambda t: Command(displacement=np.array([1.0 + 10 * t])), 0.02, 1e-3)
+    assert inside.left is None
+
+    def out(t):
+        return Command(displacement=np.array([1.0 + 200 * t]))
+
+    assert 0.009 <= simulate(model(), start, out, 0.012, 1e-3).left <= 0.012
+    with pytest.raises(NumericalError, match=r"left the states|is not found"):
+        simulate(model(), start, out, 0.5, 1e-3)
+
+
 def test_bad_input_says_so():
     still = dataset()
     still.moving = None
