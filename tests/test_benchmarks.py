@@ -12,6 +12,7 @@ BAR = "pipelines/bar/scene.yaml"
 QUICK = {
     "cable_reach.py": ["--quick"],
     "convergence.py": ["--quick"],
+    "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
     "stiff_flop.py rest": ["--quick"],
     "stiff_flop.py bending": ["--quick"],

@@ -98,9 +98,7 @@ def test_a_cable_that_alone_changes_costs_no_response_of_the_body(kind, monkeypa
         """Its pull point moved up."""
         first = robot.actuators[0]
         start = first.start - offset * np.outer(np.arange(len(first.start)) == 0, [0, 0, 1])
-        moved = replace(first, start=start, rest_length=0.0)
-        moved = replace(moved, rest_length=-float(moved.value(robot.X)[0]))
-        return replace(robot, actuators=(moved, robot.actuators[1]))
+        return replace(robot, actuators=(replace(first, start=start).at_rest(robot.X), robot.actuators[1]))
 
     problem = Problem(family(base, 0.2))
     state = solve(problem, HELD[kind], settings=EXACT, keep=True)

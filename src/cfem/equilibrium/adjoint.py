@@ -18,7 +18,6 @@ frames of rigid groups turn, and their unknowns are no coordinates of a flat spa
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -81,14 +80,12 @@ def gradients(linear: Linear, asked: Sequence[Weights], sides: Sequence[Sides]) 
     if len(C):
         m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (at.H.T @ s + g_lam))
     w, _, left = refined(problem, linear.data, linear.factor, g_x - at.H @ m, EXACT, s - Z[:, act] @ m)
-    numbers = [partial(_sum, one.fields) for one in asked]
-    found = explicit(linear, sides, numbers)
+    fields = list({field: None for one in asked for c, field in one.fields if c != 0.0})
+    found = explicit(linear, sides, [field.value for field in fields])
+    shares = np.array([[sum(c for c, each in one.fields if each is field) for field in fields] for one in asked])
     dJ = np.stack([np.tensordot(one.G, found.phi, 2) + one.d @ found.delta + one.rest @ found.rest_e for one in asked])
-    return Gradients(dJ + found.numbers - w.T @ found.residual - m.T @ found.delta[n_w:], left)
-
-
-def _sum(fields: Sequence[tuple[float, Field]], problem: Problem, at: Evaluation) -> float:
-    return sum((c * field.value(problem, at) for c, field in fields), 0.0)
+    of_fields = shares.reshape(len(asked), len(fields)) @ found.numbers
+    return Gradients(dJ + of_fields - w.T @ found.residual - m.T @ found.delta[n_w:], left)
 
 
 def accurate(found: Gradients) -> bool:
@@ -102,6 +99,8 @@ def _by_state(linear: Linear, one: Weights) -> np.ndarray:
     B = np.hstack([problem.gradients(problem.robot.watched, at.x), at.H])
     found = B @ one.d
     for factor, field in one.fields:
+        if factor == 0.0:
+            continue
         found = found + factor * problem.kinematics.reduce(at.x, field.gradient(problem, at))
     g, V = np.linalg.eigh(one.G)
     for share, v in zip(g, V.T, strict=True):

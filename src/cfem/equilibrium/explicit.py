@@ -1,6 +1,10 @@
 """What the parameters of a robot change while its state stays where it is: differences of robots on either side.
 
-The state is the displacement of the nodes from rest, the multipliers, and Z = A^-1 B, B = H^T of all rows, with which
+The state is carried along: where a node's place at rest moves by dX, the node moves by F dX, F the deformation around
+it, so that the change hardly strains the body. (At the same displacements it would strain it by far more than the
+design does, and the small difference be lost to truncation.) What is held stays at its place at rest. Any such way
+serves: what the state does beside is what equilibrium answers. The multipliers stay, and Z = A^-1 B, B = H^T of all
+rows, with which
 
     Phi = B^T Z + Z^T B - Z^T A Z
 
@@ -35,9 +39,9 @@ class Explicit:
 def explicit(linear: Linear, sides: Sequence[Sides], numbers: Sequence[Number] = ()) -> Explicit:
     """By central differences."""
     motions = linear.problem.kinematics.spread(linear.at.x, linear.Z)
-    columns = []
+    columns, around = [], _deformations(linear.problem, linear.at)
     for side in sides:
-        behind, ahead = (_parts(linear, one, motions, numbers) for one in (side.behind, side.ahead))
+        behind, ahead = (_parts(linear, one, motions, around, numbers) for one in (side.behind, side.ahead))
         columns.append([(b - a) / side.width for a, b in zip(behind, ahead, strict=True)])
     return Explicit(*(np.stack(column, axis=-1) for column in zip(*columns, strict=True)))
 
@@ -56,9 +60,29 @@ def row_curvatures(problem: Problem, x: np.ndarray, motions: np.ndarray) -> list
     return forms
 
 
-def _parts(linear: Linear, side: Problem, motions: np.ndarray, numbers: Sequence[Number]) -> tuple[np.ndarray, ...]:
-    """Of another robot whose nodes are as far from their rest as in the state at hand; where it has the same body, less
-    what that gives."""
+def _deformations(problem: Problem, at: Evaluation) -> np.ndarray:
+    """(n, 3, 3): mean of F over the cells of each node; 1 where there are none, or frames move the nodes."""
+    D, count = np.zeros((*at.x.shape, 3)), np.zeros(len(at.x))
+    if problem.robot.rigid or problem.body.beam is not None:
+        return D + np.eye(3)
+    for part, there in zip(problem.body.solids, at.response.solids, strict=True):
+        mean = there.D.reshape(*part.weights.shape, 3, 3).mean(axis=1)
+        np.add.at(D, part.cells, mean[:, None])
+        np.add.at(count, part.cells, 1.0)
+    return D / np.maximum(count, 1.0)[:, None, None] + np.eye(3)
+
+
+def _carried(problem: Problem, at: Evaluation, shift: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """(n, 3) mm: the state's nodes where their rest moves by `shift` (n, 3)."""
+    moved = np.einsum("nij,nj->ni", around, shift)
+    moved[problem.robot.fixed] = shift[problem.robot.fixed]
+    return at.x + moved
+
+
+def _parts(
+    linear: Linear, side: Problem, motions: np.ndarray, around: np.ndarray, numbers: Sequence[Number]
+) -> tuple[np.ndarray, ...]:
+    """Of another robot in the state that is carried along; where it has the same body, less what that gives."""
     problem, at, lam, Z = linear.problem, linear.at, linear.lam, linear.Z
     if _same_body(problem, side):
         x, rows = at.x, side.robot.active
@@ -68,7 +92,7 @@ def _parts(linear: Linear, side: Problem, motions: np.ndarray, numbers: Sequence
         A = -sum((one * form for one, form in curved if form is not None), np.zeros((Z.shape[1], Z.shape[1])))
         residual, found = -H @ lam, np.zeros(len(numbers))
     else:
-        x = at.x if side.rest is problem.rest else at.x + (side.rest - problem.rest)
+        x = at.x if side.rest is problem.rest else _carried(problem, at, side.rest - problem.rest, around)
         there = side.evaluate(x, np.empty(0), at.load)
         H, delta, residual = there.H, there.delta, there.residual(lam)
         A = side.form(there, lam, Z)

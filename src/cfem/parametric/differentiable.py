@@ -14,9 +14,9 @@ from cfem.core.errors import InputError
 from cfem.parametric.family import FiniteElements, Kind, ends, shares
 from cfem.parametric.states import States
 
-# Of each range, by which robots on either side differ. Moved nodes at the same displacements strain the body far more
-# than the design does: truncation of 1e-7 of that residual at 1e-3 would be 2e-3 of the answer (a bar's length).
-_STEP = 2e-5
+# Of each range, by which robots on either side differ. A mesh follows a geometry to 1e-10 mm, and moves by as much from
+# design to design: a longer step, whose truncation is 1e-6 of W and 1e-4 of a strain's mean of power 16.
+_STEP, _STEP_OF_GEOMETRY = 2e-5, 2e-4
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,11 @@ class Differentiable(FiniteElements):
         super().__init__(scene, mesh, [replace(one, exact=False) for one in parameters])
         from cfem.equilibrium.fields import Strain, Stress
 
+        rubbing = next((one for one in self._family.robot.actuators if getattr(one, "friction", 0.0)), None)
+        if rubbing is not None:
+            what = "gradients of a robot whose cables rub in their guides are not implemented"
+            raise InputError(what, where="by: fe", do="set friction to 0, or use a model")
+        self._morphed = any(one.key.startswith("geometry") for one in self.parameters)
         self.fields = {name: {"strain": Strain(), "stress": Stress()}[name] for name in fields}
 
     @property
@@ -124,7 +129,9 @@ class Differentiable(FiniteElements):
         low, high = ends(self.parameters)
         sides, still = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
         for number, i in enumerate(free):
-            behind, ahead, width = self._family.around(p, i, _STEP, problem.robot)
+            morphed = self._morphed and not self.parameters[i].key.startswith(("material", "shape"))
+            step = _STEP_OF_GEOMETRY if morphed else _STEP
+            behind, ahead, width = self._family.around(p, i, step, problem.robot)
             width /= high[i] - low[i]
             sides.append(Sides(*(Problem(one, like=problem) for one in (behind, ahead)), width))
             there = [body_numbers(one) for one in (behind, ahead)]
