@@ -43,6 +43,11 @@ def test_young_modulus_is_exact_where_nothing_but_one_material_resists_the_actua
     assert parameter(tmp_path, "material.young", ["1 MPa", "2 MPa"], **more).exact is exact
 
 
+def test_the_stiffness_of_a_material_by_name_is_as_exact_as_a_modulus(tmp_path):
+    found = parameter(tmp_path, "material.stiffness", [0.8, 1.3], material="{name: ecoflex-00-30}")
+    assert found == Parameter("it", "material.stiffness", "1", 0.8, 1.3, 1.0, "log", exact=True)
+
+
 @pytest.mark.parametrize(
     ("key", "range_", "message"),
     [
