@@ -27,6 +27,7 @@ LONG = {
     "control_process.py": "an exported model",
     "designs.py": "make parametric-finger",
     "embedded.py": "make embedded",
+    "estimate.py": "make soft-finger",
     "front_nsga.py": "make finger-shapes",
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
