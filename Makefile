@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper regenerate pages wasm $(SCENES)
+.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper finger-shapes regenerate pages wasm $(SCENES)
 
 # The soft finger through all its stages, three numbers and a page.
 demo: export CFEM_STEP := 1/7
@@ -79,6 +79,10 @@ soft-gripper: .venv/all
 parametric-finger: .venv/all
 	$(CFEM) run pipelines/$@ $(foreach spec,control-mechanical control-geometric calibrate-modulus design-one-point \
 	  design-task,pipelines/$@/$(spec).yaml)
+
+# A finger of twelve shape parameters and two cables: one model, its front, and what matters; half an hour on one core.
+finger-shapes: .venv/all
+	$(CFEM) run pipelines/$@
 
 # The paper's pair of networks G and F, compared with the finger's models; ten minutes on one core.
 parametric-finger-paper: parametric-finger

@@ -29,6 +29,7 @@ LONG = {
     "embedded.py": "make embedded",
     "estimate.py": "make soft-finger",
     "front_nsga.py": "make finger-shapes",
+    "remeshing.py": "make finger-shapes",
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
     "page.py": "make pages",

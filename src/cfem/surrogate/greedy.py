@@ -1,16 +1,17 @@
 """Index sets that grow where the samples say that a series lacks something.
 
-From the constant and the linear terms on, those neighbours are added whose columns the residual of the fit so far leans
-on most, as in orthogonal matching pursuit (Pati, Rezaiifar, Krishnaprasad 1993): as many as explain half of what all
-neighbours do (bulk chasing, Doerfler 1996). A neighbour is a multi-index all of whose smaller ones are in the set
+From all terms of degree 2 on, where these fit, those neighbours are added whose columns the residual of the fit so far
+leans on most, as in orthogonal matching pursuit (Pati, Rezaiifar, Krishnaprasad 1993): as many as explain half of what
+all neighbours do (bulk chasing, Doerfler 1996). A neighbour is a multi-index all of whose smaller ones are in the set
 (Gerstner and Griebel, Computing 71, 2003), so that every set is closed under differentiation. Coordinates that matter
 little, and products of many, get few terms: with a dozen inputs a set of total degree mostly consists of them."""
 
 import numpy as np
 
-from cfem.surrogate.chebyshev import design_rows
+from cfem.surrogate.chebyshev import design_rows, index_set
 from cfem.surrogate.observations import Derivative
 
+WHOLE = 2  # degree up to which all terms are there: where a function is even, those above lean on terms that are 0
 BULK = 0.5  # share of what the neighbours explain that each step adds
 GROWTH = 0.25  # of the set, the most that a step adds
 RIDGE = 1e-12  # of the largest diagonal entry of the normal matrix
@@ -27,7 +28,7 @@ def greedy_set(
     """(M, n) multi-indices in the order in which they were added, M <= max_terms, and the size of the set after each
     step. targets (m, k, q), divisors (k,) as `Observations.scaled`."""
     n = z.shape[1]
-    indices = np.vstack([np.zeros((1, n), dtype=np.int64), np.eye(n, dtype=np.int64)])[:max_terms]
+    indices, _ = index_set(np.ones(n), max(max_terms // 2, 1), WHOLE)
     b = targets.reshape(-1, targets.shape[2])
 
     def columns(wanted: np.ndarray, closed: np.ndarray) -> np.ndarray:
