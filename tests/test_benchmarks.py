@@ -14,6 +14,7 @@ QUICK = {
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
+    "motion.py": [BAR, "mesh.size=10 mm"],
     "stiff_flop.py rest": ["--quick"],
     "stiff_flop.py bending": ["--quick"],
     "stiff_flop.py solid": ["--quick"],
