@@ -37,6 +37,7 @@ class RobotsAndObject:
     X: np.ndarray
     facets: np.ndarray
     object_points: int
+    actuator_units: tuple[tuple[str, str], ...]
     forces: None = None
 
 
@@ -82,6 +83,7 @@ def assembled(
         np.concatenate([*(mesh.X @ turn.T + shift for turn, shift in places), points]),
         np.concatenate([*(mesh.facets + i * len(mesh.X) for i in range(count)), surface + count * len(mesh.X)]),
         len(points),
+        robot.actuator_units * count,
     )
     return facts, coupled, plant
 

@@ -1,0 +1,134 @@
+"""`cfem control` of two robots that hold an object: from the scene to the judged trajectory, on bars of 48 cells."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import cfem
+from cfem.core.errors import InputError
+
+# The cable ends half way: along the whole length it would only load the clamped ends, and the object would not move.
+SCENE = """
+name: holder
+out: mesh
+length: 60 mm
+geometry: {kind: bar, length: 60 mm, width: 10 mm, height: 10 mm}
+mesh: {size: 5 mm, element: hex8}
+material: {young: 1 MPa, poisson: 0.45}
+fixed:
+  - {kind: plane, point: {mm: [0, 0, 0]}, normal: [-1, 0, 0]}
+actuators:
+  - kind: cable
+    name: cable
+    pull_point: {mm: [0, 0, 4]}
+    points: {mm: [[15, 0, 4], [30, 0, 4]]}
+    reach: {mm: [0, 3]}
+contacts:
+  - {name: p1, point: {mm: [60, 3, 3]}}
+  - {name: p2, point: {mm: [60, -3, 3]}}
+  - {name: p3, point: {mm: [60, 0, -3]}}
+effectors:
+  - name: tip
+    point: {mm: [59, 0, 0]}
+"""
+SAMPLE = """
+scene: scene.yaml
+mesh: mesh
+out: samples
+contact:
+  translation: {mm: [[-0.5, 0.5], [-0.3, 0.3], [-0.3, 1.5]]}
+  force: 1 N
+splits:
+  train: {rows: 40, method: scrambled-halton, seed: 1}
+  test: {rows: 8, method: random, seed: 2}
+"""
+TRAIN = "dataset: samples\nout: model\nmodel: {kind: spectral}\n"
+CONTROL = """
+scene: scene.yaml
+mesh: mesh
+models: {spectral: model}
+out: control
+object:
+  centre: {mm: [65, 0, 0]}
+  half_size: {mm: [5, 5, 5]}
+  turns: false
+robots:
+  - {name: left}
+  - {name: right, rotate: {axis: [0, 0, 1], angle: 180 deg}, translate: {mm: [130, 0, 0]}}
+trajectories:
+  up: {kind: goals, points: {mm: [[65, 0, 0.3], [65, 0, 0.6]]}}
+search: {weights: [0, 0, 1], regularisation: 1e-8}
+reached: 0.02 mm
+fewer_iterations: [1]
+fe_based: true
+"""
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory):
+    """A folder with the mesh, the samples and the model of one bar whose end is held."""
+    folder = tmp_path_factory.mktemp("held")
+    for name, text in {"scene": SCENE, "sample": SAMPLE, "train": TRAIN, "control": CONTROL}.items():
+        (folder / f"{name}.yaml").write_text(text)
+    cfem.run_stage("mesh", folder / "scene.yaml")
+    cfem.run_stage("sample", folder / "sample.yaml", workers=1)
+    cfem.run_stage("train", folder / "train.yaml")
+    return folder
+
+
+def test_two_bars_raise_what_they_hold(held):
+    results = cfem.run_stage("control", held / "control.yaml")["results"]
+    up = results["trajectories"]["up"]
+    assert set(up) == {"spectral", "spectral@1", "fe-based"}
+    for name in ("spectral", "fe-based"):
+        assert (up[name]["reached"], up[name]["plant_converged"], up[name]["inside"]) == (2, 2, 2), name
+        assert up[name]["distance_to_reachable_goals"]["max"] < 1e-3
+    assert results["object"]["imbalance"] < 1e-8 and results["object"]["softest"] > 0
+    assert any(line.startswith("object: forces and moments balance") for line in results["headline"])
+    table = pq.read_table(held / "control" / "trajectories.parquet")
+    meta = json.loads(table.schema.metadata[b"cfem"])
+    assert meta["rows"][:5] == ["object.x", "object.y", "object.z", "left.cable", "right.cable"]
+    assert meta["units"]["delta_a"] == ["mm", "mm"] and meta["units"]["lambda_a"] == ["N", "N"]
+    # by symmetry both pull alike, and the object goes straight up
+    for row in table.to_pylist():
+        if row["controller"] == "spectral":
+            assert row["lambda_a"][0] == pytest.approx(row["lambda_a"][1], rel=1e-3) and row["lambda_a"][0] > 0
+            np.testing.assert_allclose(row["x_e"], [65, 0, [0.3, 0.6][row["goal_index"]]], atol=2e-3)
+    with np.load(held / "control" / "states.npz") as states:
+        assert states["object_points"] == 8
+        corners = states["up/x"][:, -8:] - states["X"][-8:]
+    np.testing.assert_allclose(corners[:, :, 2], [[0.3] * 8, [0.6] * 8], atol=2e-3)
+    assert cfem.run_stage("control", held / "control.yaml")["status"] == "up to date"
+
+
+ALONE = [
+    "robots=[{name: robot}]",
+    "object={centre: {mm: [65, 0, 0]}, half_size: {mm: [5, 5, 5]}, turns: false, force: {mN: [-100, 0, 0]}, "
+    "law: coulomb, friction: 0.8}",
+    "trajectories={up: {kind: goals, points: {mm: [[65, 0, 0.1]]}}}",
+    "fe_based=false",
+    "fewer_iterations=[]",
+]
+
+
+def test_one_bar_moves_by_friction_what_is_pressed_against_it(held):
+    results = cfem.run_stage("control", held / "control.yaml", overrides=ALONE, out=held / "touched")["results"]
+    account = results["object"]
+    assert (account["commands"], account["failures"], account["points"]["open"]) == (1, 0, 0)
+    assert account["law_residual"] < 1e-8
+    # the plan takes the points for glued; in the plant one of them slips
+    assert results["trajectories"]["up"]["spectral"]["distance_to_reachable_goals"]["max"] < 0.01
+    assert any(line.startswith("contact: 1 of 1 commands carried out") for line in results["headline"])
+
+
+def test_an_object_that_is_out_of_reach_of_the_contact_points_is_refused(held):
+    apart = [*ALONE, "object.centre={mm: [66, 0, 0]}"]
+    with pytest.raises(InputError, match=r"contact points are 1 to 1 mm away .*choose object.half_size"):
+        cfem.run_stage("control", held / "control.yaml", overrides=apart, out=held / "apart")
+
+
+def test_an_object_that_turns_needs_samples_that_turn(held):
+    with pytest.raises(InputError, match=r"patch that cannot turn, but the object can turn.*set object.turns: false"):
+        cfem.run_stage("control", held / "control.yaml", overrides=["object.turns=true"], out=held / "turned")
