@@ -3,10 +3,12 @@
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from types import ModuleType
 from typing import Any, TypeVar
 
 from cfem.core.progress import say
@@ -46,7 +48,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     """`workers` processes (default: one a core), a single one included: the numbers then come from the same environment
     however many there are. Left by an exception (Ctrl-C too), the workers are killed in the middle of what they do."""
     others = set(multiprocessing.active_children())
-    context = multiprocessing.get_context("spawn")
+    context = _WithoutMain()
     # Safe path: no process takes modules from the working folder.
     with _environment({**dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1"), "CFEM_SOLVER": solver_name()}):
         executor = Pool(workers or cores(), context, context.Value("q", 0))
@@ -58,6 +60,24 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
             raise
         finally:
             executor.shutdown(cancel_futures=True)
+
+
+class _Process(multiprocessing.context.SpawnProcess):
+    """Does not run the program's own file once more, as spawned processes do: it may be a script that samples at once,
+    without `if __name__ == "__main__"`, and all that a worker is given is of cfem."""
+
+    @staticmethod
+    def _Popen(process: Any) -> Any:
+        program = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            return multiprocessing.context.SpawnProcess._Popen(process)
+        finally:
+            sys.modules["__main__"] = program
+
+
+class _WithoutMain(multiprocessing.context.SpawnContext):
+    Process = _Process
 
 
 class Pool(ProcessPoolExecutor):
