@@ -5,10 +5,12 @@ import subprocess
 import sys
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from surrogate.stored import store_dataset, train_folder
 
 from cfem.core.errors import InputError, SpecError
+from cfem.core.files import content_sha256, file_sha256, write_json
 from cfem.core.stage import Options
 from cfem.predict.load import load_model, read_arrays
 from cfem.surrogate.stage import headline, judged, run
@@ -86,6 +88,31 @@ def test_rows_beyond_the_number_asked_for_do_not_change_the_fit(tmp_path):
 def test_more_samples_than_there_are_is_an_error(spec):
     with pytest.raises(InputError, match="holds 40 converged training rows, and 41 are needed"):
         run(spec, ["samples=41"], None, Options())
+
+
+@pytest.mark.parametrize(
+    "key, other",
+    [
+        ("scene", "other"),
+        ("rest_e", [1.0, 2.0, 3.0]),
+        ("robot", {"material": {"young": 2.0}}),
+        ("reach", [[0.0, 7.0]] * 2),
+        ("length", 61.0),
+    ],
+)
+def test_test_rows_of_another_robot_are_refused(spec, key, other):
+    """As where a file of another dataset was copied in, and the manifest made to match."""
+    folder = spec.parent / "samples"
+    table = pq.read_table(folder / "test.parquet")
+    meta = json.loads(table.schema.metadata[b"cfem"])
+    assert meta.get(key) != other
+    pq.write_table(table.replace_schema_metadata({"cfem": json.dumps({**meta, key: other})}), folder / "test.parquet")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    files = {path.name: file_sha256(path) for path in folder.glob("*.parquet")}
+    write_json(folder / "manifest.json", {**manifest, "content": content_sha256(files), "files": files})
+    with pytest.raises(InputError, match=f"training and test rows are of different robots: their '{key}' differs"):
+        run(spec, [], None, Options(quiet=True))
+    assert not (spec.parent / "model").exists()
 
 
 def test_an_unknown_key_names_the_near_one(spec):

@@ -33,7 +33,7 @@ from cfem.surrogate.skin_line import skin_line
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 
 PARTS = ("module", "at_rest")  # models that this one is made of
-_ROBOT = ("scene", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
+_ROBOT = ("scene", "robot", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
 QUERIES = 100_000  # at which W has to be positive definite
 
 
