@@ -258,6 +258,35 @@ def material(
 
 
 @app.command()
+def animate(
+    control: Annotated[Path, typer.Argument(help="Folder that cfem control made.")],
+    format_: Annotated[
+        list[str] | None, typer.Option("--format", help="gif or paraview. Repeatable. Default: both.")
+    ] = None,
+    frames: Annotated[int, typer.Option(min=1, help="Largest number of shapes of the learned skin.")] = 60,
+    learned: Annotated[
+        bool, typer.Option("--learned", help="Animate the learned skin even where FE shapes were kept.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Output folder. Default: CONTROL-animation, beside the run.")
+    ] = None,
+    force: Force = False,
+    check: Check = False,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw a control run as an animation, and as files for ParaView. Nothing is solved."""
+
+    def work(options):
+        formats = format_ or ["gif", "paraview"]
+        if unknown := sorted(set(formats) - {"gif", "paraview"}):
+            raise SpecError(f"'{unknown[0]}' is not known: gif and paraview are", where="animate --format")
+        return import_module("cfem.report.animate").run(control, out, options, formats, frames, learned)
+
+    run_command(work, force, check, json, quiet, label="animate")
+
+
+@app.command()
 def inspect(
     artefact: Annotated[Path, typer.Argument(help="A mesh, dataset, model, control or report folder.")],
     json: Json = False,

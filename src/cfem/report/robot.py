@@ -36,7 +36,7 @@ def animation(folder: Path, found: Tracking, scene: SceneSpec) -> Viewer | None:
     triangles = flat_triangles(states["facets"])
     kinds = np.where((triangles >= len(X) - objects).all(axis=1), OBJECT, BODY)
     # Cables are those of one robot where the scene has it.
-    cables = [] if objects or found.spec.get("design") else _cables(scene)
+    cables = [] if objects or found.spec.get("design") else cables_of(scene)
     takes = []
     for name in found.summaries:
         if f"{name}/x" not in states:
@@ -46,7 +46,7 @@ def animation(folder: Path, found: Tracking, scene: SceneSpec) -> Viewer | None:
         at = (places(found) or [0])[0]
         goals, reached = (rows[key][:, at : at + 3] for key in ("goal", "x_e"))
         lines = tuple(
-            Line(label, LINES[place % len(LINES)], _moved(points, held, X, x))
+            Line(label, LINES[place % len(LINES)], moved_with(points, held, X, x))
             for place, (label, points, held) in enumerate(cables)
         )
         takes.append(Take(name, x, index.tolist(), goals, reached, rows["error"], lines))
@@ -58,7 +58,7 @@ def animation(folder: Path, found: Tracking, scene: SceneSpec) -> Viewer | None:
     return Viewer("tracked", caption, triangles, kinds, tuple(best)) if takes else None
 
 
-def _cables(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
+def cables_of(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
     """Name, points, and how many of the first of these stay where they are."""
     found = []
     for item in scene.actuators:
@@ -68,7 +68,7 @@ def _cables(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
     return found
 
 
-def _moved(points: np.ndarray, held: int, X: np.ndarray, x: np.ndarray) -> np.ndarray:
+def moved_with(points: np.ndarray, held: int, X: np.ndarray, x: np.ndarray) -> np.ndarray:
     moved = carried_along(points, X, x)
     moved[:, :held] = points[:held]
     return moved
@@ -80,7 +80,7 @@ def card(scene: SceneSpec, mesh: Mesh, data: Dataset) -> Card:
     fixed[mesh.node_sets.get("fixed", [])] = True
     triangles = flat_triangles(mesh.facets)
     held = fixed[triangles].all(axis=1)
-    cables = _cables(scene)
+    cables = cables_of(scene)
     lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points, _) in enumerate(cables))
     rest = np.asarray(data.meta["rest_e"], dtype=float)
     watched = [rest[i : i + 3] for i, name in enumerate(data.rows.effectors) if name.endswith(".x")]

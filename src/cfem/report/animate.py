@@ -1,0 +1,122 @@
+"""`cfem animate`: a run of `cfem control` as an animation, and as files that ParaView opens with time. It reads the run
+and its model; nothing is solved."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from cfem.core.errors import InputError
+from cfem.core.files import write_whole
+from cfem.core.optional import demand
+from cfem.core.spec import Spec, load_spec
+from cfem.core.stage import Options, Stage, read_manifest, run_stage
+from cfem.robot.spec import SceneSpec
+
+VERSION = 1
+Format = Literal["gif", "paraview"]
+A_GOAL = 110  # ms that a goal is shown
+QUICKEST, SLOWEST = 20, 1000  # ms a frame: quicker ones are slowed down by many viewers
+
+
+class AnimateSpec(Spec):
+    """What the command line says."""
+
+    formats: tuple[Format, ...]
+    """Kinds of files."""
+    frames: int = Field(ge=1)
+    """Largest number of shapes of the learned skin."""
+    learned: bool
+    """Whether the animation shows the learned skin although FE shapes are there."""
+
+
+def run(
+    control: Path,
+    out: Path | None,
+    options: Options,
+    formats: Sequence[Format] = ("gif", "paraview"),
+    frames: int = 60,
+    learned: bool = False,
+) -> dict[str, Any]:
+    """The manifest. Results: `files`, by trajectory. control: the folder of the run; out: beside it unless given."""
+    manifest = read_manifest(control)
+    if manifest["stage"] != "control":
+        what = f"was made by cfem {manifest['stage'] or '?'}"
+        raise InputError(what, where=str(control), do="give the folder that cfem control made")
+    models = {name: control / path for name, path in manifest["inputs"].items() if name.startswith("model ")}
+    stage = Stage(
+        name="animate",
+        version=VERSION,
+        spec=AnimateSpec(formats=tuple(dict.fromkeys(formats)), frames=frames, learned=learned),
+        inputs={"control": control, **models},
+        out=out or Path(f"{os.path.normpath(control)}-animation"),
+    )
+    return run_stage(stage, lambda folder: _work(folder, control, manifest, stage.spec), options)
+
+
+def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: AnimateSpec) -> dict[str, Any]:
+    demand("matplotlib", where="cfem animate")
+    from cfem.core.progress import progress
+    from cfem.report.course import LEARNED, courses
+    from cfem.report.paraview import write_series
+
+    found = list(courses(control, manifest, spec.frames))
+    if not found or (spec.learned and all(one.kind != LEARNED for one in found)):
+        raise _nothing(control, manifest)
+    files: dict[str, list[str]] = {}
+    shown = {one.name: one for one in reversed(found)}  # FE, which come first, before the learned
+    shown |= {one.name: one for one in found if spec.learned and one.kind == LEARNED}
+    with progress("animation", len(found)) as advance:
+        for course in found:
+            made = files.setdefault(course.name, [])
+            if "paraview" in spec.formats:
+                made.append(write_series(folder, f"{course.name}-{course.kind}", course))
+            if "gif" in spec.formats and shown[course.name] is course:
+                write_whole(folder / f"{course.name}.gif", _gif(course, _scene(control, manifest)))
+                made.append(f"{course.name}.gif")
+            advance(1)
+    return {"headline": [f"{name}: {', '.join(made)}" for name, made in files.items()], "files": files}
+
+
+def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
+    """Why there is nothing to draw."""
+    if manifest["spec"].get("object") or manifest["spec"].get("design"):
+        what = "a learned skin is of the scene's own robot alone, without object or design, and"
+    else:
+        what = "its model has no skin, and"
+    do = "sample with `skin: {}` in sample.yaml and train, export and control again, or control with plant: fem"
+    return InputError(f"has no shapes to draw: {what} no FE shapes are asked for or kept", where=str(control), do=do)
+
+
+def _gif(course, scene: SceneSpec | None) -> bytes:
+    from cfem.report.moving import gif
+    from cfem.report.robot import LINES, cables_of, moved_with
+    from cfem.report.viewer import BODY, OBJECT, Line, Take, Viewer, flat_triangles
+
+    triangles = flat_triangles(course.facets)
+    kinds = np.where((triangles >= len(course.rest) - course.objects).all(axis=1), OBJECT, BODY)
+    lines = tuple(
+        Line(label, LINES[place % len(LINES)], moved_with(points, held, course.rest, course.x))
+        for place, (label, points, held) in enumerate(cables_of(scene) if scene and not course.objects else [])
+    )
+    take = Take(course.name, course.x, course.index.tolist(), course.goals, course.reached, course.errors, lines)
+    return gif(Viewer(course.name, "", triangles, kinds, (take,)), take, _durations(course))
+
+
+def _durations(course) -> list[int]:
+    """ms of each shape: as long as it took, of goals one after the other the same."""
+    if not course.in_seconds or len(course.times) < 2:
+        return [A_GOAL] * len(course.times)
+    steps = np.diff(course.times, append=2 * course.times[-1] - course.times[-2])
+    return np.clip(1000 * steps, QUICKEST, SLOWEST).round(-1).astype(int).tolist()
+
+
+def _scene(control: Path, manifest: Mapping[str, Any]) -> SceneSpec | None:
+    """For the cables, where the scene is still there and stands as it was controlled."""
+    if not manifest["source"] or manifest["spec"].get("design"):
+        return None
+    path = (control / manifest["source"]["spec"]).parent / manifest["spec"]["scene"]
+    return load_spec(path, SceneSpec) if path.is_file() else None

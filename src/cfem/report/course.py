@@ -1,0 +1,160 @@
+"""The shapes that a robot went through in a run of `cfem control`: those of finite elements where the run kept them,
+and those of the learned skin, which need none."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.control.spec import FE_BASED
+from cfem.core.errors import InputError
+from cfem.core.reading import read_npz
+from cfem.core.stage import artefact_content, artefact_file
+from cfem.dataset.parquet import read_parquet
+from cfem.predict.load import has_skin, load_model, read_meta
+from cfem.predict.loaded import loaded, wrench_of
+from cfem.predict.protocol import Predictor
+
+FE, LEARNED = "fe", "learned"
+
+
+@dataclass(frozen=True)
+class Course:
+    """One trajectory. kind: 'fe' or 'learned'; rest (m, 3) mm; facets (t, 3, 4 or 6) nodes; x (f, m, 3) mm;
+    index: (f,) of each shape among the rows of the run; times: (f,), seconds of a loop, else the number of the goal;
+    in_seconds: which of the two; facts: (f, ...) numbers of each shape by name; goals, reached: (n, 3) mm of all rows;
+    errors: (n,) mm; objects: how many of the last nodes are of an object that robots hold."""
+
+    name: str
+    kind: str
+    rest: np.ndarray
+    facets: np.ndarray
+    x: np.ndarray
+    index: np.ndarray
+    times: np.ndarray
+    in_seconds: bool
+    facts: Mapping[str, np.ndarray]
+    goals: np.ndarray
+    reached: np.ndarray
+    errors: np.ndarray
+    objects: int = 0
+
+
+@dataclass(frozen=True)
+class _Way:
+    """What the first controller of a run did on one trajectory. columns: (n, ...) of the run's table; model: its name,
+    None of FE-based control; names: of effector rows, then of actuators."""
+
+    name: str
+    model: str | None
+    columns: Mapping[str, np.ndarray]
+    names: list[str]
+    units: tuple[list[str], list[str]]
+
+    def course(
+        self, kind: str, rest: np.ndarray, facets: np.ndarray, x: np.ndarray, index: np.ndarray, objects: int = 0
+    ) -> Course:
+        at = self._first_point()
+        in_seconds = "tick" in self.columns
+        return Course(
+            name=self.name,
+            kind=kind,
+            rest=rest,
+            facets=facets,
+            x=x,
+            index=index,
+            times=self.columns["seconds" if in_seconds else "goal_index"].astype(float)[index],
+            in_seconds=in_seconds,
+            facts=self._facts(index),
+            goals=self.columns["goal"][:, at : at + 3],
+            reached=self.columns["x_e"][:, at : at + 3],
+            errors=self.columns["error"],
+            objects=objects,
+        )
+
+    def _first_point(self) -> int:
+        """Column of the x of the first watched point; orientations are no points."""
+        n_e = self.columns["goal"].shape[1]
+        return next((i for i, name in enumerate(self.names[:n_e]) if name.endswith(".x")), 0)
+
+    def _facts(self, index: np.ndarray) -> dict[str, np.ndarray]:
+        at, actuators = self._first_point(), self.names[self.columns["goal"].shape[1] :]
+        found = {"error [mm]": self.columns["error"], "goal [mm]": self.columns["goal"][:, at : at + 3]}
+        found["position [mm]"] = self.columns["x_e"][:, at : at + 3]
+        for key, units in zip(("delta_a", "lambda_a"), self.units, strict=True):
+            if key in self.columns:
+                of_each = zip(actuators, units, self.columns[key].T, strict=True)
+                found |= {f"{key} {name} [{unit}]" if unit else f"{key} {name}": row for name, unit, row in of_each}
+        return {name: values[index] for name, values in found.items()}
+
+
+def courses(folder: Path, manifest: Mapping[str, Any], most: int) -> Iterator[Course]:
+    """Of every trajectory of a run: FE shapes where it kept them, then those of the learned skin where the model has
+    one, at most `most`, evenly spread. InputError where the model is no longer the one of the run."""
+    states = read_npz(artefact_file(folder, "states.npz")) if "states.npz" in manifest["files"] else {}
+    models: dict[str, Predictor | None] = {}
+    for way in _ways(folder, manifest):
+        if f"{way.name}/x" in states:
+            x, objects = states[f"{way.name}/x"].astype(float), int(states.get("object_points", 0))
+            yield way.course(FE, states["X"], states["facets"], x, states[f"{way.name}/index"], objects)
+        if way.model is None or manifest["spec"].get("object") or manifest["spec"].get("design"):
+            continue  # which moves or changes the robot that the skin is of
+        if way.model not in models:
+            models[way.model] = _model(folder, manifest, way.model)
+        model = models[way.model]
+        good = np.flatnonzero(np.isfinite(way.columns["delta_a"]).all(axis=1))
+        if model is None or not len(good):
+            continue
+        index = good[np.linspace(0, len(good) - 1, min(most, len(good))).round().astype(int)]
+        x = model.shape(way.columns["delta_a"][index])
+        yield way.course(LEARNED, model.skin.rest, model.facets, x, index)
+
+
+def _ways(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Way]:
+    looped = "loop" in manifest["results"]
+    table = read_parquet(artefact_file(folder, "loop.parquet" if looped else "trajectories.parquet"))
+    columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
+    meta = json.loads(table.schema.metadata[b"cfem"])
+    spec = manifest["spec"]
+    first = next(iter(spec["models"]))
+    units = tuple(_each(meta["units"].get(key, ""), columns["delta_a"].shape[1]) for key in ("delta_a", "lambda_a"))
+    for trajectory in dict.fromkeys(columns["trajectory"].tolist()):
+        mine = columns["trajectory"] == trajectory
+        who = next(iter(spec["loop"]["controllers"])) if looped else first
+        mine &= columns["controller"] == who
+        if looped:
+            mine &= columns["seed"] == columns["seed"][mine][0]
+        model = (spec["loop"]["controllers"][who]["model"] or first) if looped else first
+        rows = {name: values[mine] for name, values in columns.items()}
+        yield _Way(trajectory, None if model == FE_BASED else model, rows, meta["rows"], units)
+
+
+def _each(unit: str | list[str], count: int) -> list[str]:
+    return [unit] * count if isinstance(unit, str) else list(unit)
+
+
+def _model(folder: Path, manifest: Mapping[str, Any], name: str) -> Predictor | None:
+    """The model of the run, under its loads; None where it has no skin."""
+    path, origin = folder / manifest["inputs"][f"model {name}"], manifest["origin"] or {"inputs": {}}
+    if origin["inputs"].get(f"model {name}") != artefact_content(path):
+        raise InputError(f"is not the model '{name}' that this run used", where=str(path), do="run cfem control again")
+    if not has_skin(path):
+        return None
+    model, wrench = load_model(path), _wrench(manifest, path)
+    return model if wrench is None or "wrench" in model.meta else loaded(model, wrench)
+
+
+def _wrench(manifest: Mapping[str, Any], path: Path) -> np.ndarray | None:
+    """(n_e,) N on the effector rows of the model at `path`, by the loads of the run's spec as they were recorded."""
+    loads = manifest["spec"].get("loads")
+    if not loads:
+        return None
+    forces = {
+        name: one["force"] if one["mass"] is None else one["mass"] * np.asarray(one["gravity"])
+        for name, one in loads.items()
+    }
+    return wrench_of(Rows(tuple(read_meta(path)["rows"]["effectors"]), ()), forces)

@@ -1,0 +1,80 @@
+"""An animation as a GIF: the frames that the report's pictures are drawn like, one after the other, from one place."""
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+
+from cfem.report.style import FE, GROUND, INK
+from cfem.report.viewer import COLOURS, HOT, Take, Viewer, camera_axes, painted
+
+WIDTH, LEAST, MOST = 400, 200, 540  # pixels: the width, and bounds of the height
+COLOURS_KEPT = 64
+_DPI = 100
+
+
+def gif(viewer: Viewer, take: Take, milliseconds: Sequence[int]) -> bytes:
+    """The shapes of a take; milliseconds: (f,) that each is shown. The same shapes give the same bytes."""
+    frames = [Image.fromarray(one) for one in _drawn(viewer, take)]
+    some = np.hstack([np.asarray(frames[i]) for i in sorted({0, len(frames) // 3, 2 * len(frames) // 3})])
+    palette = _with_ground(Image.fromarray(some).quantize(COLOURS_KEPT, dither=Image.Dither.NONE))
+    small = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames]
+    buffer = io.BytesIO()
+    how = {"save_all": True, "append_images": small[1:], "duration": list(milliseconds), "loop": 0, "optimize": True}
+    small[0].save(buffer, format="GIF", **how)
+    return buffer.getvalue()
+
+
+def _with_ground(palette: Image.Image) -> Image.Image:
+    """Its colours near to the ground become the ground's own, which a mean with others would tint."""
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    ground = np.array(to_rgb(GROUND)) * 255
+    away = np.abs(colours - ground).sum(axis=1)
+    colours[away <= max(30, away.min())] = ground
+    palette.putpalette(colours.ravel().tolist())
+    return palette
+
+
+def _drawn(viewer: Viewer, take: Take) -> list[np.ndarray]:
+    """(height, width, 3) pixels of each shape."""
+    axes = camera_axes(*viewer.camera)
+    everything = [take.x[:, np.unique(viewer.triangles)], take.goals, take.reached, *(one.frames for one in take.lines)]
+    flat = np.concatenate([one.reshape(-1, 3) for one in everything]) @ axes.T
+    low, high = np.nanmin(flat, axis=0)[:2], np.nanmax(flat, axis=0)[:2]
+    width, height = np.maximum(high - low, 1e-9) + 0.1 * (high - low).max()
+    pixels = np.array([WIDTH, int(np.clip(WIDTH * height / width, LEAST, MOST)) // 2 * 2])
+    half = pixels * max(width / pixels[0], height / pixels[1]) / 2
+    figure = Figure(figsize=pixels / _DPI, dpi=_DPI, facecolor=GROUND, layout="none")
+    canvas, axis = FigureCanvasAgg(figure), figure.add_axes((0, 0, 1, 1))
+    axis.set(
+        xlim=(low + high)[0] / 2 + half[0] * np.array([-1, 1]), ylim=(low + high)[1] / 2 + half[1] * np.array([-1, 1])
+    )
+    axis.axis("off")
+    if len(take.goals):
+        axis.plot(*(take.goals @ axes.T).T[:2], "o", ms=4.5, mfc=GROUND, mec=INK, zorder=3)
+    return [_frame(axis, canvas, viewer, take, axes, place) for place in range(len(take.x))]
+
+
+def _frame(axis, canvas: FigureCanvasAgg, viewer: Viewer, take: Take, axes: np.ndarray, place: int) -> np.ndarray:
+    body: PolyCollection = painted(take.x[place], viewer.triangles, COLOURS[viewer.kinds], axes)
+    drawn = [axis.add_collection(body, autolim=False)]
+    for line in take.lines:
+        colour = FE if line.colour == "--fe" else line.colour.replace("--c", "C")
+        points = line.frames[min(place, len(line.frames) - 1)] @ axes.T
+        drawn += axis.plot(*points.T[:2], color=GROUND, lw=4, zorder=4)
+        drawn += axis.plot(*points.T[:2], "o-", color=colour, lw=2, ms=4, mfc=colour, mec=GROUND, mew=0.6, zorder=5)
+    row = int(take.index[place])
+    if len(take.reached):
+        way = take.reached[: row + 1] @ axes.T
+        drawn += axis.plot(*way.T[:2], color=HOT, lw=2, zorder=6)
+        drawn += axis.plot(*way[-1:].T[:2], "o", color=HOT, ms=8, mec=GROUND, zorder=7)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    for one in drawn:
+        one.remove()
+    return pixels
