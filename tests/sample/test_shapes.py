@@ -142,3 +142,7 @@ def test_coordinates_have_the_unit_of_their_list_and_any_unit_may_be_given(folde
     assert (one.unit, one.low, one.high, one.reference) == ("mm", 2.0, 4.0, 3.0)
     with pytest.raises(SpecError, match="bare number"):
         scene_parameters({"it": ParameterSpec(key="actuators.0.points.1.2", range=[2, 4])}, folder / "scene.yaml")
+
+
+def test_a_free_form_moves_the_body_as_a_geometry_does_and_a_routing_does_not(folder):
+    assert [one.moves_body for one in parameters(folder, "bulge", "inset", "stiff")] == [True, False, False]

@@ -27,6 +27,11 @@ class Parameter:
     coordinate: Coordinate = "linear"
     exact: bool = False
 
+    @property
+    def moves_body(self) -> bool:
+        """Whether the body itself differs: its geometry, or its free form."""
+        return self.key.startswith(("geometry", "shape"))
+
 
 def coordinates(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """(..., n_p) values of `parameters` -> (..., n_p) their coordinates."""

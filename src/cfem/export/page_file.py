@@ -22,7 +22,7 @@ def write_page(
     """Bytes of the page. meta, arrays: of the model without loads; skin_folder: of the model whose skin it draws."""
     if spec.loads:
         raise InputError("a page draws no loads", where="loads", do="leave them out, or leave html out of `formats`")
-    moved = [one["name"] for one in meta["parameters"] if one["key"].startswith("geometry")]
+    moved = [one["name"] for one in meta["parameters"] if one["key"].startswith(("geometry", "shape"))]
     if spec.c.parameters and moved:
         what = f"the surface of other designs is not known: '{moved[0]}' changes where it rests"
         raise InputError(what, where="c.parameters", do="leave the parameters out, for the scene's own design")

@@ -39,7 +39,7 @@ class Learned:
         if not predictor.parameters:
             do = "sample with `parameters:` and train again"
             raise InputError("the model has no parameters: it knows one robot only", do=do)
-        if rest is None and any(one.key.startswith(("geometry", "shape")) for one in predictor.parameters):
+        if rest is None and any(one.moves_body for one in predictor.parameters):
             do = "give the scene in the spec"
             raise InputError("the model is of several shapes, and does not say where each one's effectors rest", do=do)
         self.predictor = predictor

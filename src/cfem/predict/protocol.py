@@ -61,7 +61,7 @@ class Predictor(ABC):
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
         """(..., m, 3) mm positions of all surface nodes where the actuators stand at delta_a (..., n_a) mm; p (n_p,) or
         (..., n_p). InputError where the model has no skin, or one of another geometry than p's."""
-        moved = [one.name for one in self.parameters if one.key.startswith("geometry")]
+        moved = [one.name for one in self.parameters if one.moves_body]
         if p is not None and moved:
             what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
             raise InputError(what, do="leave the parameters out, for the scene's own design")

@@ -14,7 +14,7 @@ from cfem.sample.parameters import with_values
 
 def moves_effectors(parameters: Sequence[Parameter]) -> bool:
     """Whether robots that differ in them rest elsewhere."""
-    return any(one.key.startswith(("geometry", "effectors", "shape")) for one in parameters)
+    return any(one.moves_body or one.key.startswith("effectors") for one in parameters)
 
 
 class Rest:
