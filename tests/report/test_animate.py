@@ -13,10 +13,14 @@ from typer.testing import CliRunner
 
 import cfem
 from cfem.cli.app import app
+from cfem.core.spec import load_spec
 from cfem.core.stage import read_manifest
 from cfem.predict.load import load_model
 from cfem.report import animate
+from cfem.report.animation import animation
 from cfem.report.course import FE, LEARNED, courses
+from cfem.report.tracking import read_tracking
+from cfem.robot.spec import SceneSpec
 
 LOADS = {"tip": {"force": {"N": [0.0, 0.02, -0.01]}}}
 LOOP = {
@@ -109,6 +113,16 @@ def test_a_loop_is_drawn_in_its_own_seconds(bar):
     assert len(times) == 5 and (np.diff(times) > 0).all() and times[-1] < 5
     with Image.open(out / "line.gif") as picture:
         assert picture.info["duration"] >= 100
+
+
+def test_a_page_without_finite_elements_shows_the_learned_skin(bar, run):
+    by_model = controlled(bar, "on-page", plant="model", trajectories={"line": POINTS})
+    for folder, told in ((run, "finite-element robot"), (by_model, "learned skin")):
+        manifest = read_manifest(folder)
+        scene = load_spec(bar / "pipelines" / "bar" / "scene.yaml", SceneSpec)
+        found = animation(folder, manifest, read_tracking(folder, manifest), scene)
+        assert told in found.caption and found.takes[0].lines[0].name == "cable"
+        assert found.takes[0].x.shape[1] > found.triangles.max()
 
 
 def test_bad_input_is_one_sentence(bar, run):

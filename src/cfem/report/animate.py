@@ -60,12 +60,15 @@ def run(
 def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: AnimateSpec) -> dict[str, Any]:
     demand("matplotlib", where="cfem animate")
     from cfem.core.progress import progress
+    from cfem.report.animation import viewer_of
     from cfem.report.course import LEARNED, courses
+    from cfem.report.moving import gif
     from cfem.report.paraview import write_series
 
     found = list(courses(control, manifest, spec.frames))
     if not found or (spec.learned and all(one.kind != LEARNED for one in found)):
         raise _nothing(control, manifest)
+    scene = _scene(control, manifest)
     files: dict[str, list[str]] = {}
     shown = {one.name: one for one in reversed(found)}  # FE, which come first, before the learned
     shown |= {one.name: one for one in found if spec.learned and one.kind == LEARNED}
@@ -75,7 +78,8 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
             if "paraview" in spec.formats:
                 made.append(write_series(folder, f"{course.name}-{course.kind}", course))
             if "gif" in spec.formats and shown[course.name] is course:
-                write_whole(folder / f"{course.name}.gif", _gif(course, _scene(control, manifest)))
+                viewer = viewer_of(course.name, [course], scene)
+                write_whole(folder / f"{course.name}.gif", gif(viewer, viewer.takes[0], _durations(course)))
                 made.append(f"{course.name}.gif")
             advance(1)
     return {"headline": [f"{name}: {', '.join(made)}" for name, made in files.items()], "files": files}
@@ -91,22 +95,7 @@ def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
     return InputError(f"has no shapes to draw: {what} no FE shapes are asked for or kept", where=str(control), do=do)
 
 
-def _gif(course, scene: SceneSpec | None) -> bytes:
-    from cfem.report.moving import gif
-    from cfem.report.robot import LINES, cables_of, moved_with
-    from cfem.report.viewer import BODY, OBJECT, Line, Take, Viewer, flat_triangles
-
-    triangles = flat_triangles(course.facets)
-    kinds = np.where((triangles >= len(course.rest) - course.objects).all(axis=1), OBJECT, BODY)
-    lines = tuple(
-        Line(label, LINES[place % len(LINES)], moved_with(points, held, course.rest, course.x))
-        for place, (label, points, held) in enumerate(cables_of(scene) if scene and not course.objects else [])
-    )
-    take = Take(course.name, course.x, course.index.tolist(), course.goals, course.reached, course.errors, lines)
-    return gif(Viewer(course.name, "", triangles, kinds, (take,)), take, _durations(course))
-
-
-def _durations(course) -> list[int]:
+def _durations(course: Any) -> list[int]:
     """ms of each shape: as long as it took, of goals one after the other the same."""
     if not course.in_seconds or len(course.times) < 2:
         return [A_GOAL] * len(course.times)

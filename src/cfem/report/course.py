@@ -2,7 +2,7 @@
 and those of the learned skin, which need none."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -92,16 +92,20 @@ class _Way:
         return {name: values[index] for name, values in found.items()}
 
 
-def courses(folder: Path, manifest: Mapping[str, Any], most: int) -> Iterator[Course]:
+def courses(
+    folder: Path, manifest: Mapping[str, Any], most: int = 60, kinds: Collection[str] = (FE, LEARNED)
+) -> Iterator[Course]:
     """Of every trajectory of a run: FE shapes where it kept them, then those of the learned skin where the model has
-    one, at most `most`, evenly spread. InputError where the model is no longer the one of the run."""
-    states = read_npz(artefact_file(folder, "states.npz")) if "states.npz" in manifest["files"] else {}
+    one, at most `most`, evenly spread. kinds: those that are wanted. InputError where the model is no
+    longer the one of the run."""
+    states = read_npz(artefact_file(folder, "states.npz")) if FE in kinds and "states.npz" in manifest["files"] else {}
     models: dict[str, Predictor | None] = {}
     for way in _ways(folder, manifest):
         if f"{way.name}/x" in states:
             x, objects = states[f"{way.name}/x"].astype(float), int(states.get("object_points", 0))
             yield way.course(FE, states["X"], states["facets"], x, states[f"{way.name}/index"], objects)
-        if way.model is None or manifest["spec"].get("object") or manifest["spec"].get("design"):
+        moved = manifest["spec"].get("object") or manifest["spec"].get("design")
+        if LEARNED not in kinds or way.model is None or moved:
             continue  # which moves or changes the robot that the skin is of
         if way.model not in models:
             models[way.model] = _model(folder, manifest, way.model)

@@ -9,10 +9,11 @@ from cfem.core.provenance import versions
 from cfem.core.stage import artefact_file
 from cfem.dataset.reader import read_dataset
 from cfem.predict.load import load_model
+from cfem.report.animation import animation
 from cfem.report.loops import loop_section
 from cfem.report.models import models_section, trained
 from cfem.report.page import Card, Section, Summary
-from cfem.report.robot import animation, card
+from cfem.report.robot import card
 from cfem.report.samples import read_splits, samples_section, units_of
 from cfem.report.spec import ReportSpec
 from cfem.report.studies import mesh_row, sampling_rows, sampling_section, sizes_section
@@ -51,7 +52,7 @@ def learned(
         samples_section(splits, sampled["results"]),
     ]
     summary = tracking_summary(tracking)
-    return summary, animation(control, tracking, scene), card(scene, mesh, data), sections
+    return summary, animation(control, controlled, tracking, scene), card(scene, mesh, data), sections
 
 
 def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:

@@ -1,18 +1,14 @@
-"""The robot of a page: its animation along the goals, and a card that says what it is."""
+"""The robot of a page at rest: a card that says what it is."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.core.reading import read_npz
-from cfem.core.stage import artefact_file
 from cfem.dataset.reader import Dataset
 from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card
 from cfem.report.tables import number
-from cfem.report.tracking import Tracking, places
-from cfem.report.viewer import BODY, HELD, OBJECT, Line, Take, Viewer, carried_along, flat_triangles
+from cfem.report.viewer import BODY, HELD, Line, Take, Viewer, carried_along, flat_triangles
 from cfem.robot.build import cable_points
 from cfem.robot.constraints import Cable
 from cfem.robot.spec import SceneSpec
@@ -27,35 +23,6 @@ ELEMENTS = {
     "beam": "geometrically exact rod",
 }
 LINES = ("--c3", "--c1", "--c2", "--fe", "--c5", "--c6")
-
-
-def animation(folder: Path, found: Tracking, scene: SceneSpec) -> Viewer | None:
-    """The robot along every trajectory of an artefact of `cfem control`; None without shapes, as without FE."""
-    states = read_npz(artefact_file(folder, "states.npz"))
-    X, objects = states["X"], int(states.get("object_points", 0))
-    triangles = flat_triangles(states["facets"])
-    kinds = np.where((triangles >= len(X) - objects).all(axis=1), OBJECT, BODY)
-    # Cables are those of one robot where the scene has it.
-    cables = [] if objects or found.spec.get("design") else cables_of(scene)
-    takes = []
-    for name in found.summaries:
-        if f"{name}/x" not in states:
-            continue
-        x, index = states[f"{name}/x"], states[f"{name}/index"]
-        rows = found.of(name, found.learned(name))
-        at = (places(found) or [0])[0]
-        goals, reached = (rows[key][:, at : at + 3] for key in ("goal", "x_e"))
-        lines = tuple(
-            Line(label, LINES[place % len(LINES)], moved_with(points, held, X, x))
-            for place, (label, points, held) in enumerate(cables)
-        )
-        takes.append(Take(name, x, index.tolist(), goals, reached, rows["error"], lines))
-    caption = (
-        "The finite-element robot at its goals (circles); red: where its end went. Shapes between goals are "
-        "interpolated. Drag to turn."
-    )
-    best = sorted(takes, key=lambda take: -found.summaries[take.name][found.learned(take.name)]["reachable"])
-    return Viewer("tracked", caption, triangles, kinds, tuple(best)) if takes else None
 
 
 def cables_of(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:

@@ -13,7 +13,7 @@ from cfem.core.stage import Options, Stage, read_manifest, run_stage
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
-VERSION = 5
+VERSION = 6
 PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes", "loops")
 FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
 
