@@ -27,19 +27,33 @@ def tube(length=60.0, side=12.0, wall=3.0) -> Shape:
     """A square tube along z, open at both ends."""
     mesh = block((side, side, length), (4, 4, 10))
     centre = mesh.X[mesh.cells].mean(axis=1)
-    kept = (np.abs(centre[:, :2] - side / 2) > side / 2 - wall).any(axis=1)
-    used, cells = np.unique(mesh.cells[kept], return_inverse=True)
-    cells = cells.reshape(-1, 4)
-    return Shape(Mesh(mesh.X[used], cells, boundary_facets(cells)), 3.0)
+    return _part(mesh, (np.abs(centre[:, :2] - side / 2) > side / 2 - wall).any(axis=1), 3.0)
 
 
 def corner(leg=60.0, side=10.0, n=12) -> Shape:
     """An L in the plane z = 0 of two legs, along x and along y."""
     mesh = block((leg, leg, side), (n, n, 2))
-    kept = ~(mesh.X[mesh.cells].mean(axis=1)[:, :2] > side).all(axis=1)
+    return _part(mesh, ~(mesh.X[mesh.cells].mean(axis=1)[:, :2] > side).all(axis=1), 5.0)
+
+
+def frame(edge=60.0, side=10.0, n=12) -> Shape:
+    """A square ring in the plane z = 0."""
+    mesh = block((edge, edge, side), (n, n, 2))
+    centre = mesh.X[mesh.cells].mean(axis=1)[:, :2]
+    return _part(mesh, (np.abs(centre - edge / 2) > edge / 2 - side).any(axis=1), 5.0)
+
+
+def tee(bar=72.0, stem=60.0, side=10.0, n=12) -> Shape:
+    """A T in the plane z = 0: a bar along x, and a stem along y from its middle."""
+    mesh = block((bar, stem, side), (n, n, 2))
+    x, y = mesh.X[mesh.cells].mean(axis=1)[:, :2].T
+    return _part(mesh, (y < side) | (np.abs(x - bar / 2) < 1.2 * side / 2), 5.0)
+
+
+def _part(mesh: Mesh, kept: np.ndarray, size: float) -> Shape:
     used, cells = np.unique(mesh.cells[kept], return_inverse=True)
     cells = cells.reshape(-1, 4)
-    return Shape(Mesh(mesh.X[used], cells, boundary_facets(cells)), 5.0)
+    return Shape(Mesh(mesh.X[used], cells, boundary_facets(cells)), size)
 
 
 def write_stl(path, size=(60.0, 10.0, 10.0), facets=slice(None)) -> None:

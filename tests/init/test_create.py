@@ -3,6 +3,8 @@
 import io
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import jsonschema
@@ -76,6 +78,37 @@ def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
     assert robot.rows.actuators == ("up", "down") and robot.rest_e.tolist() == [0, 5, 5]
     text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
     assert "guessed:" not in text and "path: own.stl" in text
+
+
+L = """
+import gmsh
+
+gmsh.initialize()
+occ = gmsh.model.occ
+occ.fuse([(3, occ.addBox(0, 0, 0, 60, 10, 10))], [(3, occ.addBox(0, 0, 0, 10, 60, 10))])
+occ.synchronize()
+gmsh.write("l.step")
+"""
+
+
+def test_an_l_is_held_at_the_end_of_a_leg_and_says_why(tmp_path):
+    subprocess.run([sys.executable, "-c", L], cwd=tmp_path, check=True, capture_output=True)
+    done = init(tmp_path, tmp_path / "l.step", "--cells", "1000", "--cables", "1")
+    assert done.exit_code == 0, done.stderr
+    said = next(line for line in done.stderr.splitlines() if line.startswith("--fixed"))
+    assert re.fullmatch(
+        r'--fixed "[xy] >= 60 mm"    # guessed: cables from here stay inside the body, and those from [xy] <= 0 mm '
+        r"would leave it",
+        said,
+    )
+    text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+    assert "within it, up to where the body turns" in text
+    robot = built(tmp_path)[1]
+    axis = "xy".index(said[9])
+    assert (robot.body.mesh.X[robot.fixed][:, axis] > 60 - 1e-6).all() and robot.rows.n_a == 1
+    # who says what to hold gets that or an error
+    other = init(tmp_path, tmp_path / "l.step", "--cells", "1000", "--fixed", "left", "--force", "--quiet")
+    assert other.exit_code == 2 and "cables along x would leave the body near" in other.stderr
 
 
 @pytest.mark.parametrize("element, expected", [("tet4", "tet10p0"), ("hex8", "hex8")])

@@ -13,7 +13,8 @@ from cfem.core.files import disk_errors
 from cfem.core.names import demand_scene_name
 from cfem.core.place import write_beside
 from cfem.core.spec import load_spec
-from cfem.init.cables import CableLine, attachment_radius, guess_reach, place_cables, read_cable, sections_along
+from cfem.init.cables import CableLine, attachment_radius, guess_reach, read_cable, sections_along
+from cfem.init.ends import Proposal, place, propose
 from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
 from cfem.init.question import Answer, Ask, Question, point, positive, whole
 from cfem.init.shape import Shape, Source, make_shape, natural_unit, read_source
@@ -26,6 +27,13 @@ from cfem.robot.plausible import size_doubts
 from cfem.robot.spec import SceneSpec
 
 _OPTIONS = {"actuators": "--cable", "effectors": "--effector", "fixed": "--fixed"}
+_COUNT = Question(
+    "cables",
+    "How many cables, placed for you?",
+    "3",
+    "placed at equal angles near the surface",
+    lambda text: whole(text, 1, 12),
+)
 _LINEAR = 15_000  # cells of the user's own mesh above which quadratic ones would take hours
 
 
@@ -49,7 +57,7 @@ def create(
     target = folder / name
     copy = f"{name}{path.suffix.lower()}"
     _demand_room(target, [*(f"{stage}.yaml" for stage in STAGES), copy], path, force)
-    robot = _robot(name, copy, source, cables, ask)
+    robot = _robot(name, copy, source, cables, stated, ask)
     made = texts(robot)
     cells = _try(made["scene.yaml"], copy, path)
     with disk_errors(target):
@@ -85,16 +93,17 @@ def _same(path: Path, other: Path) -> bool:
     return other.exists() and path.samefile(other)
 
 
-def _robot(name: str, copy: str, source: Source, cables: Sequence[str], ask: Ask) -> NewScene:
+def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: Collection[str], ask: Ask) -> NewScene:
     unit, cells = _unit(source, ask), _cells(source, ask)
     shape = make_shape(source, 1.0 if unit is None else unit.value, cells.value if cells else 0)
     doubts = size_doubts(shape.extent)
     if doubts and unit is not None:
         raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm'")
-    hold = _hold(shape, ask)
+    proposal = _proposal(shape, cables, stated, ask)
+    hold = _hold(shape, proposal, ask)
     run = run_from(hold.value, shape)
     young, poisson = _material(ask)
-    lines, placed, radius = _cables(shape, run, cables, ask)
+    lines, placed, radius = _cables(shape, run, cables, proposal if hold.value is proposal.hold else None, ask)
     reach = _reach(lines, ask)
     effector = _effector(shape, run, ask)
     outside = not is_inside(shape.mesh, effector.value)
@@ -145,11 +154,18 @@ def _cells(source: Source, ask: Ask) -> Answer | None:
     return ask(Question("cells", "About how many tetrahedra?", "5000", why, read))
 
 
-def _hold(shape: Shape, ask: Ask) -> Answer:
-    hold, why = guess_hold(shape)
+def _proposal(shape: Shape, cables: Sequence[str], stated: Collection[str], ask: Ask) -> Proposal:
+    """What to hold; from where cables stay inside, where both are to be guessed."""
+    if cables or "fixed" in stated:
+        return Proposal(*guess_hold(shape))
+    return propose(shape, ask(_COUNT).value if "cables" in stated else int(_COUNT.default))
+
+
+def _hold(shape: Shape, proposal: Proposal, ask: Ask) -> Answer:
+    hold = proposal.hold
     low, high = vector(_rounded(shape.low)), vector(_rounded(shape.high))
     text = f"What is held? The body goes from {low} to {high} mm"
-    return ask(Question("fixed", text, str(hold), why, lambda text: _exact(hold, read_hold(text, shape))))
+    return ask(Question("fixed", text, str(hold), proposal.why, lambda text: _exact(hold, read_hold(text, shape))))
 
 
 def _exact(guess: Hold, read: Hold) -> Hold:
@@ -175,19 +191,21 @@ def _ratio(text: str) -> float:
     return value
 
 
-def _cables(shape: Shape, run: Run, given: Sequence[str], ask: Ask) -> tuple[tuple[CableLine, ...], str | None, float]:
-    sections = sections_along(shape.interior, run)
-    radius = attachment_radius(sections, run)
+def _cables(
+    shape: Shape, run: Run, given: Sequence[str], proposal: Proposal | None, ask: Ask
+) -> tuple[tuple[CableLine, ...], str | None, float]:
+    """proposal: of what is held, if that was taken."""
     if given:
         lines = tuple(_cable(text) for text in given)
         names = [line.name for line in lines]
         if len(set(names)) < len(names):
             raise SpecError(f"names must differ, got {', '.join(names)}", where="--cable")
-        return lines, None, radius
-    why = "placed at equal angles near the surface"
-    question = Question("cables", "How many cables, placed for you?", "3", why, lambda text: whole(text, 1, 12))
-    lines, radius = place_cables(shape.interior, run, sections, ask(question).value, radius)
-    return lines, "at equal angles near the surface, at least `radius` within it", radius
+        return lines, None, attachment_radius(sections_along(shape.interior, run), run)
+    count = ask(_COUNT).value
+    known = proposal.placement if proposal and proposal.count == count else None
+    found = known or place(shape, run, count)
+    how = "at equal angles near the surface, at least `radius` within it"
+    return found.cables, how if found.whole else f"{how}, up to where the body turns", found.radius
 
 
 def _cable(text: str) -> CableLine:

@@ -91,12 +91,18 @@ def guess_hold(shape: Shape) -> tuple[Hold, str]:
         side, why = int(np.argmax(areas)), "thicker"
     else:
         side, why = int(np.argmin(np.abs(ends))), "alike at both ends; nearer to the origin"
-    end, below = float(ends[side]), side == 0
-    if is_flat(shape, axis, end, _area(shape, axis, end + 0.02 * inwards[side])):
-        return Hold(axis, below, end), f"the face at one end of the longest axis ({why})"
-    slices = [Hold(axis, below, float(f"{end + share * inwards[side]:.4g}")) for share in _SLICES]
+    hold, flat = end_hold(shape, axis, side == 0)
+    return hold, f"{'the face' if flat else 'a slice'} at one end of the longest axis ({why})"
+
+
+def end_hold(shape: Shape, axis: int, below: bool) -> tuple[Hold, bool]:
+    """The flat face at an end of the body, or a slice where it is not flat; and whether it is."""
+    end, inwards = float((shape.low if below else shape.high)[axis]), shape.extent[axis] * (1 if below else -1)
+    if is_flat(shape, axis, end, _area(shape, axis, end + 0.02 * inwards)):
+        return Hold(axis, below, end), True
+    slices = [Hold(axis, below, float(f"{end + share * inwards:.4g}")) for share in _SLICES]
     enough = (hold for hold in slices if _holds(_held_nodes(shape, hold)))
-    return next(enough, slices[-1]), f"a slice at one end of the longest axis ({why})"
+    return next(enough, slices[-1]), False
 
 
 def run_from(hold: Hold, shape: Shape) -> Run:
