@@ -75,6 +75,13 @@ $(SCENES): .venv/all
 soft-gripper: .venv/all
 	$(CFEM) run pipelines/$@ pipelines/$@/control-friction.yaml
 
+# Robots of silicone that others built and measured: calibrated, every case predicted by the others, one page.
+REALITY := measured-beam measured-tentacle
+.PHONY: reality
+reality: .venv/all
+	$(CFEM) run $(foreach robot,$(REALITY),pipelines/$(robot))
+	$(PYTHON) scripts/reality.py data/reality $(REALITY)
+
 # One finger of many materials and shapes: models of all, controlled, calibrated and designed by them.
 parametric-finger: .venv/all
 	$(CFEM) run pipelines/$@ $(foreach spec,control-mechanical control-geometric calibrate-modulus design-one-point \

@@ -110,7 +110,7 @@ def said(done):
 
 
 def test_the_base_alone_asks_models_and_steps_controllers(tmp_path):
-    modules = ["predict.load", "control.inverse", "control.tick", "control.qp", "control.pipe_plant", "cli.app"]
+    modules = ["predict.load", "control.inverse", "control.tick", "control.qp", "plant.pipe_plant", "cli.app"]
     code = "\n".join(f"import cfem.{name}" for name in [*modules, "export.c_export", "cli.inspect", "cli.verify"])
     assert python_without(set(EXTRAS), code, tmp_path).stderr == ""
 

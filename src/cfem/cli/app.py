@@ -125,6 +125,10 @@ _stage(
 )
 _stage(_plain("control"), "Follow trajectories with a model; the finite-element robot is the judge.", "control")
 _stage(_plain("calibrate"), "Find parameters of a robot from measurements, with confidence intervals.", "calibrate")
+_stage(_plain("measurements"), "Turn recordings of camera systems into a table of load cases.", "measurements")
+_stage(_plain("cases"), "Find parameters of a robot and its rig from measured load cases.", "calibrate-cases")
+_PREDICT = "Predict other load cases of a calibrated robot, with intervals; with errors where they were measured."
+_stage(_plain("cases.prediction"), _PREDICT, "predict-cases")
 _stage(_plain("design"), "Find the best designs, and check them by finite elements.", "optimize-design")
 _stage(_plain("report"), "Make one HTML page of the results.", "report")
 

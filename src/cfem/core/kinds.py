@@ -12,6 +12,9 @@ KINDS = {
     "export": ("cfem.export.spec", "ExportSpec", "export"),
     "control": ("cfem.control.spec", "ControlSpec", "control"),
     "calibrate": ("cfem.calibrate.spec", "CalibrateSpec", "calibrate"),
+    "measurements": ("cfem.measurements.spec", "MeasurementsSpec", "measurements"),
+    "cases": ("cfem.cases.spec", "CasesSpec", "calibrate-cases"),
+    "predict": ("cfem.cases.prediction.spec", "PredictSpec", "predict-cases"),
     "design": ("cfem.design.spec", "DesignSpec", "optimize-design"),
     "report": ("cfem.report.spec", "ReportSpec", "report"),
 }

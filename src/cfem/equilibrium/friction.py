@@ -17,7 +17,7 @@ from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.equilibrium.solve import solve
 
 _TURNS = 60
-_ENOUGH = 1e-9  # change of any share
+_ENOUGH = 1e-7  # change of any share
 Shares = tuple[np.ndarray | None, ...]
 
 
@@ -38,20 +38,30 @@ def solve_slipping(
     INACCURATE where shape and shares do not settle."""
     robot = problem.robot
     if not has_friction(robot):
-        return solve(problem, actuation, start, condense=condense), tuple(None for _ in robot.actuators)
+        return solve(problem, actuation, start, condense=condense), _own(robot)
     ways = np.broadcast_to(ways, len(robot.actuators))
-    now = shares or tuple(getattr(one, "shares", None) for one in robot.actuators)
+    now = shares or _own(robot)
+    weight, last = 1.0, None
     for _ in range(_TURNS):
         held = Problem(replace(robot, actuators=_with(robot, now)), like=problem)
         found = solve(held, actuation, start, condense=condense)
         if found.status is not Status.CONVERGED:
             return found, now
-        before, now = now, _slipping(robot, found.state.x, ways, now)
-        start = found.state
-        moved = [np.abs(a - b).max() for a, b in zip(before, now, strict=True) if a is not None]
-        if max(moved) <= _ENOUGH:
+        start, wanted = found.state, _slipping(robot, found.state.x, ways, now)
+        lacks = np.concatenate([b - a for a, b in zip(now, wanted, strict=True) if a is not None])
+        if np.abs(lacks).max() <= _ENOUGH:
             return found, now
+        # Aitken's relaxation of a vector iteration (Irons and Tuck, IJNME 1, 1969)
+        if last is not None and np.any(lacks != last):
+            weight = float(np.clip(-weight * last @ (lacks - last) / np.sum((lacks - last) ** 2), 0.1, 2.0))
+        last = lacks
+        now = tuple(a if a is None else a + weight * (b - a) for a, b in zip(now, wanted, strict=True))
     return replace(found, status=Status.INACCURATE), now
+
+
+def _own(robot: Robot) -> Shares:
+    """Those that the robot's cables have, None of other actuators."""
+    return tuple(getattr(one, "shares", None) for one in robot.actuators)
 
 
 def _with(robot: Robot, shares: Shares) -> tuple:

@@ -1,0 +1,97 @@
+"""Maximum a posteriori of the unknowns of robot and rig, and how well they are known.
+
+Least squares of (y - measured) / s, of z where something is known of it, and of d / d_sd. The scatter s, which no
+unknown explains, is what the fit leaves: s^2 = |y - measured|^2 / (n_r - n_eff), n_eff the trace of the hat matrix (the
+measurements' own share of the unknowns), in turns with the fit. Covariance: s^2 included, (J^T J)^-1 of all rows."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from cfem.cases.rig import Rig, Seen
+from cfem.cases.table import Cases
+from cfem.core.errors import InputError, NumericalError
+
+_ROUNDS = 6  # of scatter and fit in turns
+_SETTLED = 0.02
+_LEAST = 0.3  # share of the degrees of freedom that is left at least to estimate the scatter from
+
+
+@dataclass(frozen=True)
+class CaseFit:
+    """z (n_z,), d (n_d,) mm; covariance (n, n) of both; scatter mm; free: n_eff; cost: of the posterior, halved; seen:
+    at the answer; residuals (m, k, 3) mm computed less measured, nan where not measured."""
+
+    z: np.ndarray
+    d: np.ndarray
+    covariance: np.ndarray
+    scatter: float
+    free: float
+    cost: float
+    seen: Seen
+    residuals: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Numbers measured."""
+        return int(np.isfinite(self.residuals).sum())
+
+
+def fit_cases(
+    rig: Rig, cases: Cases, scatter: float, start: CaseFit | None = None, fixed_scatter: bool = False
+) -> CaseFit:
+    """InputError where nothing was measured, NumericalError where no equilibrium is found near the start."""
+    if not np.isfinite(cases.target).any():
+        raise InputError("no case has a marker that was measured")
+    n_z = len(rig.unknowns)
+    at = np.zeros(n_z + rig.n_d) if start is None else np.concatenate([start.z, start.d])
+    found = None
+    for _ in range(1 if fixed_scatter else _ROUNDS):
+        found = _at_scatter(rig, cases, scatter, at)
+        at, before, scatter = np.concatenate([found.z, found.d]), scatter, _scatter(found)
+        if abs(scatter - before) < _SETTLED * before:
+            break
+    return found if fixed_scatter else replace(found, scatter=scatter)
+
+
+def _scatter(found: CaseFit) -> float:
+    left = max(found.count - found.free, _LEAST * found.count)
+    return float(np.sqrt(np.nansum(found.residuals**2) / left))
+
+
+def _at_scatter(rig: Rig, cases: Cases, scatter: float, at: np.ndarray) -> CaseFit:
+    n_z, target = len(rig.unknowns), cases.target
+    mask = np.isfinite(target)
+    prior = np.concatenate([[float(one.known) for one in rig.unknowns], 1 / rig.d_sd])
+    bounds = np.array([one.bounds for one in rig.unknowns] + [(-np.inf, np.inf)] * rig.n_d).reshape(-1, 2)
+    last: dict[bytes, tuple] = {}
+
+    def evaluate(u: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray, Seen]:
+        key = u.tobytes()
+        if key not in last or (slopes and not last[key][3]):
+            seen = rig.see(cases, u[:n_z], u[n_z:], slopes)
+            r = np.concatenate([(seen.y - target)[mask] / scatter, prior * u])
+            J = np.vstack([np.concatenate([seen.by_z, seen.by_d], axis=3)[mask] / scatter, np.diag(prior)])
+            last.clear()
+            last[key] = r, J, seen, slopes
+        return last[key][:3]
+
+    def residuals(u: np.ndarray) -> np.ndarray:
+        try:
+            return evaluate(u, False)[0]
+        except NumericalError:
+            return np.full(int(mask.sum()) + len(u), 1e3)  # no equilibrium there: the search turns back
+
+    inside = np.clip(at, bounds[:, 0] + 1e-9, bounds[:, 1] - 1e-9)
+    evaluate(inside, False)  # a failure at the start is told
+    found = least_squares(
+        residuals, inside, lambda u: evaluate(u, True)[1], bounds=bounds.T, x_scale="jac", xtol=1e-6, ftol=1e-8
+    )
+    r, J, seen = evaluate(found.x, True)
+    measured = J[: int(mask.sum())]
+    H = J.T @ J
+    covariance = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
+    free = float(np.einsum("ij,jk,ik->", measured, covariance, measured))
+    left = np.where(mask, seen.y - target, np.nan)
+    return CaseFit(found.x[:n_z], found.x[n_z:], covariance, scatter, free, float(r @ r) / 2, seen, left)

@@ -1,0 +1,1 @@
+"""`cfem predict-cases`: other load cases of a robot that `cfem calibrate-cases` has calibrated."""

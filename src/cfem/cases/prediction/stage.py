@@ -1,0 +1,113 @@
+"""`cfem predict-cases`: a table of other load cases to predictions with intervals, and to errors where they were
+measured."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.cases.outcome import FILE
+from cfem.cases.prediction.spec import PredictSpec
+from cfem.cases.spec import CasesSpec
+from cfem.core.errors import InputError, NumericalError
+from cfem.core.files import write_json, write_whole
+from cfem.core.spec import load_spec, meaning
+from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.robot.spec import scene_meaning
+
+_PATHS = ("cases", "calibrated", "table", "out")
+RESULT, TABLE, FIGURE = "prediction.json", "predicted.csv", "shapes.png"
+
+
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The manifest; results: errors by case and marker, share within the intervals."""
+    made = stage(spec_path, overrides, out)
+    return run_stage(made, partial(_work, spec=made.spec, base=spec_path.parent), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, PredictSpec, overrides), spec_path.parent
+    cases = load_spec(base / spec.cases, CasesSpec)
+    scene = scene_meaning((base / spec.cases).parent / cases.scene)
+    return Stage(
+        name="predict-cases",
+        version=1,
+        spec=spec,
+        inputs={"calibrated": base / spec.calibrated, "table": base / spec.table},
+        out=out or base / spec.out,
+        paths=_PATHS,
+        extra={"scene": scene, "cases": meaning(cases, ("scene", "mesh", "measurements", "out"))},
+        spec_path=spec_path,
+        overrides=overrides,
+    )
+
+
+def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
+    from cfem.cases.load import load_lab
+    from cfem.cases.outcome import read_calibrated
+    from cfem.cases.predict import predict
+    from cfem.cases.written import repeats, write_predictions
+
+    path = base / spec.cases
+    lab = load_lab(load_spec(path, CasesSpec), path.parent)
+    known = read_calibrated(artefact_file(base / spec.calibrated, FILE))
+    cases = lab.read(base / spec.table, measured=False)
+    rig = lab.rig(lab.find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])))
+    strange = [name for name in known.names if name not in {one.name for one in rig.unknowns}]
+    if strange:
+        what = f"was made with the unknown '{strange[0]}', which {spec.cases} does not find"
+        raise InputError(what, where=str(spec.calibrated), do="run cfem calibrate-cases again")
+    found = predict(rig, cases, known, spec.confidence)
+    write_predictions(folder / TABLE, cases, lab.markers, found)
+    if spec.figure:
+        _draw(folder / FIGURE, lab, cases, found)
+    measured = np.isfinite(found.distance)
+    if len(found.failed) == len(cases):
+        raise NumericalError(f"no case has an equilibrium; the first: {next(iter(found.failed.values()))}")
+    half = float(np.nanmedian(found.half))
+    headline = [f"{len(cases)} cases predicted; half of the median interval is {half:.3g} mm, in {TABLE}"]
+    failed = {cases.names[i]: why for i, why in found.failed.items()}
+    if failed:
+        name, why = next(iter(failed.items()))
+        headline.insert(0, f"{len(failed)} of {len(cases)} cases have no equilibrium; the first, {name}: {why}")
+    results: dict[str, Any] = {"headline": headline, "cases": len(cases), "median_half_mm": half, "failed": failed}
+    if measured.any():
+        coordinates, markers = found.covered()
+        by_marker = {name: _mean(found.distance[:, j]) for j, name in enumerate(lab.markers)}
+        by_case = {name: _mean(found.distance[i]) for i, name in enumerate(cases.names)}
+        mean, worst = float(np.nanmean(found.distance)), float(np.nanmax(found.distance))
+        percent = f"{100 * spec.confidence:g} %"
+        headline += [
+            f"error {mean:.3g} mm, mean over {int(measured.sum())} markers; largest {worst:.3g} mm",
+            f"{100 * coordinates:.0f} % of coordinates lie within their {percent} intervals, "
+            f"{100 * markers:.0f} % of markers within their {percent} radius",
+        ]
+        scatter = repeats(cases)
+        if scatter is not None:
+            headline.append(f"repeats of a load differ by {scatter:.2g} mm (largest distance of a marker)")
+        results |= {
+            "mean_mm": mean,
+            "largest_mm": worst,
+            "by_marker_mm": by_marker,
+            "by_case_mm": by_case,
+            "coordinates_within": coordinates,
+            "markers_within": markers,
+            "repeats_mm": scatter,
+        }
+    write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
+    return results
+
+
+def _mean(distance: np.ndarray) -> float | None:
+    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
+
+
+def _draw(path: Path, lab: Any, cases: Any, found: Any) -> None:
+    try:
+        from cfem.cases.figure import shapes_figure
+    except ImportError:
+        return  # matplotlib comes with cfem[report]
+    title = "Predicted, none of these cases in the fit"
+    write_whole(path, shapes_figure(cases, found.posed, found.y, found.half, lab.mesh, title))

@@ -1,0 +1,156 @@
+"""`cfem calibrate-cases`: load cases to the parameters of robot and rig, how well each case is predicted by the others,
+and which model the measurements support."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.cases.spec import CasesSpec
+from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import poor
+from cfem.core.shown import duration
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, run_stage
+from cfem.robot.spec import scene_meaning
+
+_PATHS = ("measurements", "scene", "mesh", "out")
+RESULT, TABLE, FIGURE = "calibration.json", "predicted.csv", "shapes.png"
+_UNLIKE = 2.5  # times: errors of left-out cases beyond what the fit says of itself are told first
+
+
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The manifest; results: parameters with intervals, errors by case and marker, models compared."""
+    made = stage(spec_path, overrides, out)
+    return run_stage(made, partial(_work, spec=made.spec, base=spec_path.parent), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, CasesSpec, overrides), spec_path.parent
+    return Stage(
+        name="calibrate-cases",
+        version=1,
+        spec=spec,
+        inputs={"measurements": base / spec.measurements, "mesh": base / spec.mesh},
+        out=out or base / spec.out,
+        paths=_PATHS,
+        extra={"scene": scene_meaning(base / spec.scene)},
+        spec_path=spec_path,
+        overrides=overrides,
+    )
+
+
+def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
+    import time
+
+    from cfem.cases.compare import criteria, leave_one_out, told
+    from cfem.cases.fit import fit_cases
+    from cfem.cases.load import load_lab
+    from cfem.cases.outcome import FILE, estimates, read_calibrated, sentence, write_calibrated
+    from cfem.cases.predict import predict
+    from cfem.cases.written import repeats, write_predictions
+
+    begin = time.process_time()
+    lab = load_lab(spec, base)
+    cases = lab.read(base / spec.measurements)
+    sessions = tuple(dict.fromkeys(cases.sessions))
+    models = {"kept": lab.find} | spec.compare
+    compared, kept = {}, None
+    for name, find in models.items():
+        rig = lab.rig(find, sessions)
+        found = fit_cases(rig, cases, spec.scatter)
+        left = leave_one_out(rig, cases, found)
+        compared[name] = _row(find, found, left, criteria(found), rig.robots.solves)
+        if name == "kept":
+            kept = rig, found, left
+    rig, found, left = kept
+    degrees = max(len(cases) - 1 - len(left.failed), 1)
+    write_calibrated(folder / FILE, found, rig, left.inflation, degrees)
+    known = read_calibrated(folder / FILE)
+    fitted = predict(rig, cases, known, spec.confidence)
+    write_predictions(folder / TABLE, cases, lab.markers, fitted, left)
+    from scipy.stats import t
+
+    quantile = float(t.ppf(0.5 + spec.confidence / 2, degrees))
+    values = estimates(found, rig, quantile, left.inflation)
+    best = min(compared, key=lambda name: compared[name]["left_out_mm"])
+    judged = []
+    if left.inflation > _UNLIKE:
+        what = f"left-out cases err {left.inflation:.1f} times as much as the fit says of itself"
+        judged.append(poor(what + ": the model lacks something"))
+    if spec.figure:
+        _draw(folder / FIGURE, lab.mesh, cases, fitted, "Measured and computed, all cases in the fit")
+    headline = [sentence(name, one) for name, one in values.items()]
+    headline += told(rig, found)
+    headline.append(
+        f"errors, mean over markers: {np.nanmean(fitted.distance):.3g} mm in the fit, "
+        f"{np.nanmean(left.distance):.3g} mm of cases left out of it"
+    )
+    if len(compared) > 1:
+        headline.append(f"of {len(compared)} models '{best}' predicts left-out cases best")
+    scatter = repeats(cases)
+    if scatter is not None:
+        headline.append(f"repeats of a load differ by {scatter:.2g} mm (largest distance of a marker)")
+    headline.append(
+        f"{len(cases)} cases, {found.count} numbers, {sum(one['solves'] for one in compared.values())} equilibria, "
+        f"{duration(time.process_time() - begin)} of CPU time"
+    )
+    results = {
+        "judgement": judged,
+        "headline": headline,
+        "estimates": values,
+        "scatter_mm": found.scatter,
+        "inflation": left.inflation,
+        "degrees_of_freedom": degrees,
+        "errors_mm": _errors(cases, lab.markers, fitted.distance),
+        "left_out_mm": _errors(cases, lab.markers, left.distance),
+        "repeats_mm": scatter,
+        "models": compared,
+        "best": best,
+        "offsets_mm": _offsets(found.d, lab.markers, rig),
+        "untold": told(rig, found),
+        "cpu_seconds": time.process_time() - begin,
+    }
+    write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
+    return results
+
+
+def _row(find: Sequence[str], found: Any, left: Any, criterion: dict[str, float], solves: int) -> dict[str, Any]:
+    """Of one model."""
+    return {
+        "find": list(find),
+        "in_fit_mm": float(np.nanmean(np.linalg.norm(found.residuals, axis=2))),
+        "left_out_mm": float(np.nanmean(left.distance)) if np.isfinite(left.distance).any() else None,
+        "left_out_failed": list(left.failed),
+        "scatter_mm": found.scatter,
+        "free": found.free,
+        "solves": solves,
+        **{name: value if np.isfinite(value) else None for name, value in criterion.items()},
+    }
+
+
+def _errors(cases: Any, markers: Sequence[str], distance: np.ndarray) -> dict[str, dict[str, float | None]]:
+    """mm by case and marker."""
+    return {
+        case: {marker: float(e) if np.isfinite(e) else None for marker, e in zip(markers, row, strict=True)}
+        for case, row in zip(cases.names, distance, strict=True)
+    }
+
+
+def _offsets(d: np.ndarray, markers: Sequence[str], rig: Any) -> dict[str, dict[str, list[float]]]:
+    """mm along the axes that turn with the body: of all sessions, and what each adds."""
+    names = ["all", *rig.sessions][: rig.blocks]
+    return {
+        name: {m: part.tolist() for m, part in zip(markers, block.reshape(-1, 3), strict=True)}
+        for name, block in zip(names, np.split(d, rig.blocks) if rig.blocks else (), strict=True)
+    }
+
+
+def _draw(path: Path, mesh: Any, cases: Any, found: Any, title: str) -> None:
+    try:
+        from cfem.cases.figure import shapes_figure
+    except ImportError:
+        return  # matplotlib comes with cfem[report]
+    write_whole(path, shapes_figure(cases, found.posed, found.y, found.half, mesh, title))
