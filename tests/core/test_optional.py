@@ -15,7 +15,7 @@ from cfem.core.errors import SpecError
 from cfem.core.optional import EXTRAS, demand, explained
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-BROUGHT_BY = {"llvmlite": "numba", "dask": "distributed", "pymklpardiso": "py-mkl-pardiso"}
+BROUGHT_BY = {"llvmlite": "numba", "dask": "distributed", "pymklpardiso": "py-mkl-pardiso", "PIL": "pillow"}
 
 
 def absent(monkeypatch, *names):

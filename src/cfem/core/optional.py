@@ -26,6 +26,7 @@ EXTRAS = {
     "optuna": "train",
     "torch": "train",
     "matplotlib": "report",
+    "PIL": "report",
     "c3d": "lab",
     "pymklpardiso": "fast",
     "dask": "cluster",
