@@ -18,7 +18,7 @@ from cfem.robot.spec import SceneSpec
 
 VERSION = 1
 Format = Literal["gif", "paraview"]
-A_GOAL = 110  # ms that a goal is shown
+A_GOAL, A_ROUND = 110, 2400  # ms: that a goal is shown at least, and of few goals all together
 QUICKEST, SLOWEST = 20, 1000  # ms a frame: quicker ones are slowed down by many viewers
 
 
@@ -58,7 +58,7 @@ def run(
 
 
 def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: AnimateSpec) -> dict[str, Any]:
-    demand("matplotlib", where="cfem animate")
+    demand("pyarrow", "matplotlib", "PIL", where="cfem animate")
     from cfem.core.progress import progress
     from cfem.report.animation import viewer_of
     from cfem.report.course import LEARNED, courses
@@ -98,7 +98,7 @@ def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
 def _durations(course: Any) -> list[int]:
     """ms of each shape: as long as it took, of goals one after the other the same."""
     if not course.in_seconds or len(course.times) < 2:
-        return [A_GOAL] * len(course.times)
+        return [min(max(A_GOAL, A_ROUND // len(course.times) // 10 * 10), SLOWEST)] * len(course.times)
     steps = np.diff(course.times, append=2 * course.times[-1] - course.times[-2])
     return np.clip(1000 * steps, QUICKEST, SLOWEST).round(-1).astype(int).tolist()
 
