@@ -1,17 +1,17 @@
 """`cfem`: one command a stage, each reading its YAML spec and making one artefact folder."""
 
-from collections.abc import Callable
-from functools import partial
 from importlib import import_module
-from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from cfem import __version__
 from cfem.cli.help import Commands
+from cfem.cli.look import add_looks
+from cfem.cli.options import Check, Force, Json, Quiet, Strict
 from cfem.cli.run import run_command
+from cfem.cli.stages import add_stages
 from cfem.core.errors import SpecError
 
 app = typer.Typer(
@@ -23,114 +23,8 @@ app = typer.Typer(
     help="Condensed finite-element models of soft robots: mesh, sample, train, export, control, calibrate, optimize.",
 )
 
-Spec = Annotated[Path, typer.Argument(help="The stage's YAML spec.")]
-Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY.SUB=VALUE", help="Override a value of the spec.")]
-Out = Annotated[Path | None, typer.Option("--out", help="Output folder, instead of the spec's.")]
-Force = Annotated[bool, typer.Option("--force", help="Run even if up to date, and replace what is there.")]
-Check = Annotated[bool, typer.Option("--check", help="Run nothing; exit 5 if the output is stale.")]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit 4 where the result is poor: nobody should trust it.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress.")]
-Workers = Annotated[int | None, typer.Option("--workers", min=1, help="Local processes. Default: one per core.")]
-
-
-def _every_stage(
-    set_: Set = None,
-    out: Out = None,
-    force: Force = False,
-    check: Check = False,
-    strict: Strict = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """The options of every stage."""
-
-
-def _stage(run: Callable[..., Any], summary: str, name: str, hidden: bool = False) -> None:
-    """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own."""
-
-    def command(set_, out, force, check, strict, json, quiet, **own) -> None:
-        work = partial(run, **own, set_=set_ or [], out=out)
-        run_command(lambda options: work(options=options), force, check, json, quiet, strict, name)
-
-    given = ("set_", "out", "options")
-    own = [one for name, one in signature(run).parameters.items() if name not in given]
-    common = list(signature(_every_stage).parameters.values())
-    command.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in (*own, *common)])
-    command.__annotations__ = {one.name: one.annotation for one in (*own, *common)}
-    app.command(name, help=summary, hidden=hidden)(command)
-
-
-def _plain(package: str) -> Callable[..., Any]:
-    """The stage of a package that has no options of its own."""
-
-    def run(spec: Spec, set_, out, options):
-        return import_module(f"cfem.{package}.stage").run(spec, set_, out, options)
-
-    return run
-
-
-def _sample(
-    spec: Spec,
-    set_,
-    out,
-    options,
-    workers: Workers = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Let the workers of this Dask scheduler solve: tcp://host:8786."),
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option(min=1, metavar="SECONDS", help="Replace the workers when none finishes a shard for so long."),
-    ] = 3600,
-    shard: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Solve only the I-th of N parts; `cfem merge` joins them.")
-    ] = None,
-    until_error: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help="Add states where the model is worst, until its error is below LENGTH."),
-    ] = None,
-):
-    overrides = [*set_, *([f"until.error={until_error}"] if until_error else [])]
-
-    def fill(*arguments):
-        return import_module("cfem.active.fill").fill(*arguments)
-
-    solve = import_module("cfem.sample.stage").run
-    how = {"workers": workers, "scheduler": scheduler, "timeout": timeout, "shard": shard}
-    return solve(spec, overrides, out, options, fill=fill, **how)
-
-
-def _merge(
-    spec: Annotated[Path, typer.Argument(help="The sample.yaml of the parts.")],
-    set_,
-    out,
-    options,
-    parts: Annotated[
-        list[Path] | None, typer.Argument(help="Folders of all parts. Default: those beside the output folder.")
-    ] = None,
-):
-    return import_module("cfem.sample.stage").merge(spec, set_, out, options, parts or [])
-
-
-_stage(_plain("robot"), "Mesh a scene and check the quality of the mesh.", "mesh")
-_SAMPLE = "Solve many states of the robot by finite elements and store them. Resumes an interrupted run."
-_stage(_sample, _SAMPLE, "sample")
-_stage(_sample, _SAMPLE, "simulate-sample", hidden=True)
-_stage(_merge, "Join the parts that `sample --shard` solved into one dataset.", "merge")
-_stage(_plain("surrogate"), "Fit a small model to the samples, and measure its error on test states.", "train")
-_stage(
-    _plain("export"), "Write a model as arrays, ONNX, TorchScript or C, and compare each with the original.", "export"
-)
-_stage(_plain("control"), "Follow trajectories with a model; the finite-element robot is the judge.", "control")
-_stage(_plain("calibrate"), "Find parameters of a robot from measurements, with confidence intervals.", "calibrate")
-_stage(_plain("measurements"), "Turn recordings of camera systems into a table of load cases.", "measurements")
-_stage(_plain("cases"), "Find parameters of a robot and its rig from measured load cases.", "calibrate-cases")
-_PREDICT = "Predict other load cases of a calibrated robot, with intervals; with errors where they were measured."
-_stage(_plain("cases.prediction"), _PREDICT, "predict-cases")
-_stage(_plain("design"), "Find the best designs, and check them by finite elements.", "optimize-design")
-_stage(_plain("report"), "Make one HTML page of the results.", "report")
+add_stages(app)
+add_looks(app)
 
 
 @app.command("run")
@@ -262,84 +156,6 @@ def material(
 
 
 @app.command()
-def animate(
-    control: Annotated[Path, typer.Argument(help="Folder that cfem control made.")],
-    format_: Annotated[
-        list[str] | None, typer.Option("--format", help="gif or paraview. Repeatable. Default: both.")
-    ] = None,
-    frames: Annotated[int, typer.Option(min=1, help="Largest number of shapes of the learned skin.")] = 60,
-    learned: Annotated[
-        bool, typer.Option("--learned", help="Animate the learned skin even where FE shapes were kept.")
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Output folder. Default: CONTROL-animation, beside the run.")
-    ] = None,
-    force: Force = False,
-    check: Check = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Draw a control run as an animation, and as files for ParaView. Nothing is solved."""
-
-    def work(options):
-        formats = format_ or ["gif", "paraview"]
-        if unknown := sorted(set(formats) - {"gif", "paraview"}):
-            raise SpecError(f"'{unknown[0]}' is not known: gif and paraview are", where="animate --format")
-        return import_module("cfem.report.animate").run(control, out, options, formats, frames, learned)
-
-    run_command(work, force, check, json, quiet, label="animate")
-
-
-@app.command()
-def inspect(
-    artefact: Annotated[Path, typer.Argument(help="A mesh, dataset, model, control or report folder.")],
-    json: Json = False,
-) -> None:
-    """Print what an artefact holds: origin, rows, units, statistics, errors."""
-    from cfem.cli.inspect import describe
-
-    run_command(lambda _: describe(artefact, json), as_json=json)
-
-
-@app.command("modes")
-def natural_modes(
-    model: Annotated[Path, typer.Argument(help="Folder of a trained model that moves.")],
-    at: Annotated[
-        list[str] | None, typer.Option("--at", metavar="MM,...", help="Displacements of the actuators. Repeatable.")
-    ] = None,
-    free: Annotated[bool, typer.Option("--free", help="Leave the actuators free instead of held.")] = False,
-    count: Annotated[int, typer.Option("--count", min=1, max=12, help="How many modes.")] = 3,
-    picture: Annotated[Path | None, typer.Option("--picture", help="Draw the frequencies into this file.")] = None,
-    json: Json = False,
-) -> None:
-    """Print natural frequencies and damping of a model along its workspace."""
-
-    def work(_):
-        from cfem.cli.modes import as_text, modes
-
-        results = modes(model, at or [], free, count, picture)
-        return results if json else as_text(results)
-
-    run_command(work, as_json=json)
-
-
-@app.command()
-def verify(
-    folders: Annotated[
-        list[Path] | None, typer.Argument(help="Artefacts, or folders of them. Default: data and models.")
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Check every file of artefacts against its checksum. Exit 3 if one is damaged, missing or foreign."""
-    from cfem.cli.verify import demand_whole, verify_folders
-
-    found = []
-    run_command(lambda _: verify_folders(folders or [], json, found), as_json=json, label="verify")
-    if any(one.damage for one in found):
-        run_command(lambda _: demand_whole(found))
-
-
-@app.command()
 def stability(
     scene: Annotated[Path | None, typer.Argument(help="A scene with a mesh, to try as well.")] = None,
     only: Annotated[
@@ -377,16 +193,6 @@ def schema(
     from cfem.cli.schemas import write_schemas
 
     run_command(lambda _: write_schemas(out, check))
-
-
-@app.command()
-def summary(
-    folders: Annotated[list[Path], typer.Argument(help="Artefact folders, in the order to be listed.")],
-) -> None:
-    """Print main results and run time of artefacts."""
-    from cfem.cli.inspect import summarise
-
-    run_command(lambda _: summarise(folders))
 
 
 def _version(wanted: bool) -> None:

@@ -21,6 +21,7 @@ from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Cost, Problem
 from cfem.equilibrium.robot import demand_without_friction, watched_displacements
+from cfem.equilibrium.slack import change_of_slack, most_pushing, no_push, only, taut_rows
 from cfem.equilibrium.solution import Equilibrium, Linear, State, Status
 from cfem.equilibrium.third_order import compliance_derivatives, load_derivatives
 from cfem.mechanics.factorization import SingularMatrixError
@@ -68,15 +69,15 @@ def solve(
     if not _finite(problem, actuation, start, base):
         return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin)
     if slack:
-        actuation = _no_push(problem, actuation)
-    taut = _taut(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
+        actuation = no_push(problem, actuation)
+    taut = taut_rows(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
     tried = {tuple(taut)}
-    path = _reach(problem, _only(actuation, taut), start, base, settings, cost, slack)
+    path = _reach(problem, only(actuation, taut), start, base, settings, cost, slack)
     while slack:
         # A path that fails may do so because a cable pushes on the way.
         converged = path.result.status is Status.CONVERGED
         last = path.result if converged else path.stable or path.result
-        change = (_change_of_slack if converged else _most_pushing)(problem, actuation, taut, last)
+        change = (change_of_slack if converged else most_pushing)(problem, actuation, taut, last)
         if change is None:
             break
         taut[change] = not taut[change]
@@ -85,9 +86,9 @@ def solve(
             break
         tried.add(tuple(taut))
         near = last.state if converged else None
-        path = _reach(problem, _only(actuation, taut), near, last.state, settings, cost, slack)
+        path = _reach(problem, only(actuation, taut), near, last.state, settings, cost, slack)
     wanted = (condense, third_order, sides, mass, skin_response, keep, loads)
-    return _answer(problem, path, _only(actuation, taut), settings, cost, begin, *wanted)
+    return _answer(problem, path, only(actuation, taut), settings, cost, begin, *wanted)
 
 
 @dataclass(frozen=True)
@@ -166,63 +167,9 @@ def _continuation(
         else:
             step, failed = (to - done) / 2, True
             everything = np.ones(len(C), dtype=bool)
-            pushed = (
-                slack and reached is not None and _most_pushing(problem, actuation, everything, reached) is not None
-            )
+            pushed = slack and reached is not None and most_pushing(problem, actuation, everything, reached) is not None
             if pushed or step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
-
-
-def _unilateral_rows(problem: Problem, actuation: Actuation) -> list[tuple[int, int]]:
-    """(row of C, actuator) of the rows that prescribe one unilateral actuator each."""
-    rows = [(index, np.flatnonzero(row)) for index, row in enumerate(actuation.C)]
-    unilateral = problem.robot.unilateral
-    return [(index, row[0]) for index, row in rows if len(row) == 1 and row[0] < len(unilateral) and unilateral[row[0]]]
-
-
-def _no_push(problem: Problem, actuation: Actuation) -> Actuation:
-    """A unilateral actuator that is asked to push by a given force goes slack."""
-    offset, n_a = actuation.offset.copy(), problem.robot.rows.n_a
-    given = problem.robot.unilateral & ~actuation.C[:, :n_a].any(axis=0)
-    offset[:n_a][given] = np.maximum(offset[:n_a][given], 0.0)
-    return replace(actuation, offset=offset)
-
-
-def _taut(problem: Problem, actuation: Actuation, near: State | None) -> np.ndarray:
-    """(m,) the rows to hold at first: not those of cables that are longer than their path in the state nearby."""
-    taut = np.ones(len(actuation.C), dtype=bool)
-    x = problem.rest if near is None else near.x
-    for index, actuator in _unilateral_rows(problem, actuation):
-        row = problem.robot.actuators[actuator]
-        spare = actuation.C[index, actuator] * (row.value(x) - row.rest)[0] - actuation.target[index]
-        taut[index] = spare <= 1e-3 * problem.robot.body.mesh.size
-    return taut
-
-
-def _change_of_slack(problem: Problem, actuation: Actuation, taut: np.ndarray, result: NewtonResult) -> int | None:
-    """The prescribed row to let go (it pushes) or to take up (its path has become too long), None where all is well."""
-    pushing = _most_pushing(problem, actuation, taut, result)
-    lack = np.zeros(len(taut))
-    for index, _ in _unilateral_rows(problem, actuation):
-        if not taut[index]:
-            lack[index] = actuation.target[index] - actuation.C[index] @ result.at.delta
-    if pushing is None and len(taut) and lack.max() > 1e-9 * problem.robot.body.mesh.size:
-        return int(lack.argmax())
-    return pushing
-
-
-def _most_pushing(problem: Problem, actuation: Actuation, taut: np.ndarray, result: NewtonResult) -> int | None:
-    """The prescribed row of the cable that pushes most, None where none does."""
-    tension = np.zeros(len(taut))
-    for index, actuator in _unilateral_rows(problem, actuation):
-        if taut[index]:
-            tension[index] = result.lam[actuator]
-    pushes = len(taut) and tension.min() < -1e-9 * max(np.abs(result.lam).max(), problem.force_floor)
-    return int(tension.argmin()) if pushes else None
-
-
-def _only(actuation: Actuation, taut: np.ndarray) -> Actuation:
-    return replace(actuation, C=actuation.C[taut], target=actuation.target[taut])
 
 
 def _finite(problem: Problem, actuation: Actuation, *states: State | None) -> bool:
