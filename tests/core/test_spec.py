@@ -127,6 +127,19 @@ def test_schema_has_the_string_below_a_field_for_its_description_and_defaults_wi
     assert (fields["gap"]["default"], fields["slope"]["default"]) == ("2.5 mm", "45 deg")
 
 
+class Heir(Outer):
+    """Inherits fields."""
+
+    name: str
+    """What the heir is called."""
+
+
+def test_inherited_fields_keep_their_description():
+    fields = json_schema(Heir)["properties"]
+    assert fields["name"]["description"] == "What the heir is called."
+    assert fields["gap"]["description"] == json_schema(Outer)["properties"]["gap"]["description"]
+
+
 def test_meaning_leaves_out_what_is_default_and_what_is_named():
     class Part(Spec):
         size: float

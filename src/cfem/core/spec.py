@@ -74,7 +74,12 @@ class Spec(BaseModel):
 
 
 def described(model: type[BaseModel]) -> dict[str, str]:
-    """Field -> the string below it."""
+    """Field -> the string below it, in the class itself or in those that it inherits from."""
+    bases = [one for one in reversed(model.__mro__) if issubclass(one, BaseModel) and one not in (BaseModel, Spec)]
+    return {name: text for one in bases for name, text in _own_strings(one).items() if name in model.model_fields}
+
+
+def _own_strings(model: type[BaseModel]) -> dict[str, str]:
     body = ast.parse(textwrap.dedent(inspect.getsource(model))).body[0].body
     return {
         field.target.id: " ".join(below.value.value.split())
