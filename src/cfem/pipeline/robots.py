@@ -32,6 +32,9 @@ def copy_robot(robot: str, name: str, folder: Path, force: bool = False) -> dict
         text = step.spec.read_text(encoding="utf-8")
         if own or not target.exists():
             texts[target] = renamed(text, robot, name) if own else text
+        for other in sorted(step.spec.parent.iterdir()):  # measurements with their licence, objectives
+            if other.is_file() and other.suffix != ".yaml":
+                texts.setdefault(target.with_name(other.name), other.read_text(encoding="utf-8"))
     there = [path for path, text in texts.items() if path.exists() and path.read_text(encoding="utf-8") != text]
     if there and not force:
         raise OutputError("exists", where=str(there[0]), do="choose another name, or --force, which keeps a copy")
