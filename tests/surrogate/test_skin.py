@@ -13,7 +13,7 @@ from cfem.predict.load import build, skin_of
 from cfem.surrogate.definiteness import smallest_eigenvalue
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.skin import fit_skin, judge
-from cfem.surrogate.stage import headline
+from cfem.surrogate.verdict import headline
 
 
 @pytest.fixture(scope="module")

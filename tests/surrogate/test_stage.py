@@ -13,7 +13,8 @@ from cfem.core.errors import InputError, SpecError
 from cfem.core.files import content_sha256, file_sha256, write_json
 from cfem.core.stage import Options
 from cfem.predict.load import load_model, read_arrays
-from cfem.surrogate.stage import headline, judged, run
+from cfem.surrogate.stage import run
+from cfem.surrogate.verdict import headline, judged
 
 SPEC = "dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 8}\nlearning_curve: [10, 20]\n"
 
@@ -123,7 +124,7 @@ def test_an_unknown_key_names_the_near_one(spec):
 def test_spectral_training_imports_no_torch(spec):
     code = (
         "import sys; from pathlib import Path; from cfem.core.stage import Options; "
-        "from cfem.surrogate.stage import judged, run; "
+        "from cfem.surrogate.stage import run; "
         f"run(Path({str(spec)!r}), ['learning_curve=[]'], None, Options()); print('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

@@ -18,10 +18,8 @@ import numpy as np
 from cfem.condensed.skin import read_skin
 from cfem.core.errors import InputError
 from cfem.core.files import file_sha256, write_json, write_npz
-from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.optional import demand
 from cfem.core.progress import doing
-from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
 from cfem.dataset.schema import SKIN
@@ -29,8 +27,8 @@ from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
 from cfem.predict.skin import FILE
 from cfem.surrogate.observations import inputs
-from cfem.surrogate.skin_line import skin_line
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
+from cfem.surrogate.verdict import headline, judged
 
 PARTS = ("module", "at_rest")  # models that this one is made of
 _ROBOT = ("scene", "robot", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
@@ -148,41 +146,6 @@ def add_skin(
         "front": {"rms_mm": front.rms, "largest_mm": front.largest},
         "seconds_fit": time.perf_counter() - begin,
     }
-
-
-def headline(results: dict[str, Any]) -> list[str]:
-    errors, definite = results["errors"], results["positive_definite"]
-    lines = [
-        f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
-        f"and {errors['force_N']['max']:.2g} N on {errors['states']} states; "
-        f"standardised loss {errors['frame_loss']:.2e}; "
-        f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
-    ]
-    if "skin" in results:
-        lines.append(skin_line(results["skin"]))
-    if definite["share"] < 1:
-        lines.append(
-            f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random "
-            "states between the samples: more samples, or fewer degrees, may mend it"
-        )
-    if errors.get("buckled_states"):
-        lines.append(
-            f"{errors['buckled_states']} of {errors['states']} test states would buckle were they not held; "
-            f"the loss of the others is {errors['loss_of_stable']:.2e}"
-        )
-    return lines
-
-
-def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
-    """Why the model should not be trusted, if so."""
-    errors, definite, found = results["errors"], results["positive_definite"], []
-    if not errors["frame_loss"] <= LOSS:
-        tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
-        found.append(poor(f"loss {errors['frame_loss']:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
-    if not definite["share"] >= 1 - INDEFINITE_SHARE:
-        share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
-        found.append(poor(f"W is not positive definite at {share}: control may find no command there"))
-    return found
 
 
 def train_and_judge(

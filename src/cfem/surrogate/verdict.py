@@ -1,0 +1,43 @@
+"""What `cfem train` says of a model in words: its errors, and why it should not be trusted, if so."""
+
+from typing import Any
+
+from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
+from cfem.core.shown import duration, length
+from cfem.surrogate.skin_line import skin_line
+
+
+def headline(results: dict[str, Any]) -> list[str]:
+    """Errors in mm and N before the loss, then what is wrong."""
+    errors, definite = results["errors"], results["positive_definite"]
+    lines = [
+        f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
+        f"and {errors['force_N']['max']:.2g} N on {errors['states']} states; "
+        f"standardised loss {errors['frame_loss']:.2e}; "
+        f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
+    ]
+    if "skin" in results:
+        lines.append(skin_line(results["skin"]))
+    if definite["share"] < 1:
+        lines.append(
+            f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random "
+            "states between the samples: more samples, or fewer degrees, may mend it"
+        )
+    if errors.get("buckled_states"):
+        lines.append(
+            f"{errors['buckled_states']} of {errors['states']} test states would buckle were they not held; "
+            f"the loss of the others is {errors['loss_of_stable']:.2e}"
+        )
+    return lines
+
+
+def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
+    """Why the model should not be trusted, if so."""
+    errors, definite, found = results["errors"], results["positive_definite"], []
+    if not errors["frame_loss"] <= LOSS:
+        tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
+        found.append(poor(f"loss {errors['frame_loss']:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
+    if not definite["share"] >= 1 - INDEFINITE_SHARE:
+        share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
+        found.append(poor(f"W is not positive definite at {share}: control may find no command there"))
+    return found
