@@ -1,6 +1,7 @@
 """Names and order of the rows of W: effectors, then the skin, then actuators, then contacts."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,7 @@ class Rows:
     contacts: tuple[str, ...] = ()
     skin: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         return self.effectors + self.skin + self.actuators + self.contacts
 
@@ -25,48 +26,48 @@ class Rows:
         turns = [name.rpartition(".")[2].startswith("r") for name in self.effectors]
         return tuple(("rad", "N mm") if turn else ("mm", "N") for turn in turns)
 
-    @property
+    @cached_property
     def n_e(self) -> int:
         return len(self.effectors)
 
-    @property
+    @cached_property
     def n_s(self) -> int:
         return len(self.skin)
 
-    @property
+    @cached_property
     def n_a(self) -> int:
         return len(self.actuators)
 
-    @property
+    @cached_property
     def n_c(self) -> int:
         return len(self.contacts)
 
-    @property
+    @cached_property
     def n(self) -> int:
         return len(self.names)
 
-    @property
+    @cached_property
     def e(self) -> slice:
         return slice(0, self.n_e)
 
-    @property
+    @cached_property
     def s(self) -> slice:
         return slice(self.n_e, self.n_e + self.n_s)
 
-    @property
+    @cached_property
     def watched(self) -> slice:
         """Rows that carry no multiplier: effectors and skin."""
         return slice(0, self.n_e + self.n_s)
 
-    @property
+    @cached_property
     def a(self) -> slice:
         return slice(self.watched.stop, self.watched.stop + self.n_a)
 
-    @property
+    @cached_property
     def c(self) -> slice:
         return slice(self.a.stop, self.n)
 
-    @property
+    @cached_property
     def active(self) -> slice:
         """Rows that carry a multiplier: actuators and contacts."""
         return slice(self.watched.stop, self.n)
