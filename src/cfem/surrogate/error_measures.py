@@ -74,7 +74,7 @@ def paper_loss(
 def frame_loss(
     rows: Rows, W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray
 ) -> float:
-    """The paper's loss with vectors in the place of entries: the squared error of each 3 x 3 block of W, of each column
+    """The paper's loss of vectors, not of entries: the squared error of each 3 x 3 block of W, of each column
     of three and of each entry between actuators over the variance of that block, counted as its entries. A scene that
     is turned has the same one."""
     groups, total, count = vectors(rows), 0.0, 0

@@ -24,7 +24,7 @@ COMPLIANCE_NUMBERS = 200_000  # largest number of coefficients of all compliance
 @dataclass(frozen=True)
 class Front:
     """What the first 0, 1, ... modes of a model leave of the surface, in test states. rms, largest: mm, the second a
-    bound: the largest that the modes leave and the largest that the model errs are added."""
+    bound: what the modes leave and the error of the model, each at its largest, are added."""
 
     rms: list[float]
     largest: list[float]
