@@ -158,7 +158,7 @@ discretisation: .venv/all
 mechanics: .venv/dev discretisation
 	$(PYTHON) scripts/figures.py measure discretisation tours convergence stability
 
-# Datasets of the small scenes: made anew where stale, compared with tests/gold. CI runs it.
+# Datasets of the small scenes: remade where stale, compared with tests/gold. CI runs it.
 regenerate: .venv/dev
 	$(PYTHON) scripts/regenerate.py
 

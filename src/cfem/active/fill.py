@@ -1,4 +1,4 @@
-"""`cfem simulate-sample --until-error`: rounds of FE states, each where the model of those before errs most.
+"""`cfem simulate-sample --until-error`: rounds of FE states, each where the error of the model so far is largest.
 
 The training split is a pool; its first rows are solved, a model is fitted, and batches follow until every state of two
 batches in a row was predicted within the error asked for, before it was solved. Test rows are solved too and take no

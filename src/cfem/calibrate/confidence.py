@@ -3,7 +3,7 @@
 With residuals r in units of their noise and J = dr/dz at the minimum, cov(z) = s^2 (J^T J)^-1, s^2 = |r|^2 / (n_r - n)
 where the noise is not known, and quantiles of Student's t of n_r - n degrees of freedom; where it is, s = 1 and the
 quantiles are normal, unless the fit leaves significantly more than the noise (chi-squared test): then s again. A
-profile goes along one parameter, all others fitted anew, until |r|^2 has grown by the quantile's square times s^2
+profile goes along one parameter, all others fitted again, until |r|^2 has grown by the quantile's square times s^2
 (Bates and Watts, Nonlinear Regression Analysis, 1988, chapters 2 and 6)."""
 
 from dataclasses import dataclass

@@ -56,7 +56,7 @@ def leave_one_out(rig: Rig, cases: Cases, whole: CaseFit) -> LeftOut:
 
 
 def criteria(found: CaseFit) -> dict[str, float]:
-    """AICc and BIC, n_eff in the place of the number of parameters (Burnham and Anderson, Model Selection, 2002)."""
+    """AICc and BIC, with n_eff as the number of parameters (Burnham and Anderson, Model Selection, 2002)."""
     n, k = found.count, found.free + 1
     fit = n * np.log(np.nansum(found.residuals**2) / n)
     correction = 2 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf

@@ -1,13 +1,14 @@
-"""Numbers of the whole deformed body: how far it is strained or stressed where it is so most.
+"""How far a body is strained or stressed where it is most.
 
-The largest value in a body sits at a re-entrant corner, where it grows without bound as the mesh is refined. What is
-given is a mean of high power over the volume,
+The largest value in a body sits at a re-entrant corner, where it grows without bound as the mesh is refined. So a mean
+of high power over the volume is given,
 
     J = (int m^P dV / V)^(1/P),
 
 which a small corner moves little, and which is smooth. m is the largest principal stretch less one, or von Mises'
 stress."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,19 +24,52 @@ _STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class Strain:
-    """Largest principal stretch less one."""
+class Field(ABC):
+    """A scalar at each point of the solids, and its mean J over the body."""
 
     power: float = 16.0
 
-    def value(self, problem: Problem, at: Evaluation) -> float:
-        return _mean(self, problem, at)
-
-    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
-        return _gradient(self, problem, at)
-
+    @abstractmethod
     def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
         """(k,) at displacement gradients D (k, 3, 3)."""
+
+    @abstractmethod
+    def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
+        """(k, 3, 3) by the deformation gradient F = D + I."""
+
+    def value(self, problem: Problem, at: Evaluation) -> float:
+        """J."""
+        parts = _points(problem, at)
+        values = [self.at_points(part, there.D) for part, there in parts]
+        most = max(float(one.max()) for one in values)
+        if most == 0.0:
+            return 0.0
+        volume = sum(float(part.weights.sum()) for part, _ in parts)
+        powers = (part.weights.ravel() @ (m / most) ** self.power for (part, _), m in zip(parts, values, strict=True))
+        return most * (sum(powers) / volume) ** (1 / self.power)
+
+    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
+        """(n, 3) of J by the positions of the nodes."""
+        mean, found = self.value(problem, at), np.zeros_like(at.x)
+        if mean == 0.0:
+            return found
+        parts = _points(problem, at)
+        volume = sum(float(part.weights.sum()) for part, _ in parts)
+        for part, there in parts:
+            share = (self.at_points(part, there.D) / mean) ** (self.power - 1) / volume  # over each point's weight
+            add_stress(part, there, share[:, None, None] * self.slopes(part, there.D), found)
+        return found
+
+    def largest(self, problem: Problem, at: Evaluation) -> float:
+        """At any quadrature point."""
+        return max(float(self.at_points(part, there.D).max()) for part, there in _points(problem, at))
+
+
+@dataclass(frozen=True)
+class Strain(Field):
+    """Largest principal stretch less one."""
+
+    def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
         F = D + np.eye(3)
         return np.maximum(np.sqrt(np.linalg.eigvalsh(F.swapaxes(1, 2) @ F)[:, 2]) - 1.0, 0.0)
 
@@ -48,19 +82,10 @@ class Strain:
 
 
 @dataclass(frozen=True)
-class Stress:
+class Stress(Field):
     """Von Mises' Cauchy stress, MPa."""
 
-    power: float = 16.0
-
-    def value(self, problem: Problem, at: Evaluation) -> float:
-        return _mean(self, problem, at)
-
-    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
-        return _gradient(self, problem, at)
-
     def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
-        """(k,) at displacement gradients D (k, 3, 3)."""
         if part.law.name not in _BY_VOLUME:
             raise InputError(f"von Mises' stress of the law {part.law.name} is not implemented")
         F = D + np.eye(3)
@@ -83,32 +108,3 @@ def _points(problem: Problem, at: Evaluation) -> list[tuple[Solid, Response]]:
     if problem.body.beam is not None:
         raise InputError("strain and stress are those of solids, not of a rod", do="use another mesh.element")
     return list(zip(problem.body.solids, at.response.solids, strict=True))
-
-
-def _mean(field: Strain | Stress, problem: Problem, at: Evaluation) -> float:
-    parts = _points(problem, at)
-    values = [field.at_points(part, there.D) for part, there in parts]
-    most = max(float(one.max()) for one in values)
-    if most == 0.0:
-        return 0.0
-    volume = sum(float(part.weights.sum()) for part, _ in parts)
-    powers = (part.weights.ravel() @ (m / most) ** field.power for (part, _), m in zip(parts, values, strict=True))
-    return most * (sum(powers) / volume) ** (1 / field.power)
-
-
-def _gradient(field: Strain | Stress, problem: Problem, at: Evaluation) -> np.ndarray:
-    """(n, 3) by the positions of the nodes."""
-    mean, found = _mean(field, problem, at), np.zeros_like(at.x)
-    if mean == 0.0:
-        return found
-    parts = _points(problem, at)
-    volume = sum(float(part.weights.sum()) for part, _ in parts)
-    for part, there in parts:
-        share = (field.at_points(part, there.D) / mean) ** (field.power - 1) / volume  # over each point's weight
-        add_stress(part, there, share[:, None, None] * field.slopes(part, there.D), found)
-    return found
-
-
-def largest(field: Strain | Stress, problem: Problem, at: Evaluation) -> float:
-    """At any quadrature point."""
-    return max(float(field.at_points(part, there.D).max()) for part, there in _points(problem, at))

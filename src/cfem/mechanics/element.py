@@ -1,6 +1,6 @@
 """Elements as declared facts: nodes, quadrature, shape functions, and what they carry inside.
 
-pressure: one value an element in the place of the pointwise volume change, against volume locking (solid.py).
+pressure: one value an element instead of the pointwise volume change, against volume locking (solid.py).
 bubbles: incompatible displacement modes of an element's own, against shear locking: the hexahedron's three modes
 (1 - xi_k^2) / 2 with the gradient (j0 / j) J0^-T grad_xi, which integrates to zero over the element, so that the patch
 test holds (Wilson modes as an enhanced gradient: Simo, Armero and Taylor, CMAME 110, 1993, Q1/E9). Flat cells with

@@ -220,7 +220,7 @@ def unit_of(actuator: str, units: Mapping[str, tuple[str, str]]) -> tuple[str, s
 
 
 def _lines(axis, rows: Mapping, names: Sequence[str], values: np.ndarray, labels: Sequence[str]) -> None:
-    """A colour a component; the first controller a line, the others marks upon it."""
+    """A colour a component; a line for the first controller, marks for the others."""
     looks = [{"lw": 1.8}] + [{"lw": 0, "marker": "o+x"[i % 3], "ms": 4, "mfc": "none"} for i in range(len(names) - 1)]
     for index, label in enumerate(labels):
         axis.plot([], [], color=f"C{index % 8}", lw=1.8, label=label)

@@ -49,7 +49,7 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
 
 
 def with_actuator(scene: spec.SceneSpec, mesh: Mesh, robot: Robot, index: int) -> Robot:
-    """The robot, of this mesh, with one actuator built anew from the scene; its very body and loads."""
+    """The robot, of this mesh, with one actuator rebuilt from the scene. Body and loads are the same objects."""
     sections = stiff_flop.sections_of(mesh) if scene.mesh.element in SECTIONED else []
     with scene.locating("actuators", index):
         made = _actuator(scene, mesh, robot.body, scene.actuators[index], sections)

@@ -66,7 +66,7 @@ def loft(occ, first: list, second: list) -> int:
 
 
 def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
-    """Cuts the body along the surfaces of the regions into pieces that share their faces, hence their nodes."""
+    """Cuts the body along the surfaces of the regions into pieces that share their faces and so their nodes."""
     tools = [entity for region in regions for entity in build(occ, region)]
     everything, made_of = occ.fragment([body], tools)
     occ.remove([entity for entity in everything if entity not in made_of[0]], recursive=True)

@@ -159,7 +159,7 @@ class _FiniteElementSolver:
                 Sides(self._problem(behind, self.skin, problem), self._problem(ahead, self.skin, problem), width)
                 for behind, ahead, width in around
             ]
-        # states of other shapes are told by how far nodes are from their rest, put upon the reference's rest
+        # states of other shapes are told by how far nodes are from their rest, measured from the reference's rest
         shift = problem.rest - self.problem.rest
         moved = bool(shift.any())
         start = start if start is None or not moved else replace(start, x=start.x + shift)

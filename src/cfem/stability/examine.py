@@ -1,7 +1,7 @@
 """Equilibria that are tried, and what of them can be measured without trusting the solver.
 
 The derivative of the residual along the responses q that the answer holds, by central differences, says whether W is
-what it claims to be: with H the gradients of the rows, A q_j = H_j and W_ij = H_i . q_j, hence W_ij = q_i . (A q_j)."""
+what it claims to be: with H the gradients of the rows, A q_j = H_j and W_ij = H_i . q_j, so W_ij = q_i . (A q_j)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -4,7 +4,7 @@
 
 split into theta = J - 1 with bulk = lambda, and a rest that holds mu/2 (J - 1)^2: without it the rest would soften
 under dilatation, and an element whose theta is averaged would be unstable. Bonet and Wood, Nonlinear Continuum
-Mechanics for Finite Element Analysis, 2nd ed., section 6.4, with (J - 1) - (J - 1)^2 / 2 in the place of ln J. With
+Mechanics for Finite Element Analysis, 2nd ed., section 6.4, with (J - 1) - (J - 1)^2 / 2 instead of ln J. With
 D = F - 1 all terms are formed from D, so that small strains keep their digits: I1 - 3 = 2 tr D + |D|^2 and
 J - 1 = tr D + tr cof D + det D."""
 
