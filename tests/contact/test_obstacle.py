@@ -5,11 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from support.closed import octahedral_sphere
 
-from cfem.contact.obstacle import Box, Capsule, Plane, Sphere, tangents
+from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere, tangents
 from cfem.core.errors import SpecError
 
-SHAPES = [Plane(), Sphere(2.0), Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5)]
+DIRECTIONS, TRIANGLES = octahedral_sphere(2)
+RUGGED = ClosedMesh(ClosedSurface(DIRECTIONS * (3 + np.sin(4 * DIRECTIONS[:, :1])), TRIANGLES))
+CONVEX = [Plane(), Sphere(2.0), Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5)]
+SHAPES = [*CONVEX, RUGGED]
 
 
 def posed(shape, seed: int):
@@ -82,6 +87,29 @@ def test_known_distances(shape, point, distance):
     assert np.linalg.norm(shape.normals(np.array([point]))) == pytest.approx(1.0)
 
 
-def test_a_pose_that_mirrors_is_refused():
-    with pytest.raises(SpecError, match="not a rotation"):
-        Sphere(1.0, R=-np.eye(3))
+@pytest.mark.parametrize("shape", CONVEX)
+def test_a_convex_shape_has_a_convex_distance(shape):
+    obstacle, rng = posed(shape, 5)
+    one, other = obstacle.t + 4 * rng.normal(size=(2, 500, 3))
+    share = rng.uniform(size=500)
+    between = share[:, None] * one + (1 - share[:, None]) * other
+    mean = share * obstacle.distance(one) + (1 - share) * obstacle.distance(other)
+    assert shape.convex and not RUGGED.convex
+    assert (obstacle.distance(between) <= mean + 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Sphere(1.0, R=-np.eye(3)), "not a rotation"),
+        (lambda: Plane(t=np.array([0, np.nan, 0])), "finite"),
+        (lambda: Sphere(0.0), "radius of a sphere"),
+        (lambda: Capsule(-1.0, 1.0), "radius of a capsule"),
+        (lambda: Capsule(1.0, -1.0), "half length"),
+        (lambda: Box(np.array([1.0, 0.0, 1.0])), "half extents"),
+        (lambda: Box(np.array([1.0, 1.0])), "half extents"),
+    ],
+)
+def test_an_obstacle_that_cannot_be_is_refused(make, words):
+    with pytest.raises(SpecError, match=words):
+        make()

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from cfem.contact.triangles import closest
 from cfem.core.errors import InputError
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.estimate import EstimateStatus, Estimator
 from cfem.predict.load import load_model
 from cfem.predict.loaded import wrench_of
-from cfem.predict.markers import closest, markers_near
+from cfem.predict.markers import markers_near
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

@@ -9,11 +9,14 @@ from typing import Protocol
 
 import numpy as np
 
+from cfem.contact.closed_surface import ClosedSurface
 from cfem.core.errors import SpecError
 
 
 class Obstacle(Protocol):
     """points (k, 3) mm."""
+
+    convex: bool
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(k,) mm."""
@@ -30,14 +33,17 @@ class Obstacle(Protocol):
 
 @dataclass(frozen=True)
 class _Posed:
-    """R (3, 3) a rotation, t (3,) mm."""
+    """R (3, 3) a rotation, t (3,) mm. convex: so that the distance is a convex function of the point."""
+
+    convex = True
 
     R: np.ndarray = field(default_factory=lambda: np.eye(3), kw_only=True)
     t: np.ndarray = field(default_factory=lambda: np.zeros(3), kw_only=True)
 
     def __post_init__(self) -> None:
-        if not np.allclose(self.R @ self.R.T, np.eye(3), atol=1e-9) or np.linalg.det(self.R) < 0:
-            raise SpecError("obstacle: R is not a rotation")
+        rotates = np.allclose(self.R @ self.R.T, np.eye(3), atol=1e-9) and np.linalg.det(self.R) > 0
+        _demand(rotates, "R is not a rotation")
+        _demand(np.isfinite(self.t).all(), "its place must be finite numbers, mm")
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         return self._local((points - self.t) @ self.R)[0]
@@ -67,6 +73,10 @@ class Sphere(_Posed):
 
     radius: float
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _demand(self.radius > 0, "the radius of a sphere must be above 0 mm")
+
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _from_core(s, self.radius)
 
@@ -77,6 +87,11 @@ class Capsule(_Posed):
 
     radius: float
     half_length: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _demand(self.radius > 0, "the radius of a capsule must be above 0 mm")
+        _demand(self.half_length >= 0, "the half length of a capsule must be 0 mm or more")
 
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         nearest = np.zeros_like(s)
@@ -90,6 +105,11 @@ class Box(_Posed):
 
     half: np.ndarray
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        half = np.asarray(self.half, float)
+        _demand(half.shape == (3,) and (half > 0).all(), "the three half extents of a box must be above 0 mm")
+
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         excess = np.abs(s) - self.half
         sign = np.where(s < 0, -1.0, 1.0)
@@ -99,6 +119,23 @@ class Box(_Posed):
         face = np.eye(3)[np.argmax(excess, axis=1)]
         normal = sign * np.where(outside[:, None], out / np.where(outside, away, 1.0)[:, None], face)
         return np.where(outside, away, excess.max(axis=1)), normal
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedMesh(_Posed):
+    """What a closed surface of triangles bounds (`cfem.contact.closed_surface`, `read_stl`). A new pose costs nothing:
+    the surface is checked and searched in its own coordinates."""
+
+    surface: ClosedSurface
+    convex = False
+
+    def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.surface.distance(s)
+
+
+def _demand(holds: bool, what: str) -> None:
+    if not holds:
+        raise SpecError(f"obstacle: {what}")
 
 
 def _from_core(apart: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:

@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cfem.contact.triangles import closest
 from cfem.core.errors import InputError
-from cfem.predict.markers import closest
 from cfem.predict.protocol import Predictor
 
 ITERATIONS = 50
