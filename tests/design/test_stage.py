@@ -215,3 +215,34 @@ def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
     for name, one in made["results"]["controllers"].items():
         assert (folder / "with-cad" / f"{name}-controller" / "cfem_controller.c").exists()
         assert one["parity"] is None or one["parity"] < 1e-12
+
+
+def test_designs_are_refined_by_finite_elements(folder):
+    """A model that is wrong (of few terms): finite elements still end at an optimum of their own, no worse than the
+    model's best design."""
+    (folder / "poor.yaml").write_text("dataset: samples\nout: poor\nmodel: {kind: spectral, max_degree: 2}\n")
+    train(folder / "poor.yaml", [], None, QUIET)
+    overrides = [
+        *QUICK[:4],
+        "model=poor",
+        "front=null",
+        "blends={}",
+        "sensitivity=null",
+        "constraints={slender: height <= length / 5.5}",
+        "objectives={stiff: {kind: stiffness, direction: [0, 0, 1]}, dexterity: {kind: dexterity, axis: x}}",
+        "refine={starts: 2, solves: 12, tolerance: 1e-3}",
+    ]
+    found = run(folder / "design.yaml", overrides, folder / "refined", QUIET)["results"]
+    for name, one in found["refined"].items():
+        assert one["certified"] and one["residual"] <= 1e-3 and min(one["constraints"].values()) >= -1e-4
+        assert one["objectives"][name] <= one["of_the_models_design"][name] + 1e-9
+        assert all(start["solves"] <= 12 for start in one["starts"]) and one["starts_that_agree"] >= 1
+    # the stiffest bar is the highest that the constraint allows
+    p = found["refined"]["stiff"]["p"]
+    assert p["height"] == pytest.approx(p["length"] / 5.5, rel=1e-4)
+    assert sum("by finite elements (the model's best design in brackets)" in line for line in found["headline"]) == 2
+
+
+def test_refining_needs_a_scene_and_a_mesh(folder):
+    with pytest.raises(SpecError, match="refine: needs scene and mesh"):
+        run(folder / "design.yaml", [*QUICK, "mesh=null", "refine={}"], None, QUIET)

@@ -123,13 +123,23 @@ def judged(problem: Problem, shape: tuple[int, ...], z: np.ndarray, scores: Scor
 
 def best(problem: Problem, grid: Grid, scalar: Scalar, starts: int = 3, near: Sequence[np.ndarray] = ()) -> Design:
     """From the best feasible points of the grid that lie apart, and from those `near` (n,)."""
-    found = [refine(problem, grid, scalar, z) for z in [*near, *_apart(grid, scalar, starts)]]
+    found = [refine(problem, grid, scalar, z) for z in [*near, *starts_apart(grid, scalar, starts)]]
     return min(found, key=lambda one: one.value)
 
 
-def refine(problem: Problem, grid: Grid, scalar: Scalar, start: np.ndarray) -> Design:
-    """By gradients from a feasible start (n,); the start itself where they lead nowhere better."""
+def refine(
+    problem: Problem,
+    grid: Grid,
+    scalar: Scalar,
+    start: np.ndarray,
+    within: tuple[np.ndarray, np.ndarray] | None = None,
+    from_outside: bool = False,
+) -> Design:
+    """By gradients from a feasible start (n,); the start itself where they lead nowhere better. within: ends (n,) of
+    the search, all of the ranges unless given. from_outside: the start violates constraints, so that any design that
+    satisfies them, or violates them by less, is better."""
     n_f, n = len(problem.objectives), len(start)
+    low, high = (np.zeros(n), np.ones(n)) if within is None else within
     seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,21 +167,22 @@ def refine(problem: Problem, grid: Grid, scalar: Scalar, start: np.ndarray) -> D
         lambda v: v[n],
         np.append(start, begin.value),
         jac=lambda v: gradient,
-        bounds=[(0.0, 1.0)] * n + [(None, None)],
+        bounds=[*zip(low, high, strict=True), (None, None)],
         constraints={"type": "ineq", "fun": slack, "jac": slack_slopes},
         method="SLSQP",
         options={"maxiter": 100, "ftol": 1e-10},
     )
-    z = np.clip(answer.x[:n], 0.0, 1.0)
+    z = np.clip(answer.x[:n], low, high)
     values, _ = at(z)
     value = float(scalar(grid.hat(values[None, :n_f]))[0])
-    held = (values[n_f:] / scale >= -_FEASIBLE).all()
-    if not held or not value < begin.value:
+    least, before = ((one / scale).min(initial=0.0) for one in (values[n_f:], first[n_f:]))
+    better = least > before if from_outside else least >= -_FEASIBLE and value < begin.value
+    if not better:
         return begin
     return Design(z, values[:n_f], values[n_f:], value, int(answer.nit), answer.message)
 
 
-def _apart(grid: Grid, scalar: Scalar, count: int) -> list[np.ndarray]:
+def starts_apart(grid: Grid, scalar: Scalar, count: int) -> list[np.ndarray]:
     """The best feasible points of the grid of which no two are neighbours."""
     feasible = np.flatnonzero(grid.scores.feasible)
     order = feasible[np.argsort(scalar(grid.hat(grid.scores.objectives[feasible])), kind="stable")]

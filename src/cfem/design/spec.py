@@ -72,6 +72,20 @@ class TaskSpec(Spec):
     """Number of starts of the search."""
 
 
+class RefineSpec(Spec):
+    """By finite elements, whose values and gradients correct the model, to an optimum of their own."""
+
+    starts: PositiveInt = 2
+    """Designs of the model from which each search starts, the best first."""
+    solves: int = Field(20, ge=2)
+    """Largest number of finite-element solves with gradients, from each start."""
+    radius: float = Field(0.2, gt=0, le=1)
+    """First step at most, as a share of each parameter's range."""
+    tolerance: float = Field(1e-3, gt=0)
+    """Of the first-order conditions: slope that is left, as a share of the objective's spread, for a whole range of a
+    parameter."""
+
+
 class Scattered(Spec):
     """Designs that lie evenly scattered, for more parameters than a grid can have."""
 
@@ -124,6 +138,8 @@ class DesignSpec(Spec):
     verify: Literal["fe", "fe-front", "no"] = "no"
     """What to check with finite elements: fe, the best designs and the corners of the front; fe-front, all of the
     front."""
+    refine: RefineSpec | None = None
+    """Search on from the best designs with finite elements, which correct the model, until they have an optimum."""
     figures: bool = True
     """Whether to draw figures."""
     page: bool = False
@@ -158,14 +174,20 @@ class DesignSpec(Spec):
             unknown = [name for name in names if name not in self.objectives]
             if unknown:
                 raise ValueError(f"{where}: no objective '{unknown[0]}', known are {', '.join(self.objectives)}")
-        if (self.verify != "no" or self.by == "fe") and (self.scene is None or self.mesh is None):
-            raise ValueError(f"{'by: fe' if self.by == 'fe' else f'verify: {self.verify}'} needs scene and mesh")
+        needs = "by: fe" if self.by == "fe" else f"verify: {self.verify}" if self.verify != "no" else "refine:"
+        if self.by_finite_elements and (self.scene is None or self.mesh is None):
+            raise ValueError(f"{needs} needs scene and mesh")
         if self.page and (self.front is None or self.verify == "no"):
             raise ValueError("page: needs a front, and verify: fe or fe-front, whose finite elements it shows")
         self._judged()
         if self.controller is not None and self.controller.parameters:
             raise ValueError("controller.parameters: each design has its own")
         return self
+
+    @property
+    def by_finite_elements(self) -> bool:
+        """Whether anything is solved by finite elements."""
+        return self.verify != "no" or self.by == "fe" or self.refine is not None
 
     def _judged(self) -> None:
         """By what there is: a model or finite elements."""
@@ -177,6 +199,8 @@ class DesignSpec(Spec):
             number = next((name for name, one in self.objectives.items() if _of_body(one)), None)
             if number is not None:
                 raise ValueError(f"objectives.{number}: needs by: fe")
+            if self.refine is not None and not self.objectives:
+                raise ValueError("refine: needs objectives")
             return
         if self.model is not None:
             raise ValueError("model: goes with by: model")
@@ -185,7 +209,7 @@ class DesignSpec(Spec):
         robust = next((name for name, one in self.objectives.items() if isinstance(one, RobustSpec)), None)
         if robust:
             raise ValueError(f"objectives.{robust}: needs a model, as it asks for many robots")
-        for name in ("task", "controller", "sensitivity"):
+        for name in ("task", "controller", "sensitivity", "refine"):
             if getattr(self, name) is not None:
                 raise ValueError(f"{name}: needs a model")
         if self.verify != "no":

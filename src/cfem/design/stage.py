@@ -11,7 +11,6 @@ import numpy as np
 
 from cfem.core.actuator_units import demand_units
 from cfem.core.files import write_json, write_whole
-from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
@@ -49,7 +48,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
     """Of what the spec names and needs."""
     named = {name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None}
-    return {name: path for name, path in named.items() if name != "mesh" or spec.verify != "no" or spec.by == "fe"}
+    return {name: path for name, path in named.items() if name != "mesh" or spec.by_finite_elements}
 
 
 def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
@@ -81,13 +80,17 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
         checked = _verify(problem, exact, found.designs, found.front, spec)
         results |= _report(folder, spec, problem, volume, found, checked, results["headline"])
         results["judgement"] += contradictions(results["designs"])
+        if spec.refine:
+            results["refined"] = _refine(spec, paths, base, problem, found.grid, results)
         results |= _products(folder, spec, paths, problem, found.designs, results["headline"])
         if spec.page:
             results["page"] = write_page(folder, problem, found.front, exact, results.get("sensitivity"))
         if spec.figures:
             results["figures"] = _draw(folder, problem, found, checked)
     if spec.task:
-        results["task"] = _task(spec, asked, family, exact, results)
+        from cfem.design.served import serve_and_tell
+
+        results["task"] = serve_and_tell(spec, asked, family, exact, results)
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
 
@@ -181,6 +184,23 @@ def _report(
     return results
 
 
+def _refine(
+    spec: DesignSpec, paths: dict[str, Path], base: Path, problem: Any, grid: Any, said: dict[str, Any]
+) -> dict[str, Any]:
+    """Results; lines into said["headline"], doubts into said["judgement"]."""
+    from cfem.design.formulation import problem_of
+    from cfem.design.refined import refine_all, told
+    from cfem.parametric.differentiable import Differentiable
+    from cfem.robot.load import load_scene_and_mesh
+
+    family = Differentiable(*load_scene_and_mesh(paths["scene"], paths["mesh"]), problem.family.parameters)
+    exact, _ = problem_of(spec.model_copy(update={"by": "fe"}), family, None, base)
+    results, lines, doubts = told(problem, grid, refine_all(spec, problem, exact, grid))
+    said["headline"] += lines
+    said["judgement"] += doubts
+    return results
+
+
 def _products(
     folder: Path, spec: DesignSpec, paths: dict[str, Path], problem: Any, designs: dict[str, Any], headline: list[str]
 ) -> dict[str, Any]:
@@ -220,45 +240,6 @@ def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpe
     found = verify(problem, exact, unique)
     rows = zip(found.fe.objectives, found.fe.constraints, found.distance.tolist(), strict=True)
     return dict(zip([z.tobytes() for z in unique], (Checked(*row) for row in rows), strict=True))
-
-
-def _task(spec: DesignSpec, asked: Any, family: Any, exact: Any, said: dict[str, Any]) -> dict[str, Any]:
-    """Results; lines into said["headline"], and into said["judgement"] where finite elements contradict the model."""
-    from cfem.design.formulation import free_parameters
-    from cfem.design.task import serve
-
-    free, p0 = free_parameters(spec, family.parameters)
-    goals, force, matter = asked.goals, asked.force[0], asked.weights > 0
-    begin = time.process_time()
-    before = serve(family, asked, [], p0, spec.task.starts)
-    found = serve(family, asked, free, p0, spec.task.starts)
-    seconds = time.process_time() - begin
-    results: dict[str, Any] = {"seconds": seconds, "evaluations": before.evaluations + found.evaluations}
-    for name, one in (("reference", before), ("found", found)):
-        results[name] = {
-            "p": dict(zip([parameter.name for parameter in family.parameters], one.p, strict=True)),
-            "delta_a": one.u,
-            "lambda_a": one.states.lam,
-            "distance": one.distance,
-            "pushing_states": int((one.states.lam < -1e-9).any(axis=1).sum()),
-            "outside": family.outside(one.states),
-        }
-    rms = [float(np.sqrt((one.distance**2).mean())) for one in (before, found)]
-    values = ", ".join(f"{key} {value:.4g}" for key, value in results["found"]["p"].items())
-    line = f"task: {values} reaches {len(goals)} goals to {rms[1]:.3g} mm (rms), the reference to {rms[0]:.3g} mm"
-    if exact:
-        # the force as a dead load, not to first order
-        there = exact.at("displacement", found.u, np.tile(found.p, (len(goals), 1)), force if force.any() else None)
-        place = there.delta_e if asked.from_rest else there.x_e
-        apart = np.linalg.norm((place - goals)[:, matter], axis=1)
-        results["found"]["fe_distance"] = apart
-        exactly = float(np.sqrt((apart**2).mean()))
-        line += f", by finite elements {exactly:.3g} mm"
-        if exactly > rms[0] and exactly - rms[1] > DESIGN_GAP * rms[0]:
-            better = f"finite elements reach the goals to {exactly:.3g} mm, the model to {rms[1]:.3g} mm"
-            said["judgement"].append(contradicted(f"task: {better}; the reference design is no worse"))
-    said["headline"].append(line)
-    return results
 
 
 def _draw(folder: Path, problem: Any, found: Any, checked: dict[bytes, Any]) -> list[str]:
