@@ -49,6 +49,28 @@ class ClosedSurface:
             distance[some], normal[some] = self._signed(points[some], *self._nearest(points[some], reach[some]))
         return distance, normal
 
+    def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) mm: distance of the centroids of other triangles (k, 3, 3), and bounds that no point of each is nearer
+        than; bounds above `wanted` need not be sharp. A distance changes by no more than the way. Where all of a triangle
+        is outside, its distance is the smallest of those to our triangles, and each of these is a convex function, so
+        nowhere below its tangent."""
+        centroid = corners.mean(axis=1)
+        distance, _ = self.distance(centroid)
+        ways = corners - centroid[:, None]
+        radius = np.linalg.norm(ways, axis=2).max(axis=1)
+        bound = distance - radius
+        out = np.flatnonzero((bound > 0) & (bound < wanted))
+        for some in _portions(out, 100 if len(self.triangles) > 2000 else 1000):
+            mine = out[some]
+            which, triangle = self._within(centroid[mine], distance[mine] + 2 * radius[mine])
+            bary, apart = self._pairs(centroid[mine], which, triangle)
+            way = centroid[mine[which]] - np.einsum("kc,kci->ki", bary, self._corners[triangle])
+            along = np.einsum("kci,ki->kc", ways[mine[which]], way / np.maximum(apart, 1e-300)[:, None])
+            tangent = np.full(len(mine), np.inf)
+            np.minimum.at(tangent, which, apart + along.min(axis=1))
+            bound[mine] = np.maximum(bound[mine], np.minimum(tangent, distance[mine]))
+        return distance, bound
+
     def winding(self, points: np.ndarray) -> np.ndarray:
         """(k,) how often the surface winds around each point: 1 inside, 0 outside."""
         corners, found = self._corners, np.empty(len(points))
@@ -81,18 +103,27 @@ class ClosedSurface:
 
     def _nearest(self, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of each point: triangle (k,) that is nearest, barycentric coordinates (k, 3) there, and distance (k,)."""
+        point, triangle = self._within(points, reach)
+        bary, apart = self._pairs(points, point, triangle)
+        order = np.lexsort((triangle, apart, point))
+        best = order[np.searchsorted(point[order], np.arange(len(points)))]
+        return triangle[best], bary[best], apart[best]
+
+    def _within(self, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of points and of triangles, all pairs that may be within `reach` (k,) mm of each other, and more."""
         point, triangle = [], []
         for mine, radius, tree in self._trees:
             found = tree.query_ball_point(points, reach + radius * (1 + 1e-9), return_sorted=False)
             point.append(np.repeat(np.arange(len(points)), [len(one) for one in found]))
             triangle.append(mine[np.fromiter((i for one in found for i in one), dtype=int)])
-        point, triangle = np.concatenate(point), np.concatenate(triangle)
+        return np.concatenate(point), np.concatenate(triangle)
+
+    def _pairs(self, points: np.ndarray, point: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Barycentric coordinates (c, 3) of the nearest points, and distances (c,), of pairs."""
         bary, apart = np.empty((len(point), 3)), np.empty(len(point))
         for some in _portions(point, PAIRS):
             bary[some], apart[some] = closest(self._corners[triangle[some]], points[point[some]])
-        order = np.lexsort((triangle, apart, point))
-        best = order[np.searchsorted(point[order], np.arange(len(points)))]
-        return triangle[best], bary[best], apart[best]
+        return bary, apart
 
     def _signed(
         self, points: np.ndarray, triangle: np.ndarray, bary: np.ndarray, apart: np.ndarray

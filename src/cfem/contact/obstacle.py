@@ -16,7 +16,10 @@ from cfem.core.errors import SpecError
 class Obstacle(Protocol):
     """points (k, 3) mm."""
 
-    convex: bool
+    def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        """(k,) mm: at the centroids of triangles (k, 3, 3), and a bound each that none of its points is nearer than.
+        Bounds above `wanted` need not be sharp."""
+        ...
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """(k,) mm."""
@@ -33,9 +36,7 @@ class Obstacle(Protocol):
 
 @dataclass(frozen=True)
 class _Posed:
-    """R (3, 3) a rotation, t (3,) mm. convex: so that the distance is a convex function of the point."""
-
-    convex = True
+    """R (3, 3) a rotation, t (3,) mm."""
 
     R: np.ndarray = field(default_factory=lambda: np.eye(3), kw_only=True)
     t: np.ndarray = field(default_factory=lambda: np.zeros(3), kw_only=True)
@@ -53,6 +54,13 @@ class _Posed:
 
     def frames(self, points: np.ndarray) -> np.ndarray:
         return tangents(self._local((points - self.t) @ self.R)[1]) @ self.R.T
+
+    def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        """The distance of a convex shape is a convex function, so nowhere below its tangent at the centroid."""
+        centroid = corners.mean(axis=1)
+        distance, normal = self._local((centroid - self.t) @ self.R)
+        along = np.einsum("kci,ki->kc", corners - centroid[:, None], normal @ self.R.T)
+        return distance, distance + along.min(axis=1)
 
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (k,) and normal (k, 3) in the shape's coordinates."""
@@ -127,7 +135,9 @@ class ClosedMesh(_Posed):
     the surface is checked and searched in its own coordinates."""
 
     surface: ClosedSurface
-    convex = False
+
+    def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        return self.surface.at_least((corners - self.t) @ self.R, wanted)
 
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return self.surface.distance(s)

@@ -1,31 +1,47 @@
-"""Nearest points of triangles."""
+"""Nearest points of triangles (Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5)."""
 
 import numpy as np
+
+FLAT = 1e-24  # of the squared sides' product: the squared area of a triangle that is no more than a segment
 
 
 def closest(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(t, 3) barycentric coordinates of the point of each triangle (t, 3, 3) that is nearest to its point, and their
-    distance (t,) mm; points (t, 3), or one (3,) for all. The nearest point lies in the triangle, else on its edges,
-    where the coordinates of the other corners are exactly 0 (Ericson, *Real-Time Collision Detection*, 2005, section
-    5.1.5)."""
+    distance (t,) mm; points (t, 3), or one (3,) for all. On an edge the other corner's coordinate is exactly 0."""
     a, b, c = corners.swapaxes(0, 1)
     ab, ac, ap = b - a, c - a, points - a
-    d11, d12, d22 = ((u * v).sum(axis=1) for u, v in ((ab, ab), (ab, ac), (ac, ac)))
-    p1, p2 = (ap * ab).sum(axis=1), (ap * ac).sum(axis=1)
-    det = d11 * d22 - d12**2
-    flat = det <= 1e-24 * d11 * d22
-    det = np.where(flat, 1.0, det)
-    v, w = (d22 * p1 - d12 * p2) / det, (d11 * p2 - d12 * p1) / det
-    options = [np.column_stack([1 - v - w, v, w])]
-    for start, end in ((0, 1), (1, 2), (2, 0)):
+    d11, d12, d22, p1, p2 = (np.einsum("ti,ti->t", u, v) for u, v in ((ab, ab), (ab, ac), (ac, ac), (ab, ap), (ac, ap)))
+    b1, b2, c1, c2 = p1 - d11, p2 - d12, p1 - d12, p2 - d22  # of the ways from b and from c
+    of_c, of_b, of_a = p1 * b2 - b1 * p2, c1 * p2 - p1 * c2, b1 * c2 - c1 * b2
+    along = b2 - b1
+    zero, one = np.zeros(len(ab)), np.ones(len(ab))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        on_ab, on_ac, on_bc, area = p1 / d11, p2 / d22, along / (along + c1 - c2), of_a + of_b + of_c
+        cases = [
+            ((p1 <= 0) & (p2 <= 0), zero, zero),
+            ((b1 >= 0) & (b2 <= b1), one, zero),
+            ((of_c <= 0) & (p1 >= 0) & (b1 <= 0), on_ab, zero),
+            ((c2 >= 0) & (c1 <= c2), zero, one),
+            ((of_b <= 0) & (p2 >= 0) & (c2 <= 0), zero, on_ac),
+            ((of_a <= 0) & (along >= 0) & (c1 >= c2), 1 - on_bc, on_bc),
+        ]
+        conditions = [case[0] for case in cases]
+        v = np.select(conditions, [case[1] for case in cases], of_b / area)
+        w = np.select(conditions, [case[2] for case in cases], of_c / area)
+    bary = np.column_stack([np.where(conditions[5] & ~np.any(conditions[:5], axis=0), 0.0, 1 - v - w), v, w])
+    flat = d11 * d22 - d12**2 <= FLAT * d11 * d22
+    if flat.any():
+        bary[flat] = _on_sides(corners[flat], np.broadcast_to(points, a.shape)[flat])
+    return bary, np.linalg.norm(np.einsum("tc,tci->ti", bary, corners) - points, axis=1)
+
+
+def _on_sides(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(t, 3) of the nearest points of their three sides."""
+    bary = np.zeros((3, len(corners), 3))
+    for side, (start, end) in enumerate(((0, 1), (1, 2), (2, 0))):
         edge = corners[:, end] - corners[:, start]
         t = ((points - corners[:, start]) * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-300)
-        t = np.clip(t, 0.0, 1.0)
-        bary = np.zeros((len(t), 3))
-        bary[:, start], bary[:, end] = 1 - t, t
-        options.append(bary)
-    distances = [np.linalg.norm(np.einsum("tc,tci->ti", one, corners) - points, axis=1) for one in options]
-    distances[0] = np.where(~flat & (options[0] >= 0).all(axis=1), distances[0], np.inf)
-    best = np.argmin(distances, axis=0)
-    index = np.arange(len(best))
-    return np.stack(options)[best, index], np.stack(distances)[best, index]
+        bary[side, :, end] = np.clip(t, 0.0, 1.0)
+        bary[side, :, start] = 1 - bary[side, :, end]
+    apart = np.linalg.norm(np.einsum("stc,tci->sti", bary, corners) - points, axis=2)
+    return bary[np.argmin(apart, axis=0), np.arange(len(corners))]

@@ -65,19 +65,20 @@ class Predictor(ABC):
         if p is not None and moved:
             what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
             raise InputError(what, do="leave the parameters out, for the scene's own design")
-        return self.skin.surface(self.skin.rows(*self._learned_inputs(delta_a, p)))
+        return self.skin.surface(self.skin.rows(*self.learned_inputs(delta_a, p)))
 
     def whole(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """As `at_displacement`, with the rows of the skin between effectors and actuators."""
         softer = float(self.softer(self._p(p))) if self.parameters else 1.0
-        return self.skin.joined(self.at_displacement(delta_a, p), *self._learned_inputs(delta_a, p), softer)
+        return self.skin.joined(self.at_displacement(delta_a, p), *self.learned_inputs(delta_a, p), softer)
 
-    def _learned_inputs(self, delta_a: ArrayLike, p: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
+    def learned_inputs(self, delta_a: ArrayLike, p: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
         """s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
         s = np.asarray(delta_a, float)
         p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
         if self.form == "force":
-            places = zip(s.reshape(-1, s.shape[-1]), p.reshape(-1, p.shape[-1]), strict=True)
+            flat = s.reshape(-1, s.shape[-1])
+            places = zip(flat, p.reshape(len(flat), p.shape[-1]), strict=True)  # p may have no columns
             s = np.array([self.at_displacement(*one).lambda_a for one in places]).reshape(s.shape)
             s = s * self.softer(p)[..., None]
         return s, self.q(p)
