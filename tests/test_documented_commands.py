@@ -17,7 +17,8 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 GROUP = typer.main.get_command(app)
 STAGES = {command: kind for kind, (_, _, command) in KINDS.items()} | {"sample": "sample", "merge": "sample"}
 # What a reader puts in: names in capitals, and the robots and files of the examples.
-SPEC = r"(scene|sample|train|export|control|calibrate|measurements|cases|predict|design|report)(-(c|large|mlp))?\.yaml"
+KIND = "scene|sample|train|export|control|calibrate|estimate|measurements|cases|predict|design|report"
+SPEC = rf"({KIND})(-(c|large|mlp))?\.yaml"
 OWN = re.compile(rf"[A-Z]{{2,}}|\.\.\.|my-|s-arm|<|=[A-Z]$|^{SPEC}|^\.\./|host")
 
 

@@ -11,7 +11,7 @@ GROUPS = {
     "Start": ("demo", "init", "run"),
     "One stage at a time": ("mesh", "sample", "merge", "train", "export", "control", "report"),
     "Which robot is it, which robot is best": ("material", "calibrate", "optimize-design"),
-    "Robots that were measured": ("measurements", "calibrate-cases", "predict-cases"),
+    "Robots that were measured": ("estimate", "measurements", "calibrate-cases", "predict-cases"),
     "Look at results": ("summary", "animate", "inspect", "modes", "verify"),
     "Check the solver, help an editor": ("stability", "schema"),
 }

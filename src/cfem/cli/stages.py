@@ -38,6 +38,7 @@ def add_stages(app: typer.Typer) -> None:
         "Find parameters of a robot from measurements, with confidence intervals.",
         "calibrate",
     )
+    _stage(app, _plain("estimation"), "Find the state of a robot, and forces on it, from recorded markers.", "estimate")
     _stage(app, _plain("measurements"), "Turn recordings of camera systems into a table of load cases.", "measurements")
     _stage(app, _plain("cases"), "Find parameters of a robot and its rig from measured load cases.", "calibrate-cases")
     _stage(app, _plain("cases.prediction"), _PREDICT, "predict-cases")

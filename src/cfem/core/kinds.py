@@ -12,6 +12,7 @@ KINDS = {
     "export": ("cfem.export.spec", "ExportSpec", "export"),
     "control": ("cfem.control.spec", "ControlSpec", "control"),
     "calibrate": ("cfem.calibrate.spec", "CalibrateSpec", "calibrate"),
+    "estimate": ("cfem.estimation.spec", "EstimateSpec", "estimate"),
     "measurements": ("cfem.measurements.spec", "MeasurementsSpec", "measurements"),
     "cases": ("cfem.cases.spec", "CasesSpec", "calibrate-cases"),
     "predict": ("cfem.cases.prediction.spec", "PredictSpec", "predict-cases"),

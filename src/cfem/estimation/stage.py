@@ -1,0 +1,93 @@
+"""`cfem estimate`: recorded markers to the state of the robot and the forces on it, frame by frame."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.actuator_units import demand_units
+from cfem.core.errors import InputError, SpecError
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, run_stage
+from cfem.estimation.spec import EstimateSpec
+
+TABLE = "estimates.parquet"
+_PATHS = ("model", "recording", "truth")
+
+
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The manifest; results: how many frames were estimated, the noise of the markers relative to the stated one, what
+    was never observed, and errors and intervals where the truth is known."""
+    made, base = stage(spec_path, overrides, out), spec_path.parent
+    return run_stage(made, partial(_work, spec=made.spec, base=base), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, EstimateSpec, overrides), spec_path.parent
+    return Stage(
+        name="estimate",
+        version=1,
+        spec=spec,
+        inputs={name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None},
+        out=out or base / spec.out,
+        paths=(*_PATHS, "out"),
+        spec_path=spec_path,
+        overrides=overrides,
+    )
+
+
+def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
+    from cfem.core.progress import progress
+    from cfem.estimation.frames import estimates, write_estimates
+    from cfem.estimation.recording import read_recording, read_truth
+    from cfem.estimation.summary import summarise
+    from cfem.predict.load import load_model
+
+    model = load_model(base / spec.model)
+    recording = read_recording(base / spec.recording, list(spec.markers), model.rows, model.actuator_units)
+    demand_units(spec, model.actuator_units)
+    _demand_noise(spec, recording)
+    estimator = _estimator(spec, model)
+    truth = {}
+    if spec.truth is not None:
+        truth = read_truth(base / spec.truth, estimator.loaded, model.rows, len(recording))
+    with progress("frames", len(recording)) as advance:
+        found = list(estimates(estimator, recording, spec, _ticks(spec, recording, base), lambda: advance(1)))
+    write_estimates(folder / TABLE, found, recording, estimator)
+    return summarise(found, estimator, list(spec.markers), truth)
+
+
+def _estimator(spec: EstimateSpec, model: Any) -> Any:
+    from cfem.predict.estimate import Estimator
+
+    places = np.array([spec.markers[name] for name in spec.markers])
+    loads, sensors = spec.loads, spec.actuators
+    return Estimator(
+        model,
+        places,
+        spec.noise,
+        tuple(loads.rows) if loads else (),
+        loads.largest if loads else 1.0,
+        sensors.displacement or 1.0,
+        sensors.force or 1.0,
+    )
+
+
+def _demand_noise(spec: EstimateSpec, recording: Any) -> None:
+    """Of what was recorded."""
+    for name in ("displacement", "force"):
+        if np.isfinite(getattr(recording, name)).any() and getattr(spec.actuators, name) is None:
+            what = f"the recording has the actuators' {name}s, and their noise is missing"
+            raise SpecError(what, where=f"actuators.{name}", do="state its standard deviation")
+
+
+def _ticks(spec: EstimateSpec, recording: Any, base: Path) -> float:
+    """For how many frames a load lasts."""
+    if spec.loads is None or spec.loads.lasts is None:
+        return float(max(len(recording), 2))
+    if recording.period is None:
+        what = "has no column 'time [s]', and loads.lasts is a time"
+        raise InputError(what, where=str(base / spec.recording), do="record the times, or leave loads.lasts out")
+    return spec.loads.lasts / recording.period

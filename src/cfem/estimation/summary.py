@@ -1,0 +1,74 @@
+"""What the estimates of a recording say, in words and numbers."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cfem.core.judgement import KEY, NOISE_RATIO, poor
+from cfem.predict.estimate import Estimate, Estimator
+
+LOST = 0.5  # share of frames without an estimate, or of a marker that fits nowhere
+COVERED = 1.959964  # standard deviations of a 95 % interval
+
+
+def summarise(
+    found: Sequence[Estimate], estimator: Estimator, markers: Sequence[str], truth: Mapping[str, np.ndarray]
+) -> dict[str, Any]:
+    """Results with headline and judgement; truth (f,) by unknown, where it is known."""
+    good = [one for one in found if one.converged]
+    ratio = float(np.sqrt(np.mean([one.noise**2 for one in good]))) if good else np.nan
+    outliers = Counter(markers[number] for one in found for number in one.outliers)
+    unseen = Counter(name for one in found for name in one.unseen)
+    headline = [f"{len(found)} frames, {len(good)} estimated; the markers miss the model by {ratio:.2f} of their noise"]
+    last = found[-1]
+    for place, name in enumerate(estimator.loaded, estimator.model.rows.n_a):
+        value, sd = 1e3 * last.loads[place - estimator.model.rows.n_a], 1e3 * last.deviation[place]
+        seen = "not observed in any frame" if unseen[name] == len(found) else f"not observed in {unseen[name]} frames"
+        headline.append(f"{name}: {value:.3g} mN in the last frame, standard deviation {sd:.2g} mN; {seen}")
+    if outliers:
+        headline.append("left out: " + ", ".join(f"{name} in {count} frames" for name, count in outliers.most_common()))
+    judged = []
+    if len(good) < (1 - LOST) * len(found):
+        judged.append(poor(f"{len(found) - len(good)} of {len(found)} frames have no estimate: {_reason(found)}"))
+    if good and ratio > NOISE_RATIO:
+        what = (
+            f"the markers miss the model by {ratio:.1f} times their noise: look at their places, the frame, the noise"
+        )
+        judged.append(poor(what))
+    for name, count in outliers.items():
+        if count > LOST * len(found):
+            judged.append(poor(f"marker {name} was left out of {count} of {len(found)} frames: look at its place"))
+    results = {
+        "frames": len(found),
+        "estimated": len(good),
+        "noise_ratio": ratio if good else None,
+        "outliers": dict(outliers),
+        "unseen": dict(unseen),
+    }
+    if truth:
+        results["truth"], line = _against(found, estimator, truth)
+        headline.append(line)
+    return {"headline": headline, **results, **({KEY: judged} if judged else {})}
+
+
+def _against(
+    found: Sequence[Estimate], estimator: Estimator, truth: Mapping[str, np.ndarray]
+) -> tuple[dict[str, Any], str]:
+    names = list(estimator.unknowns)
+    values = np.array([np.concatenate([one.delta_a, one.loads]) for one in found])
+    deviation, every, inside = np.array([one.deviation for one in found]), {}, []
+    for name, true in truth.items():
+        place = names.index(name)
+        off = values[:, place] - true
+        known = np.isfinite(off)
+        held = np.abs(off[known]) < COVERED * deviation[known, place]
+        inside.append(held)
+        every[name] = {"rms": float(np.sqrt(np.mean(off[known] ** 2))), "covered": float(held.mean())}
+    share = 100 * float(np.concatenate(inside).mean())
+    return every, f"against the truth: 95 % intervals hold in {share:.1f} % of {sum(map(len, inside))} numbers"
+
+
+def _reason(found: Sequence[Estimate]) -> str:
+    return Counter(one.status.value for one in found if not one.converged).most_common(1)[0][0]

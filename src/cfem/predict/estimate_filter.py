@@ -1,0 +1,66 @@
+"""Estimates over time: an iterated extended Kalman filter (Bell and Cathey, IEEE Trans. Automatic Control 38, 1993).
+
+Each tick is the least-squares problem of `Estimator`, in which the last estimate, carried forward, is what is known
+before. Carried forward means: the actuators move as they are told, and slip a little beside; a load keeps its value for
+a while and its size for ever (Gauss-Markov process, Gelb, *Applied Optimal Estimation*, 1974, section 3.8),
+
+    delta_a' = delta_a + (u' - u) + slip     w' = rho w + sqrt(1 - rho^2) largest e     rho = exp(-1 / ticks)
+
+so that directions that no marker sees stay as uncertain as they were at first, and no more. The robot is at rest at
+each tick, to the accuracy of its model: motion faster than that is not modelled."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.core.errors import InputError
+from cfem.predict.estimate import Estimate, Estimator
+from cfem.predict.estimate_fit import EstimateStatus, Known
+
+
+class Filter:
+    """slip: mm by which an actuator may move in a tick beside its command (or at all, without commands), standard
+    deviation; ticks: for how many a load lasts; offset: mm, standard deviation of where the actuators stand from the
+    first command."""
+
+    def __init__(self, estimator: Estimator, slip: float, ticks: float, offset: float = 1.0):
+        if slip <= 0 or ticks <= 0 or offset <= 0:
+            raise InputError("slip, the ticks for which a load lasts and the offset must be positive")
+        self.estimator, self._slip, self._offset = estimator, slip, offset
+        self._rho = float(np.exp(-1.0 / ticks))
+        self.last: Estimate | None = None
+        self._u: np.ndarray | None = None
+
+    def tick(
+        self,
+        measured: ArrayLike,
+        sensed: ArrayLike | None = None,
+        commanded: ArrayLike | None = None,
+        forces: ArrayLike | None = None,
+    ) -> Estimate:
+        """measured, sensed, forces: as for `Estimator.estimate`; commanded (n_a,) mm, None where nobody
+        knows. Never raises for what the numbers are; an estimate that did not converge is not carried forward."""
+        u = None if commanded is None else np.asarray(commanded, float)
+        known = self._first(u) if self.last is None else self._forward(self.last, u)
+        found = self.estimator.with_known(measured, sensed, forces, known, known.mean)
+        if found.status is EstimateStatus.CONVERGED and np.isfinite(found.covariance).all():
+            self.last, self._u = found, u
+        return found
+
+    def _first(self, u: np.ndarray | None) -> Known:
+        before = self.estimator.before
+        if u is None:
+            return before
+        n_a = len(u)
+        root = np.vstack([before.root, np.eye(n_a, len(before.mean)) / self._offset])
+        return Known(np.concatenate([u, before.mean[n_a:]]), root)
+
+    def _forward(self, last: Estimate, u: np.ndarray | None) -> Known:
+        n_a, n_w = len(last.delta_a), len(last.loads)
+        moved = 0.0 if u is None or self._u is None else u - self._u
+        mean = np.concatenate([last.delta_a + moved, self._rho * last.loads])
+        keeps = np.r_[np.ones(n_a), np.full(n_w, self._rho)]
+        fresh = np.r_[np.full(n_a, self._slip**2), np.full(n_w, (1 - self._rho**2) * self.estimator.largest**2)]
+        covariance = last.covariance * np.outer(keeps, keeps) + np.diag(fresh)
+        size = np.sqrt(np.diag(covariance))  # scaled, so that the factor does not depend on units
+        lower = np.linalg.cholesky(covariance / np.outer(size, size) + 1e-12 * np.eye(len(size)))
+        return Known(mean, np.linalg.solve(lower, np.diag(1 / size)))

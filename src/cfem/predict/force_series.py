@@ -1,0 +1,73 @@
+"""What loads do to the forces of the actuators that hold a robot: a series of the actuators' displacements.
+
+With the displacements e of the loaded rows and their compliance C at locked actuators, loads w leave the potential
+
+    Pi(t, w) = Psi(t) - w . e(t) - w . C(t) w / 2        lambda_a = d Pi / d t
+
+(Psi and e of the robot without these loads: the displacements e + C w are - d Pi / d w, so that the two derivatives
+agree by Maxwell's theorem of reciprocity). A tension that changes at a fixed displacement thus tells of a push, where
+the markers hardly move."""
+
+import numpy as np
+
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import layout, unpacking
+from cfem.predict.mode_series import joined
+from cfem.predict.series import input_derivatives
+from cfem.predict.spectral import SpectralPredictor
+
+
+class ForceSeries:
+    """model: spectral, of form displacement, without parameters; loaded: (n_w,) numbers of rows, effectors first, then
+    modes of its skin."""
+
+    def __init__(self, model: SpectralPredictor, loaded: np.ndarray):
+        arrays, n_a = model.arrays, model.rows.n_a
+        parts = layout(n_a, model.rows.n_e)
+        own, series = arrays["indices"], arrays["series"]
+        rows = [(own, series[parts["energy"]])]
+        rows += [_displacement(model, row) for row in loaded]
+        pairs = [(i, j) for i in range(len(loaded)) for j in range(i, len(loaded))]
+        rows += [_compliance(model, int(loaded[i]), int(loaded[j])) for i, j in pairs]
+        indices, series = joined(rows)
+        flat = series[:, 0].T  # (M, 1 + n_w + pairs)
+        by = input_derivatives(indices, arrays["to_box"], n_a)
+        first = [D @ flat for D in by]
+        second = [by[j] @ first[i] for i in range(n_a) for j in range(n_a)]
+        self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
+        self._basis = Basis(indices)
+        self._series = np.ascontiguousarray(np.stack([*first, *second], axis=1).reshape(len(indices), -1))
+        self._n_a, self._n_w = n_a, len(loaded)
+        self._pairs = tuple(np.array(pairs, dtype=int).reshape(-1, 2).T)
+        self._unpack = unpacking(len(loaded))
+
+    def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """t (n_a,) mm, w (n_w,) N -> lambda_a (n_a,) and its derivatives (n_a, n_a + n_w) by t, then w."""
+        n_a, n_w = self._n_a, self._n_w
+        found = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(n_a + n_a * n_a, -1)
+        i, j = self._pairs
+        twice = np.where(i == j, 0.5, 1.0) * w[i] * w[j]
+        value = found[:, 0] - found[:, 1 : 1 + n_w] @ w - found[:, 1 + n_w :] @ twice
+        by_C = found[:n_a, 1 + n_w :][:, self._unpack]  # (n_a, n_w, n_w)
+        by_w = -found[:n_a, 1 : 1 + n_w] - by_C @ w
+        return value[:n_a], np.hstack([value[n_a:].reshape(n_a, n_a), by_w])
+
+
+def _displacement(model: SpectralPredictor, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (M, n) and the series (1, M) of one row."""
+    n_e = model.rows.n_e
+    if row < n_e:
+        first = layout(model.rows.n_a, n_e)["effector"].start + row
+        return model.arrays["indices"], model.arrays["series"][first : first + 1]
+    return model.skin.arrays["indices"], model.skin.arrays["series"][row - n_e : row - n_e + 1]
+
+
+def _compliance(model: SpectralPredictor, one: int, other: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same of C between two rows, one <= other."""
+    n_e, one, other = model.rows.n_e, min(one, other), max(one, other)
+    if other < n_e:
+        place = layout(model.rows.n_a, n_e)["effector_compliance"].start + int(unpacking(n_e)[one, other])
+        return model.arrays["indices"], model.arrays["series"][place : place + 1]
+    arrays, k = model.skin.arrays, len(model.skin)
+    place = one * k + other - n_e if one < n_e else n_e * k + int(unpacking(k)[one - n_e, other - n_e])
+    return arrays["compliance_indices"], arrays["compliance"][place : place + 1]

@@ -1,0 +1,61 @@
+"""Linear maps of a skin's modes as series of their own: what markers do, with derivatives, in one product.
+
+With s = s_0(t) + C_s,loads(t) w, the modes under loads w at fixed actuators, and a fixed map T (r, k) of them:
+
+    T s = (T s_0)(t) + (T C_s,loads)(t) w
+
+Both brackets are Chebyshev series of the model's inputs t, as s_0 and C are, and so are their derivatives. Combined
+once, an answer costs one evaluation of the basis and one product with a small matrix."""
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import unpacking
+from cfem.predict.series import input_derivatives
+from cfem.predict.skin import LearnedSkin
+
+
+class ModeSeries:
+    """skin: of a model without parameters, actuators locked; T: (r, k); effectors: number of the model's effector rows;
+    loaded: (n_w,) numbers of the rows with loads, effectors first, then modes."""
+
+    def __init__(self, skin: LearnedSkin, T: np.ndarray, effectors: int, loaded: np.ndarray):
+        arrays, n_a = skin.arrays, skin.arrays["to_box"].shape[0]
+        if skin.form != "displacement":
+            raise InputError("series of markers need a model of form displacement")
+        self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
+        k, r, n_w = len(skin), len(T), len(loaded)
+        self._shape = (r, 1 + n_w, 1 + n_a)
+        place = unpacking(k)
+        columns = [
+            np.arange(one * k, (one + 1) * k) if one < effectors else effectors * k + place[one - effectors]
+            for one in loaded
+        ]
+        parts = [(arrays["indices"], T @ arrays["series"])]
+        parts += [(arrays["compliance_indices"], T @ arrays["compliance"][column]) for column in columns]
+        indices, series = joined(parts)  # (M, n), (1 + n_w, r, M)
+        slopes = input_derivatives(indices, arrays["to_box"], n_a)
+        flat = series.reshape(-1, len(indices)).T
+        found = np.stack([flat, *(D @ flat for D in slopes)], axis=-1)  # (M, (1 + n_w) r, 1 + n_a)
+        found = found.reshape(len(indices), 1 + n_w, r, 1 + n_a).swapaxes(1, 2)
+        self._basis, self._series = Basis(indices), np.ascontiguousarray(found.reshape(len(indices), -1))
+
+    def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """t (n_a,) mm, w (n_w,) N -> T s (r,) and its derivatives (r, n_a + n_w) by t, then w."""
+        r, width, deep = self._shape
+        found = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(r, width, deep)
+        if width == 1:
+            return found[:, 0, 0], found[:, 0, 1:]
+        summed = found[:, 0] + w @ found[:, 1:]
+        return summed[:, 0], np.concatenate([summed[:, 1:], found[:, 1:, 0]], axis=1)
+
+
+def joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Series (r, M_i) over index sets (M_i, n), each over all indices (M, n) that one of them has: (parts, r, M)."""
+    indices, places = np.unique(np.concatenate([one for one, _ in parts]), axis=0, return_inverse=True)
+    found, first = np.zeros((len(parts), len(parts[0][1]), len(indices))), 0
+    for number, (own, series) in enumerate(parts):
+        found[number][:, places.ravel()[first : first + len(own)]] = series
+        first += len(own)
+    return indices.astype(np.int64), found

@@ -1,0 +1,110 @@
+"""`cfem estimate` on a recording that the model itself made, and what it says of recordings that are wrong."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import cfem
+from cfem.predict.estimate import Estimator
+from cfem.predict.load import load_model
+from cfem.predict.markers import markers_near
+
+NAMES = ("m1", "m2", "m3", "m4", "m5")
+FRAMES = 60
+
+
+@pytest.fixture(scope="module")
+def recorded(bar, tmp_path_factory):
+    """A folder with estimate.yaml, its recording and the truth."""
+    folder, model = tmp_path_factory.mktemp("estimate"), load_model(bar / "models" / "bar" / "spectral")
+    places, rng = markers_near(model, 5), np.random.default_rng(0)
+    estimator = Estimator(model, places, 0.1, ("tip.y", "tip.z"), 0.02)
+    lines = ["time [s]," + ",".join(f"{name}.{a} [mm]" for name in NAMES for a in "xyz")
+             + ",cable.displacement [mm],cable.force [N],cable.command [mm]"]  # fmt: skip
+    truth = ["cable.displacement [mm],tip.y.force [mN],tip.z.force [mN]"]
+    for frame in range(FRAMES):
+        u = 2.0 + 0.04 * frame
+        x = np.array([u, 0.012, -0.006])
+        seen = estimator.places(x) + 0.1 * rng.normal(size=(5, 3))
+        force = estimator._forces(x)[0][0] + 0.02 * rng.normal()
+        cells = [f"{number:.5f}" for number in seen.ravel()]
+        if frame == 30:
+            cells[3:6] = ["", "", ""]
+        lines.append(f"{0.1 * frame:.2f},{','.join(cells)},{u + 0.05 * rng.normal():.4f},{force:.5f},{u:.4f}")
+        truth.append(f"{u},12,-6")
+    (folder / "recording.csv").write_text("\n".join(lines))
+    (folder / "truth.csv").write_text("\n".join(truth))
+    markers = "".join(f"  {name}: {{mm: {place.tolist()}}}\n" for name, place in zip(NAMES, places, strict=True))
+    (folder / "estimate.yaml").write_text(
+        f"model: {bar / 'models' / 'bar' / 'spectral'}\nrecording: recording.csv\nout: found\nmarkers:\n{markers}"
+        "noise: 0.1 mm\nloads: {rows: [tip.y, tip.z], largest: 20 mN, lasts: 60 s}\n"
+        "actuators: {displacement: 0.05 mm, force: 20 mN}\ntruth: truth.csv\n"
+    )
+    return folder
+
+
+def test_a_recording_becomes_a_table_of_estimates(recorded):
+    manifest = cfem.run_stage("estimate", recorded / "estimate.yaml")
+    results = manifest["results"]
+    assert results["frames"] == results["estimated"] == FRAMES and "judgement" not in results
+    assert 0.9 < results["noise_ratio"] < 1.1
+    assert all(one["covered"] > 0.8 for one in results["truth"].values())
+    table = pq.read_table(recorded / "found" / "estimates.parquet")
+    meta = json.loads(table.schema.metadata[b"cfem"])
+    assert meta["loaded"] == ["tip.y", "tip.z"] and meta["units"]["loads"] == "N"
+    assert table.num_rows == FRAMES and abs(table["delta_a"][-1].as_py()[0] - 4.36) < 0.1
+    assert cfem.run_stage("estimate", recorded / "estimate.yaml")["status"] == "up to date"
+
+
+def test_each_frame_alone_is_less_certain(recorded):
+    together = pq.read_table(recorded / "found" / "estimates.parquet")["loads_sd"][-1].as_py()
+    cfem.run_stage("estimate", recorded / "estimate.yaml", overrides=["each_frame=true"], out=recorded / "alone")
+    alone = pq.read_table(recorded / "alone" / "estimates.parquet")["loads_sd"][-1].as_py()
+    assert (np.array(together) < np.array([0.85, 0.6]) * np.array(alone)).all()
+
+
+def test_a_marker_at_the_wrong_place_is_called_so_first(recorded):
+    text = (recorded / "estimate.yaml").read_text()
+    line = next(one for one in text.splitlines() if one.startswith("  m3:"))
+    x, y, z = json.loads(line.partition("mm: ")[2].rstrip("}"))
+    moved = recorded / "moved.yaml"
+    moved.write_text(text.replace(line, f"  m3: {{mm: [{x - 4.0}, {y}, {z}]}}"))
+    results = cfem.run_stage("estimate", moved, out=recorded / "moved")["results"]
+    assert "marker m3 was left out" in results["judgement"][0]["what"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "code"),
+    [
+        (("m5.z [mm]", "m6.z [mm]"), "column 'm6.z'", 3),
+        (("0.30,", "0.10,"), "row 4: 'time' does not grow", 3),
+        (("time [s]", "time [mm]"), "'mm' is not a unit of time", 3),
+        (("cable.force [N]", "cable.force [mm]"), "'mm' is not a unit of force", 3),
+    ],
+)
+def test_a_wrong_recording_gets_one_sentence(recorded, tmp_path, change, said, code):
+    table, spec = (recorded / "recording.csv").read_text(), (recorded / "estimate.yaml").read_text()
+    (tmp_path / "recording.csv").write_text(table.replace(*change, 1))
+    (tmp_path / "truth.csv").write_text((recorded / "truth.csv").read_text())
+    (tmp_path / "estimate.yaml").write_text(spec)
+    with pytest.raises(cfem.InputError, match=said) as error:
+        cfem.run_stage("estimate", tmp_path / "estimate.yaml")
+    assert error.value.exit_code == code and "recording.csv" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("rows: [tip.y, tip.z]", "rows: [top.y]"), "no row 'top.y'"),
+        (("actuators: {displacement: 0.05 mm, force: 20 mN}", "actuators: {force: 20 mN}"), "noise is missing"),
+        (("noise: 0.1 mm", "noise: 0 mm"), "greater than 0"),
+        (("displacement: 0.05 mm", "displacement: 50 mm^3"), "mm"),
+    ],
+)
+def test_a_wrong_spec_gets_one_sentence(recorded, change, said):
+    wrong = recorded / "wrong.yaml"
+    wrong.write_text((recorded / "estimate.yaml").read_text().replace(*change, 1))
+    with pytest.raises(cfem.CfemError, match=said):
+        cfem.run_stage("estimate", wrong, out=recorded / "wrong")
