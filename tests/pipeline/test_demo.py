@@ -52,14 +52,14 @@ RESULTS = {
 def test_three_numbers_are_said_once():
     goals, error, time = numbers(RESULTS)
     assert "23 of 24 on curve" in goals
-    assert "2e-06 mm on average; the mesh itself leaves 1.4 mm (1.2 % of the length) uncertain" in error
-    assert "0.5 ms; one FE solve takes 300 ms, 600 times as long" in time
+    assert "2 nm on average; the mesh itself leaves 1.4 mm (1.2 % of the length) uncertain" in error
+    assert "500 us; one FE solve takes 300 ms, 600 times as long" in time
 
 
 def test_what_is_not_known_is_said_to_be_so():
     changed = RESULTS | {"discretisation": {"left_out": "mesh_error is null"}, "fe_cost": None}
     _, error, time = numbers(changed)
-    assert "the discretisation error is not known: mesh_error is null" in error and time.endswith("0.5 ms")
+    assert "the discretisation error is not known: mesh_error is null" in error and time.endswith("500 us")
 
 
 def test_a_robot_without_a_curve_is_refused(tmp_path):

@@ -7,6 +7,7 @@ from typing import Any
 from cfem.core.errors import SpecError
 from cfem.core.judgement import sentences
 from cfem.core.progress import say
+from cfem.core.shown import duration, length
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step
 from cfem.pipeline.robots import ROBOTS, copy_robot, robots
@@ -64,22 +65,22 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
     the first learned controller. control: results of `cfem control`."""
     name, found = _learned(control["trajectories"])
     near, mesh, cost = found["distance_to_reachable_goals"], control["discretisation"], control["fe_cost"]
-    error = f"{near['mean']:.2g} mm on average" if near else "none, as no goal is in reach"
+    error = f"{length(near['mean'])} on average" if near else "none, as no goal is in reach"
     if "tip_mm" in mesh:
         error += (
             f"; the mesh itself leaves {mesh['tip_mm']:.2g} mm ({mesh['tip_percent']:.2g} % of the length) uncertain"
         )
     else:
         error += f"; the discretisation error is not known: {mesh['left_out']}"
-    step = found["step_us"]["median"] / 1e3
+    step = found["step_us"]["median"] / 1e6
     against = ""
     if cost and cost["solves"]:
-        solve = 1e3 * cost["seconds"] / cost["solves"]
-        against = f"; one FE solve takes {solve:.3g} ms, {solve / step:.0f} times as long"
+        solve = cost["seconds"] / cost["solves"]
+        against = f"; one FE solve takes {duration(solve)}, {float(f'{solve / step:.2g}'):.0f} times as long"
     return [
         f"goals reached:      {found['reached']} of {found['goals']} on {name}, judged by the FE robot",
         f"tracking error:     {error}",
-        f"time per step:      {step:.2g} ms{against}",
+        f"time per step:      {duration(step)}{against}",
     ]
 
 
