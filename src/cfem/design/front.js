@@ -16,18 +16,21 @@
   const ends = k => { const all = data.values.map(row => row[k]), low = Math.min(...all), high = Math.max(...all), pad = 0.06 * (high - low || 1); return [low - pad, high + pad]; };
   const place = (value, [low, high], a, b) => a + (b - a) * (value - low) / (high - low);
 
+  const ticks = ([low, high]) => {  // round numbers: steps of 1, 2 or 5 times a power of ten
+    const rough = (high - low) / 5, ten = 10 ** Math.floor(Math.log10(rough)), step = ten * [1, 2, 5, 10].find(k => k * ten >= rough);
+    const first = Math.ceil(low / step);
+    return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) => (first + i) * step);
+  };
+
   function plot() {
     svg.replaceChildren();
     const [x, y] = axes.map(ends), third = names.findIndex((_, k) => !axes.includes(k));
     make("line", { x1: box.left, y1: box.bottom, x2: box.right, y2: box.bottom });
     make("line", { x1: box.left, y1: box.bottom, x2: box.left, y2: box.top });
-    for (let i = 0; i <= 4; i++) {
-      const u = x[0] + i / 4 * (x[1] - x[0]), v = y[0] + i / 4 * (y[1] - y[0]);
-      make("text", { x: place(u, x, box.left, box.right), y: box.bottom + 17, "text-anchor": "middle" }, short(u));
-      make("text", { x: box.left - 6, y: place(v, y, box.bottom, box.top) + 4, "text-anchor": "end" }, short(v));
-    }
-    make("text", { x: (box.left + box.right) / 2, y: 370, "text-anchor": "middle" }, names[axes[0]] + (third < 0 ? "" : `  (size: ${names[third]})`));
-    make("text", { x: box.left + 6, y: box.top + 4 }, names[axes[1]]);
+    for (const u of ticks(x)) make("text", { x: place(u, x, box.left, box.right), y: box.bottom + 17, "text-anchor": "middle" }, short(u));
+    for (const v of ticks(y)) make("text", { x: box.left - 6, y: place(v, y, box.bottom, box.top) + 4, "text-anchor": "end" }, short(v));
+    make("text", { x: (box.left + box.right) / 2, y: 370, "text-anchor": "middle" }, "← " + names[axes[0]] + (third < 0 ? "" : `  (size: ${names[third]})`));
+    make("text", { x: box.left + 6, y: box.top + 4 }, "↓ " + names[axes[1]]);
     data.values.forEach((row, i) => {
       const r = third < 0 ? 6 : 4 + 7 * place(row[third], ends(third), 0, 1);
       const dot = make("circle", {

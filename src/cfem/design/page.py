@@ -75,7 +75,7 @@ def front_page(problem: Problem, front: Front, robot: Any, shapes: list, sensiti
         f"<title>{escape(robot.name)}: front</title><style>{style}{own_style}</style></head>\n"
         f"<body><main><h1>{escape(robot.name)}: {len(front.designs)} designs of the front</h1>"
         '<p class="lead">No other design is better in one objective without being worse in another. '
-        "Click one, or use the arrow keys.</p>"
+        "Smaller numbers are better. Click a design, or use the arrow keys.</p>"
         f'<div class="explore"><div><div id="axes"></div><svg id="front" viewBox="0 0 460 380" role="img" '
         f'aria-label="the front"></svg></div>{viewer.html()}</div>'
         f'<div class="explore"><div id="design"></div><div id="matters"></div></div>'
