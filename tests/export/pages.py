@@ -12,8 +12,9 @@ from export.embedded import serial, spectral
 from cfem.export.embedding import Embedding
 from cfem.export.page import page
 from cfem.export.spec import CSpec
-from cfem.predict.chebyshev import Basis
+from cfem.predict.chebyshev import Basis, basis
 from cfem.predict.energy import layout
+from cfem.surrogate.spectral import Series, series
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")  # software: no card is needed
@@ -38,6 +39,21 @@ def tube(length: float) -> dict[str, np.ndarray]:
     share = (rest[:, 2] / length) ** 2
     modes = np.stack([share[:, None] * np.eye(3)[axis] for axis in range(3)])
     return {"rest": rest, "triangles": triangles, "modes": modes.astype(np.float32)}
+
+
+def wedge() -> tuple[dict, dict]:
+    """Two cables, (m + q) / 2 and (m - q) / 2, of the potential m^2 / 2 + q^2 - q^4 / 150, which is convex where
+    |q| < 5. Where the second cable is slack, m = 2 q - 2 q^3 / 75: at q = 4 the first is 5.147 mm."""
+    indices = np.array([(i, j) for i in range(5) for j in range(5)])
+    to_box, offset = np.eye(2) / 8, np.zeros(2)
+    at = np.random.default_rng(1).uniform(-8, 8, (100, 2))
+    m, q = at[:, 0] + at[:, 1], at[:, 0] - at[:, 1]
+    values = np.column_stack([m**2 / 2 + q**2 - q**4 / 150, m, q, 0 * q])
+    found = np.linalg.lstsq(basis(at @ to_box, indices), values, rcond=None)[0]
+    parts = {"potential": found[:, :1], "effector": found[:, 1:], "effector_compliance": np.zeros((len(indices), 6))}
+    made = series({name: Series(indices, part) for name, part in parts.items()}, to_box, 2)
+    meta, _ = spectral()
+    return meta, {"to_box": to_box, "offset": offset, "indices": made["indices"], "series": made["series"]}
 
 
 def skin_of(meta: dict, arrays: dict) -> dict[str, np.ndarray]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from export.pages import tube
 
-from cfem.export.page_body import Line, body, carriers, lines
+from cfem.export.page_body import Line, body, carriers, lines, sharpened
 
 SKIN = tube(100.0)
 INSIDE = np.array([[0.0, 0.0, -50.0], [3.0, 1.0, -20.0], [-2.0, 4.0, -95.0]])
@@ -45,3 +45,20 @@ def test_what_a_model_says_of_its_robot_becomes_lines():
     assert cavity[0].points.tolist() == [[1.0, 2.0, 3.0]]
     assert lines({"geometry": {}, "actuators": [{"kind": "cavity", "surface": "inner"}]}, 50.0) == []
     assert lines(None, 50.0) == []
+
+
+def test_sharp_edges_part_a_surface_and_smooth_ones_do_not():
+    """A cube whose faces are two triangles: each corner is lit from three sides. A round bar stays whole."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+    again, parted = sharpened(corners, triangles, 100)
+    assert sorted(again) == sorted([*range(8)] * 2)
+    assert len(np.unique(parted)) == 24 and parted.max() == 100 + 15
+    places = np.concatenate([corners, np.zeros((92, 3)), corners[again]])
+    assert (places[parted] == corners[triangles]).all()
+    for one in range(6):
+        others = np.delete(parted, [2 * one, 2 * one + 1], axis=0)
+        assert not np.isin(parted[2 * one : 2 * one + 2], others).any()
+    again, parted = sharpened(SKIN["rest"], SKIN["triangles"], len(SKIN["rest"]))
+    assert len(again) == 0 and (parted == SKIN["triangles"]).all()

@@ -1,17 +1,22 @@
 """The page in a real browser: it computes what Python computes, and does what pointer, keys and sliders ask."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
 from export.embedded import states
-from export.pages import ROBOTS, browser, opened, page_of, skin_of, surface, until
+from export.pages import BROWSERS, ROBOTS, browser, opened, page_of, skin_of, surface, until, wedge
 
+from cfem.export.embedding import Embedding
+from cfem.export.page import page
+from cfem.export.spec import CSpec
 from cfem.predict.load import build
 
 EXACT = 1e-6  # mm
 COMMANDS = 100
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+OUTSIDE = 4  # of the status
 CUT = "incomplete or damaged"
 
 
@@ -198,8 +203,58 @@ def test_an_unreachable_goal_names_the_limits(tab):
     settle(tab)
     until(tab, "document.getElementById('words').textContent.includes('out of reach')")
     words = shown(tab)["words"]
-    assert re.search(r"the tip is \d[\d.]* mm away \(.* is .*\)\.$", words)
-    assert tab.locator(".actuator em.binding:not([hidden])").count() >= 1
+    assert re.search(r"the tip is \d[\d.]* mm away \(cable0 and cable1 are pulled as far as they go\)\.$", words)
+    assert tab.locator(".actuator em.binding").count() >= 1
+
+
+def test_a_goal_that_no_limit_keeps_from_the_robot_lies_beside_its_reach(tab):
+    model = build(*ROBOTS["two cables"]())
+    tip, one, other = (model.rest_e + model.at_displacement(at).delta_e for at in ([5.0, 5.0], [5.1, 5.0], [5.0, 5.1]))
+    normal = np.cross(one - tip, other - tip)
+    aside = tip + 2 * normal / np.linalg.norm(normal)
+    tab.evaluate("aside => cfem.moveGoal(cfem.goals[0], aside)", aside.tolist())
+    until(tab, "/^The goal lies beside the surface .* mm away\\.$/.test(document.getElementById('words').textContent)")
+    assert tab.locator(".actuator em.binding").count() == 0
+
+
+def test_a_far_state_is_found_from_where_the_robot_is(chromium, tmp_path):
+    """The cable that the other one leads is let out at once by 4 mm: between the two states the model has no answer."""
+    meta, arrays = wedge()
+    text = page(meta, arrays, skin_of(meta, arrays), CSpec(), Embedding())
+    (tmp_path / "page.html").write_text(text, encoding="utf-8")
+    tab = opened(chromium, tmp_path / "page.html")
+    for asked in ([5.15, 0.0], [0.0, 5.15]):
+        status = tab.evaluate("asked => cfem.robot.set(asked)", asked)
+        after = shown(tab)
+        q = 4.0 if asked[0] else -4.0  # difference of the two, for which the one that leads is 5.147 mm
+        assert status & ~OUTSIDE == 0
+        assert after["delta"] == pytest.approx([(6.2933 + q) / 2, (6.2933 - q) / 2], abs=0.01)
+        assert abs(after["lambda"][asked.index(0.0)]) < 1e-6
+    tab.context.close()
+
+
+def test_the_robot_at_rest_is_no_state_outside_of_the_model(tab):
+    settle(tab)
+    assert tab.inner_text("#note") == ""
+
+
+def test_an_actuator_that_is_pointed_at_is_drawn_thicker(tab):
+    tab.hover(".actuator:nth-of-type(2)")
+    assert tab.evaluate("() => cfem.state.lit") == 1
+    tab.hover("h1")
+    assert tab.evaluate("() => cfem.state.lit") is None
+
+
+def test_the_bar_of_the_scale_is_as_long_as_it_says(tab):
+    for height in (200, 37, 4):
+        tab.evaluate("height => { cfem.state.camera.height = height; cfem.state.shown = true; }", height)
+        until(tab, f"cfem.state.camera.height === {height} && !cfem.state.shown")
+        words = tab.inner_text("#length")
+        pixels, tall = (
+            tab.locator(f"#{one}").bounding_box()[side] for one, side in (("bar", "width"), ("view", "height"))
+        )
+        assert pixels == pytest.approx(float(words.removesuffix(" mm")) * tall / height, rel=0.02)
+        assert 40 < pixels <= 112
 
 
 def test_the_theme_follows_the_system_and_the_button(chromium, files):
@@ -220,6 +275,13 @@ def test_nothing_but_the_file_is_asked_for(chromium, files):
     until(tab, "window.cfem !== undefined")
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == [] and len(asked) == 1
     there.close()
+
+
+def test_a_browser_without_webgl_says_so(chromium, files):
+    program = next(filter(None, map(shutil.which, BROWSERS)))
+    bare = chromium.browser_type.launch(executable_path=program, args=["--no-sandbox", "--disable-3d-apis"])
+    assert "needs WebGL" in trouble(opened(bare, files("two cables")))
+    bare.close()
 
 
 def trouble(tab) -> str:

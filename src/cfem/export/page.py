@@ -17,10 +17,22 @@ from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 
 ASSETS = files("cfem.export") / "web"
-SCRIPTS = ("data.js", "robot.js", "scene.js", "words.js", "reach.js", "hands.js", "app.js")
+SCRIPTS = (
+    "data.js",
+    "robot.js",
+    "camera.js",
+    "shaders.js",
+    "scene.js",
+    "words.js",
+    "reach.js",
+    "overlay.js",
+    "hands.js",
+    "app.js",
+)
 KINDS = ("spectral", "serial")
 LEAST = 1e-3  # mm: a smaller error is of no interest to those who look
 EXACT = 1e-7  # mm: the finest step of what is stored of places
+AT_REST = 1e-3  # of length and largest force: what a model may be off at rest, to be called right there
 POINT = ("x", "y", "z")
 
 
@@ -39,6 +51,7 @@ def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray],
         weights = np.isin(np.arange(predictor.rows.n_e), dragged).astype(float).tolist()
         chosen = chosen.model_copy(update={"weights": weights})
     defines, constants = controller(predictor, p, chosen, "double", robot.pressures)
+    constants |= with_rest(predictor, constants, p)
     drawn = body(skin["rest"], skin["modes"], skin["triangles"], lines(meta["robot"], predictor.length))
     said = {
         "actuators": actuators(predictor, constants),
@@ -62,6 +75,22 @@ def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray],
     return fill(said, data, meta["scene"], about(meta, predictor))
 
 
+def with_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> dict[str, np.ndarray]:
+    """The box of the training states with the robot at rest in it, where every page begins, if the model is right
+    there: rest is known without any sample. Training states pull a little, so it lies beside their box."""
+    names = ("cfem_domain_delta_a", "cfem_domain_lambda_a")
+    boxes = [constants[name] for name in names]
+    at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
+    off = np.abs(at.delta_e).max() / predictor.length
+    forced = (np.abs(at.lambda_a) / np.abs(boxes[1]).max(axis=0)).max()
+    if not max(off, forced) < AT_REST:
+        return {}
+    return {
+        name: np.stack([np.minimum(box[0], 0.0), np.maximum(box[1], 0.0)])
+        for name, box in zip(names, boxes, strict=True)
+    }
+
+
 def watched(predictor: Predictor) -> list[dict[str, Any]]:
     """The points that can be dragged: name, first row and the row behind the last. InputError where there is none."""
     found = []
@@ -76,11 +105,12 @@ def watched(predictor: Predictor) -> list[dict[str, Any]]:
 
 
 def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    """delta: smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force of
-    any training state, which the colours end at."""
-    scale, found = float(np.abs(constants["cfem_domain_lambda_a"]).max()), []
+    """delta: smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force in
+    the training states of an actuator of its kind, where the colours end."""
+    largest, found = np.abs(constants["cfem_domain_lambda_a"]).max(axis=0), []
+    cables = np.array([unit == "mm" for unit, _ in predictor.actuator_units])
     for i, name in enumerate(predictor.rows.actuators):
-        cable = predictor.actuator_units[i][0] == "mm"
+        cable = bool(cables[i])
         low, high = (constants[f"cfem_lambda_{end}"][i] for end in ("low", "high"))
         found.append(
             {
@@ -91,7 +121,7 @@ def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[di
                 "forceFactor": 1 if cable else 1000,
                 "delta": [float(constants[f"cfem_delta_{end}"][i]) for end in ("low", "high")],
                 "lambda": [float(one) if np.isfinite(one) else None for one in (low, high)],
-                "scale": scale,
+                "scale": float(largest[cables == cable].max()),
             }
         )
     return found
@@ -102,7 +132,7 @@ def about(meta: dict, predictor: Predictor) -> str:
     error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
     known = ""
     if error is not None:
-        off = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
+        off = length(error).replace(" um", " µm") if error >= LEAST else f"less than {LEAST:g} mm"
         known = f" The largest error of its tip in unseen states: {off}."
     return (
         f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "

@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cfem.robot import soft_finger, stiff_flop
 from cfem.robot.geometry import SoftFinger, StiffFlop
 
 NEAR = 24  # surface nodes that carry a point of the inside
+SHARP = np.deg2rad(40.0)
 ALONG_A_CHAMBER = 12  # points
 CABLE, CAVITY = 0.006, 0.03  # radius of what is drawn, of the robot's length
 
@@ -27,9 +30,9 @@ class Line:
 
 @dataclass(frozen=True)
 class Body:
-    """rest (n, 3) mm; modes (k, n, 3): positions x = rest + sum of modes times skin rows; triangles (t, 3) of the first
-    points;
-    lines: (actuator, first point, number of points, radius mm)."""
+    """rest (n, 3) mm; modes (k, n, 3): positions x = rest + sum of modes times skin rows; triangles (t, 3);
+    lines: (actuator, first point, number of points, radius mm). First the skin's points, then those of the lines, then
+    again those on sharp edges."""
 
     rest: np.ndarray
     modes: np.ndarray
@@ -38,14 +41,42 @@ class Body:
 
 
 def body(rest: np.ndarray, modes: np.ndarray, triangles: np.ndarray, lines: list[Line]) -> Body:
-    """Of the skin's surface, and lines inside of it."""
+    """Of the skin's surface, whose sharp edges stay sharp, and lines inside of it."""
     points, moving, placed = [rest], [modes], []
     for line in lines:
         placed.append((line.actuator, sum(map(len, points)), len(line.points), line.radius))
         points.append(line.points)
         carried = np.einsum("pn,knd->kpd", carriers(line.points[line.held :], rest), modes)
         moving.append(np.concatenate([np.zeros((len(modes), line.held, 3)), carried], axis=1))
+    again, triangles = sharpened(rest, triangles, sum(map(len, points)))
+    points, moving = [*points, rest[again]], [*moving, modes[:, again]]
     return Body(np.concatenate(points), np.concatenate(moving, axis=1), triangles, placed)
+
+
+def sharpened(rest: np.ndarray, triangles: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of rest (n, 3) that lie on an edge where the surface turns by more than `SHARP`, once for each smooth part
+    behind the first, numbered from `first` on; and the triangles (t, 3) with these numbers. Each part is then lit by
+    its own normals."""
+    sides = [rest[triangles[:, k]] - rest[triangles[:, 0]] for k in (1, 2)]
+    normals = np.cross(*sides)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None]
+    corner = np.arange(triangles.size).reshape(triangles.shape)
+    ends = np.concatenate([np.stack([corner[:, k], corner[:, (k + 1) % 3]], axis=1) for k in range(3)])
+    points = triangles.ravel()[ends]
+    turned = points[:, 0] > points[:, 1]
+    ends[turned], points[turned] = ends[turned, ::-1], points[turned, ::-1]
+    order = np.lexsort(points.T)
+    here, there = order[:-1], order[1:]
+    smooth = (normals[ends[here, 0] // 3] * normals[ends[there, 0] // 3]).sum(axis=1) > np.cos(SHARP)
+    joined = (points[here] == points[there]).all(axis=1) & smooth
+    pairs = np.concatenate([np.stack([ends[here, k], ends[there, k]], axis=1)[joined] for k in (0, 1)])
+    graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(triangles.size,) * 2)
+    part = connected_components(graph, directed=False)[1]
+    parts, at = np.unique(np.stack([triangles.ravel(), part]), axis=1, return_inverse=True)
+    later = np.flatnonzero(np.diff(parts[0], prepend=-1) == 0)
+    number = parts[0].copy()
+    number[later] = first + np.arange(len(later))
+    return parts[0][later], number[at.ravel()].reshape(triangles.shape)
 
 
 def carriers(points: np.ndarray, surface: np.ndarray) -> np.ndarray:

@@ -20,45 +20,16 @@ function themeColours() {
   return out;
 }
 
-function bounds(places) {
-  const low = [Infinity, Infinity, Infinity], high = low.map(value => -value);
-  for (let i = 0; i < places.length; i++) { low[i % 3] = Math.min(low[i % 3], places[i]); high[i % 3] = Math.max(high[i % 3], places[i]); }
-  return { low, high };
-}
-
 function start(robot) {
-  const { said } = robot, canvas = $("view"), scene = makeScene(canvas, robot);
-  const state = { byHand: false, status: 0, moving: true, theme: themeColours(), camera: null, dragged: null, still: 0, ticks: 0, quick: false, shown: true };
+  const { said } = robot, canvas = $("view"), scene = makeScene(canvas, robot), overlay = makeOverlay(canvas);
+  const state = { byHand: false, status: 0, moving: true, theme: themeColours(), camera: null, dragged: null, still: 0, ticks: 0, quick: false, shown: true, lit: null };
   const reach = makeReach(robot);
   robot.home();
   robot.shape();
   scene.setReach(reach.places, reach.lines);
 
-  // The view: the whole body and the reach, seen from where the reach is widest.
-  function firstCamera() {
-    const all = [...robot.drawn, ...reach.places], { low, high } = bounds(all), centre = low.map((value, i) => (value + high[i]) / 2);
-    const spread = azimuth => {
-      const { right, up } = axesOf({ azimuth, elevation: 14 }), box = [Infinity, -Infinity, Infinity, -Infinity];
-      for (let i = 0; i < reach.places.length; i += 3) {
-        const p = [...reach.places.slice(i, i + 3)], u = dot(right, p), v = dot(up, p);
-        box[0] = Math.min(box[0], u); box[1] = Math.max(box[1], u); box[2] = Math.min(box[2], v); box[3] = Math.max(box[3], v);
-      }
-      return reach.places.length ? (box[1] - box[0]) * (box[3] - box[2]) : 0;
-    };
-    let azimuth = 40;
-    for (const one of [40, 22, -22, -40, 65, -65, 115, 140, 160, -140]) if (spread(one) > 1.02 * spread(azimuth)) azimuth = one;
-    const camera = { azimuth, elevation: 14, height: 1, centre, size: Math.hypot(...high.map((value, i) => value - low[i])) };
-    const { right, up } = axesOf(camera);
-    let u = 0, v = 0;
-    for (let i = 0; i < all.length; i += 3) {
-      const p = add([all[i], all[i + 1], all[i + 2]], centre, -1);
-      u = Math.max(u, Math.abs(dot(right, p))); v = Math.max(v, Math.abs(dot(up, p)));
-    }
-    const aspect = canvas.clientWidth / canvas.clientHeight || 1;
-    camera.height = 2.25 * Math.max(v, u / aspect);
-    return camera;
-  }
-  state.camera = firstCamera();
+  const view = () => firstCamera(robot.drawn, reach.places, canvas.clientWidth, canvas.clientHeight);
+  state.camera = view();
 
   const goals = said.points.map(one => ({ ...one, get place() { return [...robot.goal.slice(...one.rows)]; }, get tip() { return [...robot.x_e.slice(...one.rows)]; } }));
   const missed = () => Math.max(...goals.map(one => Math.hypot(...add(one.place, one.tip, -1))));
@@ -79,20 +50,30 @@ function start(robot) {
       state.byHand = true;
       const before = [[...robot.delta_a], [...robot.lambda_a]];
       const status = robot.set(rows.map(one => Number(one.slider.value)), by);
-      if (status & ~STATUS.OUTSIDE) { robot.delta_a.set(before[0]); robot.lambda_a.set(before[1]); }
+      if (status & ~STATUS.OUTSIDE) {
+        robot.delta_a.set(before[0]); robot.lambda_a.set(before[1]);
+        slider.value = by ? robot.lambda_a[i] : robot.delta_a[i];
+      }
       else for (const one of goals) robot.goal.set(one.tip, one.rows[0]);
       state.status = status;
       showMode(); wake();
     });
+    const light = on => () => { state.lit = on ? i : null; again(); };
+    box.onpointerenter = slider.onfocus = light(true);
+    box.onpointerleave = slider.onblur = light(false);
     $("actuators").append(box);
     return { slider, box, said: box.querySelector("span"), limit: box.querySelector("em"), by };
   });
-  const scale = Math.max(...said.actuators.map(one => one.scale));
-  const factor = said.actuators[0].forceFactor;
-  $("legend").children[0].textContent = "0";
-  $("legend").children[1].style.background = `linear-gradient(to right, ${COLOURS.map(css).join(", ")})`;
-  $("legend").children[2].textContent = `${short(scale * factor, 1)} ${said.actuators[0].forceUnit}`;
-  $("what").textContent = said.actuators.every(one => one.kind === "cable") ? "Tension of the cables" : "Pressure in the chambers";
+  for (const kind of ["cable", "chamber"]) {
+    const one = said.actuators.find(each => each.kind === kind);
+    if (!one) continue;
+    const legend = document.createElement("div");
+    legend.innerHTML = "<h2></h2><div class=\"legend\"><span>0</span><div></div><span></span></div>";
+    legend.firstChild.textContent = kind === "cable" ? "Tension of the cables" : "Pressure in the chambers";
+    legend.querySelector(".legend div").style.background = `linear-gradient(to right, ${COLOURS.map(css).join(", ")})`;
+    legend.querySelector(".legend span:last-child").textContent = `${short(one.scale * one.forceFactor, 1)} ${one.forceUnit}`;
+    $("legends").append(legend);
+  }
 
   function showMode() {
     $("follow").setAttribute("aria-pressed", String(!state.byHand));
@@ -105,21 +86,21 @@ function start(robot) {
     said.actuators.forEach((actuator, i) => {
       const row = rows[i], limit = limitOf(actuator, robot.delta_a[i], robot.lambda_a[i]);
       row.said.textContent = `${short(robot.delta_a[i])} ${actuator.unit} · ${short(robot.lambda_a[i] * actuator.forceFactor)} ${actuator.forceUnit}`;
-      row.limit.textContent = limit; row.limit.hidden = !limit;
-      row.limit.className = binding ? "binding" : "";
+      row.limit.textContent = limit;
+      row.limit.className = binding && limit ? "binding" : "";
       row.box.style.setProperty("--force", css(forceColour(i)));
       if (!state.byHand) row.slider.value = row.by ? robot.lambda_a[i] : robot.delta_a[i];
       row.slider.setAttribute("aria-valuetext", row.said.textContent + (limit ? `, ${limit}` : ""));
-      if (limit) limits.push(`${actuator.name} is ${limit}`);
+      if (limit) limits.push([actuator.name, limit]);
     });
-    const [kind, words] = sentence(state.status, missed(), state.quick && !state.byHand, state.byHand, limits.slice(0, 3));
+    const [kind, words] = sentence(state.status, missed(), state.quick && !state.byHand, state.byHand, limits, said.actuators.length);
     if (words !== lastSaid) { lastSaid = $("words").textContent = words; $("status").className = kind; }
     $("note").textContent = aside(state.status);
     goals.forEach((one, k) => [one.place, one.tip].forEach((place, column) => place.forEach((value, i) => {
       $("places").tBodies[k].rows[i].cells[column + 1].textContent = short(value);
     })));
   }
-  const forceColour = i => (robot.lambda_a[i] <= 1e-3 * scale ? SLACK : colourOf(robot.lambda_a[i] / scale));
+  const forceColour = i => { const share = robot.lambda_a[i] / said.actuators[i].scale; return share <= 2e-3 ? SLACK : colourOf(share); };
   for (const one of goals) {
     const body = document.createElement("tbody");
     "xyz".split("").forEach(axis => { body.insertRow().innerHTML = `<th scope="row">${goals.length > 1 ? `<span></span> ` : ""}${axis}</th><td></td><td></td>`; });
@@ -128,28 +109,35 @@ function start(robot) {
   }
 
   // --- every frame
-  let busy = 0, lastFrame = 0, slow = 0;
-  // A machine that draws slowly gets fewer pixels while things move, and all of them when they stand.
+  // A machine that draws slowly gets fewer pixels while things move, and all of them when they stand. Where no card smooths edges, a
+  // picture that stands is drawn with four pixels for each.
+  let busy = 0, lastFrame = 0, slow = 0, quality = 1, still = 0, sharp = false;
+  const best = () => (scene.software && (window.devicePixelRatio || 1) < 1.5 ? 2 : 1);
   function sharpen(now) {
-    const late = now - lastFrame, moving = state.moving || state.dragged !== null;
+    const late = now - lastFrame;
     lastFrame = now;
-    slow = moving && late < 500 ? 0.85 * slow + 0.15 * late : 0;
-    if (!moving) { state.camera.sharpness = 1; return; }
-    if (slow > 26) { state.camera.sharpness = Math.max(0.45, 0.85 * (state.camera.sharpness ?? 1)); slow = 16; }
+    clearTimeout(still);
+    state.camera.sharpness = sharp ? best() : quality;
+    if (sharp) { sharp = false; slow = 0; return; }
+    slow = late < 500 ? 0.85 * slow + 0.15 * late : 0;
+    if (slow > 26) { quality = Math.max(0.45, 0.85 * quality); slow = 16; }
+    else if (slow && slow < 12) quality = Math.min(1, 1.02 * quality);
+    still = setTimeout(() => { sharp = state.shown = true; }, 200);
   }
   function frame(now) {
     requestAnimationFrame(frame);
+    const begin = performance.now(), more = reach.more(8);
+    if (more) scene.setReach(reach.places, reach.lines);
+    // The reach alone is drawn again from time to time, and in full.
+    if (!state.shown && (reach.done ? more : now - lastFrame > 400)) sharp = state.shown = true;
     if (!state.shown) return;
     sharpen(now);
-    const begin = performance.now();
-    if (reach.more(8)) scene.setReach(reach.places, reach.lines);
     if (state.moving && !state.byHand) step(said.paced ? 1 : TICKS);
     robot.shape();
     draw();
     tell();
     if (state.byHand) state.moving = false;
-    const unsharp = (state.camera.sharpness ?? 1) < 1;
-    state.shown = state.moving || state.dragged !== null || !reach.done || unsharp;
+    state.shown = state.moving || state.dragged !== null;
     busy = performance.now() - begin;
   }
   function step(most) {
@@ -168,9 +156,10 @@ function start(robot) {
     const lines = said.lines.map(line => {
       const points = [];
       for (let p = line.first; p < line.first + line.count; p++) points.push([...robot.drawn.subarray(3 * p, 3 * p + 3)]);
-      return [points, line.radius, forceColour(line.actuator)];
+      return [points, line.radius * (line.actuator === state.lit ? 1.7 : 1), forceColour(line.actuator)];
     });
-    scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip, colour: state.theme.goal })) }, state.theme);
+    scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip })) }, state.theme);
+    overlay(state.camera);
   }
   const again = () => { state.shown = true; };
   canvas.addEventListener("pointerdown", () => { $("hint").classList.add("known"); });
@@ -180,7 +169,7 @@ function start(robot) {
   $("follow").onclick = () => { follow(); showMode(); again(); };
   $("hand").onclick = () => { state.byHand = true; showMode(); wake(); again(); };
   $("home").onclick = () => { robot.home(); follow(); again(); };
-  $("camera").onclick = () => { state.camera = firstCamera(); again(); };
+  $("camera").onclick = () => { state.camera = view(); again(); };
   $("reach").onclick = () => { $("reach").setAttribute("aria-pressed", String($("reach").getAttribute("aria-pressed") !== "true")); again(); };
   $("theme").onclick = () => {
     const root = document.documentElement, dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;

@@ -2,12 +2,12 @@
  * that its skin has there. No heap and no imports: the page lays its data behind __heap_base. */
 #include <stddef.h>
 
-
-
 #include "cfem_linear.h"
 #include "cfem_parts.h"
 
 #define SERVED(name) __attribute__((export_name(#name))) cfem_page_##name
+
+#define SHORTEST (1.0 / 64.0) /* step of what is set by hand, as a share of the way */
 
 cfem_robot cfem_here;
 static cfem_controller controller;
@@ -188,15 +188,14 @@ static unsigned under(const double *lambda_a, cfem_condensed *m) {
     return cfem_find(lambda_a, s, m);
 }
 
-/* The robot whose actuators are set to delta_a. What would pull with less than its smallest force, or push a cable, has that force and
+/* Newton's method for `set_to` from s (n_a,), the model's inputs, which it moves to the solution. What would pull with less than its smallest force, or push a cable, has that force and
  * goes where the others lead: lambda_a at the bound where delta_a is more than asked. Newton's method for d delta_a = W_aa d lambda_a,
  * of which each actuator knows the one side or the other. */
-static unsigned set_to(const double *delta_a, cfem_condensed *m) {
+static unsigned set_from(double *s, const double *delta_a, cfem_condensed *m) {
     const int n = CFEM_NA;
-    double s[CFEM_MOST_NA], scale = 0.0, course = 0.0;
-    char slack[CFEM_MOST_NA] = {0};
+    double scale = 0.0, course = 0.0;
+    char slack[CFEM_MOST_NA];
     for (int i = 0; i < n; i++) {
-        s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : controller.lambda_a[i];
         scale = fmax(scale, fabs(cfem_domain_lambda_a[1][i])), course = fmax(course, fabs(cfem_domain_delta_a[1][i]));
     }
     for (int round = 0; round < 60; round++) {
@@ -204,6 +203,8 @@ static unsigned set_to(const double *delta_a, cfem_condensed *m) {
         const unsigned status = cfem_model(s, m);
         if (status) return status;
         for (int i = 0; i < n; i++) {
+            if (round == 0) /* what was slack before stays so, unless it is asked for more */
+                slack[i] = m->delta_a[i] > delta_a[i] + 1e-9 * course && m->lambda_a[i] <= cfem_lambda_low[i] + 1e-6 * scale;
             if (m->lambda_a[i] < cfem_lambda_low[i] - 1e-9 * scale) slack[i] = 1;
             if (slack[i] && m->delta_a[i] < delta_a[i] - 1e-9 * course) slack[i] = 0;
             by_delta[i] = slack[i] ? 0.0 : delta_a[i] - m->delta_a[i];
@@ -221,6 +222,29 @@ static unsigned set_to(const double *delta_a, cfem_condensed *m) {
         for (int i = 0; i < n; i++) s[i] += CFEM_FORM_DISPLACEMENT ? cfem_dot(n, m->W_aa[i], d_lambda) : d_lambda[i];
     }
     return CFEM_NOT_FOUND;
+}
+
+/* The robot whose actuators are set to delta_a. Where Newton's method does not find it from there, it goes from where the controller
+ * stands, in steps that it halves. */
+static unsigned set_to(const double *delta_a, cfem_condensed *m) {
+    double s[CFEM_MOST_NA], last[CFEM_MOST_NA], from[CFEM_MOST_NA], to[CFEM_MOST_NA], done = 0.0, step = 0.25;
+    for (int i = 0; i < CFEM_NA; i++) {
+        from[i] = controller.delta_a[i], last[i] = CFEM_FORM_DISPLACEMENT ? controller.delta_a[i] : controller.lambda_a[i];
+        s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : controller.lambda_a[i];
+    }
+    unsigned status = set_from(s, delta_a, m);
+    while (status && done < 1.0 && step >= SHORTEST) {
+        const double share = done + step < 1.0 ? done + step : 1.0;
+        for (int i = 0; i < CFEM_NA; i++) to[i] = from[i] + share * (delta_a[i] - from[i]), s[i] = last[i];
+        if (set_from(s, to, m)) {
+            step *= 0.5;
+            continue;
+        }
+        for (int i = 0; i < CFEM_NA; i++) last[i] = s[i];
+        done = share, step *= 1.5;
+        if (done >= 1.0) status = CFEM_OK;
+    }
+    return status;
 }
 
 static unsigned outside(const cfem_condensed *m) {

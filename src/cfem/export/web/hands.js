@@ -20,6 +20,7 @@ function pointers(canvas, scene, state, goals, moveGoal, again) {
     held.set(event.pointerId, at(event));
     canvas.setPointerCapture(event.pointerId);
     canvas.focus({ preventScroll: true });
+    canvas.classList.add("touched"); // no ring of focus for a pointer
     if (held.size > 1) { state.dragged = null; last = null; return; }
     state.dragged = event.button === 0 ? grasped(event, at(event)) : null;
     last = at(event);
@@ -65,6 +66,7 @@ function pointers(canvas, scene, state, goals, moveGoal, again) {
 // Arrows move the goal in the plane of the screen, Page Up and Down towards the reader and away; with shift the arrows turn the view.
 function keys(canvas, state, goals, moveGoal, again) {
   canvas.onkeydown = event => {
+    canvas.classList.remove("touched");
     const ways = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], PageUp: [0, 0, 1], PageDown: [0, 0, -1] };
     const way = ways[event.key], camera = state.camera;
     if (event.ctrlKey || event.metaKey || event.altKey) return;

@@ -1,6 +1,7 @@
 // Where the first watched point can be, by the model: a line or a net over the forces of one or two actuators, else a cloud
 // between the states that the model was trained on, which grows while there is time (more).
-const LINES = 13, STEPS = 40, CLOUD = 2500;
+const LINES = 13, STEPS = 40, CLOUD = 8000;
+const APART = 0.045; // of the robot's length: one point of the cloud in each cube of that edge
 
 function makeReach(robot) {
   const { said, n_a } = robot, reach = { places: [], lines: n_a <= 2, done: false };
@@ -26,12 +27,15 @@ function makeReach(robot) {
     }
   }
 
-  // Of the i-th pair of states, a point between them, the ends more often.
+  // Of the i-th pair of states, a point between them, the ends more often. Points that are close together are shown once.
   function* cloud() {
-    const { states } = robot, count = states.length / n_a;
+    const { states } = robot, count = states.length / n_a, seen = new Set(), edge = APART * said.length;
     for (let i = 0; i < CLOUD && count; i++) {
       const a = i % count, b = (i * 7919 + Math.floor(i / count) * 104729 + 1) % count, share = i < count ? 0 : (i * 0.6180339887) % 1 * 0.5;
-      if (held(robot.set(Array.from({ length: n_a }, (_, j) => states[a * n_a + j] * (1 - share) + states[b * n_a + j] * share), false, false))) reach.places.push(...place());
+      if (held(robot.set(Array.from({ length: n_a }, (_, j) => states[a * n_a + j] * (1 - share) + states[b * n_a + j] * share), false, false))) {
+        const here = place(), cube = here.map(value => Math.round(value / edge)).join();
+        if (!seen.has(cube)) { seen.add(cube); reach.places.push(...here); }
+      }
       yield;
     }
   }
