@@ -70,6 +70,14 @@ class Cable:
         )
         return [product.reshape(1, 3 * len(product), -1) for product in products]
 
+    def curvature_form(self, x: np.ndarray, motions: np.ndarray) -> np.ndarray:
+        """(k, k) M^T d2 delta M of motions M (n, 3, k) of the nodes, without the blocks of `curvature`."""
+        d, length = self._segments(x)
+        t = d / length[:, None]
+        moved = np.tensordot(self.along, motions[self.nodes], axes=1)  # (s, 3, k)
+        across = moved - t[:, :, None] * np.einsum("si,sik->sk", t, moved)[:, None]
+        return -np.einsum("s,sik,sil->kl", self.shares / length, across, moved)
+
 
 def make_cable(points: Sequence[Attachment], pull_point: np.ndarray | None, name: str, friction: float = 0.0) -> Cable:
     """A cable through at least two points, the fixed pull point (3,) mm counted first where it is given. Free of the

@@ -17,6 +17,7 @@ from cfem.design.objective_spec import (
     BodySpec,
     DexteritySpec,
     ForceSpec,
+    FrequencySpec,
     FunctionSpec,
     ManipulabilitySpec,
     ReachSpec,
@@ -103,6 +104,8 @@ def _objective(name: str, one: Any, family: Family, volume: Volume | None, base:
         return OwnFunction(where, load_function(one.function, base, where), sign)
     if isinstance(one, BodySpec):
         return OfBody(one.kind) if volume is None else lambda states: volume(states.p)
+    if isinstance(one, FrequencySpec):
+        return OfBody(one.number, -1.0)
     which = position_rows(rows, one.effector, where)
     if isinstance(one, ReachSpec | ManipulabilitySpec | StiffnessSpec | ForceSpec):
         return _of_workspace(one, which, family, where)

@@ -111,6 +111,21 @@ class BodySpec(Spec):
     body."""
 
 
+class FrequencySpec(Spec):
+    """Lowest natural frequency of small vibrations about the state at the actuation, Hz, undamped. More is better. By
+    finite elements only."""
+
+    kind: Literal["frequency"]
+    """How fast the robot vibrates."""
+    actuators: Literal["held", "free"] = "held"
+    """Whether actuators stand still while the robot vibrates, or pull with constant forces."""
+
+    @property
+    def number(self) -> str:
+        """Name among the numbers of the body."""
+        return "frequency" if self.actuators == "held" else "free frequency"
+
+
 class RobustSpec(Spec):
     """Another objective where parameters scatter as manufacture scatters them: normally, independently, within their
     ranges."""
@@ -138,6 +153,7 @@ Objective = Annotated[
     | StiffnessSpec
     | ForceSpec
     | BodySpec
+    | FrequencySpec
     | RobustSpec,
     Field(discriminator="kind"),
 ]

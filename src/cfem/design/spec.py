@@ -9,7 +9,7 @@ from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacements, Effort, Efforts
 from cfem.core.spec import Spec
 from cfem.core.units import Forces, LengthMatrix
-from cfem.design.objective_spec import BodySpec, Objective, RobustSpec
+from cfem.design.objective_spec import BodySpec, FrequencySpec, Objective, RobustSpec
 from cfem.export.spec import CSpec
 from cfem.sample.spec import ParameterSpec
 
@@ -217,4 +217,4 @@ class DesignSpec(Spec):
 
 
 def _of_body(one: Any) -> bool:
-    return isinstance(one, BodySpec) and one.kind != "volume"
+    return isinstance(one, FrequencySpec) or (isinstance(one, BodySpec) and one.kind != "volume")

@@ -14,7 +14,7 @@ from cfem.core.files import write_json, write_whole
 from cfem.core.shown import duration
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.design.objective_spec import BodySpec, FunctionSpec
+from cfem.design.objective_spec import BodySpec, FrequencySpec, FunctionSpec
 from cfem.design.spec import ConstraintFunction, DesignSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
@@ -67,6 +67,7 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
 
     if spec.by == "fe":
         fields = [one.kind for one in spec.objectives.values() if isinstance(one, BodySpec)]
+        fields += [one.number for one in spec.objectives.values() if isinstance(one, FrequencySpec)]
         family = differentiable(paths["scene"], paths["mesh"], spec.parameters, fields)
     else:
         family = learned(paths["model"], paths.get("scene"))

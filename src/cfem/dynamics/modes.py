@@ -1,19 +1,18 @@
 """Natural frequencies and damping of small vibrations about an equilibrium, of the full model.
 
-(A - omega^2 M) phi = 0 on motions that the actuation leaves free, by the Lanczos method on A^-1 M, with the
-factorisation that the equilibrium has (shift-invert at 0; Lehoucq, Sorensen and Yang, ARPACK Users' Guide, 1998).
+(A - omega^2 M) phi = 0 on motions that the actuation leaves free (equilibrium/vibration.py).
 Viscosity is taken in to first order: each mode keeps its shape, stiffened and damped by the moduli at its frequency."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, eigsh
 
 from cfem.core.errors import NumericalError
 from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium.actuation import Actuation, displacement
 from cfem.equilibrium.problem import Cost, Evaluation
 from cfem.equilibrium.solution import State
+from cfem.equilibrium.vibration import lowest_modes
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import symmetric_product
 
@@ -37,28 +36,13 @@ def natural_modes(
     C = (displacement(np.zeros(problem.n_active)) if held is None else held.padded(problem.n_active)).C
     solve = problem.factor(at, state.lam, cost or Cost()).factor.solve
     mass = problem.mass_data(at.x)
-    HC = at.H @ C.T
-    ZC = solve(HC) if len(C) else HC
-    S = HC.T @ ZC
-
-    def restricted(b: np.ndarray) -> np.ndarray:
-        v = solve(np.asarray(b, float).reshape(len(b), -1))
-        if len(S):
-            v = v - ZC @ np.linalg.solve(S, HC.T @ v)
-        return v.reshape(b.shape)
+    n = problem.pattern.n_dof
 
     def heavy(b: np.ndarray) -> np.ndarray:
-        return symmetric_product(problem.pattern, mass, b.reshape(n, 1))[:, 0]
+        return symmetric_product(problem.pattern, mass, b.reshape(n, -1))
 
-    n = problem.pattern.n_dof
-    by_mass = LinearOperator((n, n), matvec=heavy, dtype=float)
-    inverse = LinearOperator((n, n), matvec=restricted, dtype=float)
-    stiff = LinearOperator((n, n), matvec=lambda b: b, dtype=float)  # of which shift-invert takes the shape alone
-    begin = restricted(by_mass.matvec(np.cos(1.7 * np.arange(n))))
-    count = min(count, n - len(S) - 1)
-    squares, shapes = eigsh(stiff, count, by_mass, 0.0, OPinv=inverse, v0=begin, which="LM", tol=1e-10)
-    order = np.argsort(squares)
-    squares, shapes = squares[order], shapes[:, order]
+    squares, shapes, _ = lowest_modes(solve, at.H @ C.T, heavy, n, count)
+    count = len(squares)
     if not (squares > 0).all():
         raise NumericalError(
             f"{int((squares <= 0).sum())} of the {count} lowest modes grow instead of vibrating: the equilibrium is "

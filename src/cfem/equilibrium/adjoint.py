@@ -12,9 +12,11 @@ at Z held. Its gradients g_x and g_lambda, by x and lambda, give with s = A^-1 g
     m = (C W C^T)^-1 C (H^T s + g_lambda)        w = s - Z C^T m
     dJ/dq = d/dq [ G : Phi + d . delta - w . R - (C^T m) . delta_active ]    at fixed x, lambda, Z, w and m,
 
-by central differences of the robots on either side of q (explicit.py). A enters g_x by its derivative: with G = sum g v
-v^T and z = Z v, it is sum g (2 d(B v) - d^2 R) along z, by differences of fourth order. Free nodes and held ones only:
-frames of rigid groups turn, and their unknowns are no coordinates of a flat space."""
+by central differences of the robots on either side of q (explicit.py). With G = sum g v v^T and z = Z v, W enters J as
+sum g (2 (B v) . z - z^T A z): a column each, as many as G has eigenvalues beyond rounding. A enters g_x by its
+derivative: a column adds g (2 d(B v) - d^2 R) along z, by differences of fourth order. Numbers that are such forms
+themselves, as a frequency's (vibration.py), add columns of their own. Free nodes and held ones only: frames of rigid
+groups turn, and their unknowns are no coordinates of a flat space."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +26,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.equilibrium.condensation import ENOUGH, EXACT, refined
-from cfem.equilibrium.explicit import explicit, row_curvatures
+from cfem.equilibrium.explicit import Changing, Columns, explicit, row_curvatures
 from cfem.equilibrium.parameter_slopes import Sides
 from cfem.equilibrium.problem import Evaluation, Problem
 from cfem.equilibrium.solution import Linear
@@ -33,12 +35,12 @@ from cfem.equilibrium.third_order import steepest
 # Change of the displacement gradient, where it changes most, that a step along z makes. Truncation of fourth order,
 # rounding 1e-16 over its square.
 _STEP = 1e-3
+# Of the largest eigenvalue of dJ/dW in units of W: those below are what differences of J by W leave.
+_ROUNDING = 1e-9
 
 
-class Field(Protocol):
+class Field(Changing, Protocol):
     """A number of the whole deformed body, such as its largest strain."""
-
-    def value(self, problem: Problem, at: Evaluation) -> float: ...
 
     def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
         """(n, 3) by the positions of the nodes."""
@@ -49,13 +51,14 @@ class Field(Protocol):
 class Weights:
     """Of one number J: G (n, n) = dJ/dW, symmetric; d (n,) = dJ/d delta of all rows e, a, c, displacements from where
     each rests; rest (n_e,) = dJ/d of where the effectors rest; l (n_active,) = dJ/d lambda; fields: (dJ/d of its value,
-    the field)."""
+    the field); forms: (dJ/d of each, the forms)."""
 
     G: np.ndarray
     d: np.ndarray
     l: np.ndarray
     rest: np.ndarray
     fields: tuple[tuple[float, Field], ...] = ()
+    forms: tuple[tuple[float, Columns], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,20 +75,57 @@ def gradients(linear: Linear, asked: Sequence[Weights], sides: Sequence[Sides]) 
     if problem.robot.rigid or problem.body.beam is not None:
         raise InputError("adjoint gradients of a robot with rigid groups are not implemented", do="use `jacobian`")
     act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
+    shares, of = _columns(linear, asked)
+    bent = np.stack([_along(linear, *each) for each in zip(of.v.T, of.z.T, strict=True)], axis=1) if len(of.m) else None
     g_x = np.stack([_by_state(linear, one) for one in asked], axis=1)
+    g_lam = np.stack([one.l for one in asked], axis=1)
+    if bent is not None:
+        g_x = g_x + bent @ shares.T
+        g_lam = g_lam + _by_multipliers(linear, of.z) @ shares.T
     s, _, _ = refined(problem, linear.data, linear.factor, g_x, EXACT)
-    g_lam = np.stack([one.l + _by_multipliers(linear, one.G) for one in asked], axis=1)
     C = linear.C
     m = np.zeros((len(lam), len(asked)))
     if len(C):
         m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (at.H.T @ s + g_lam))
     w, _, left = refined(problem, linear.data, linear.factor, g_x - at.H @ m, EXACT, s - Z[:, act] @ m)
     fields = list({field: None for one in asked for c, field in one.fields if c != 0.0})
-    found = explicit(linear, sides, [field.value for field in fields])
-    shares = np.array([[sum(c for c, each in one.fields if each is field) for field in fields] for one in asked])
-    dJ = np.stack([np.tensordot(one.G, found.phi, 2) + one.d @ found.delta + one.rest @ found.rest_e for one in asked])
-    of_fields = shares.reshape(len(asked), len(fields)) @ found.numbers
-    return Gradients(dJ + of_fields - w.T @ found.residual - m.T @ found.delta[n_w:], left)
+    many = len(of.m) > len(linear.W)  # forms: then all of W costs less
+    found = explicit(linear, sides, fields, _beyond(of) if many else of, whole=many)
+    by = np.array([[sum(c for c, each in one.fields if each is field) for field in fields] for one in asked])
+    dJ = np.stack([one.d @ found.delta + one.rest @ found.rest_e for one in asked])
+    dJ += by.reshape(len(asked), len(fields)) @ found.numbers
+    if many:
+        dJ += np.stack([np.tensordot(one.G, found.phi, 2) for one in asked])
+        shares = shares[:, of.m != 0.0]
+    return Gradients(dJ + shares @ found.forms - w.T @ found.residual - m.T @ found.delta[n_w:], left)
+
+
+def _beyond(of: Columns) -> Columns:
+    """Those that are not W's own."""
+    own = of.m != 0.0
+    return Columns(of.v[:, own], of.z[:, own], of.m[own])
+
+
+def _columns(linear: Linear, asked: Sequence[Weights]) -> tuple[np.ndarray, Columns]:
+    """dJ by each form (k, c), and the c forms: of the eigenvectors of each G in units of W, then those asked for."""
+    size = np.sqrt(np.abs(np.diag(linear.W)))
+    parts, owners, factors = [], [], []
+    for number, one in enumerate(asked):
+        g, V = np.linalg.eigh(one.G * np.outer(size, size))
+        kept = np.abs(g) > _ROUNDING * np.abs(g).max(initial=0.0)
+        v = V[:, kept] / np.where(size > 0, size, 1.0)[:, None]
+        parts.append(Columns(v, linear.Z @ v, np.zeros(v.shape[1])))
+        owners += [number] * v.shape[1]
+        factors += [*g[kept]]
+        for factor, forms in one.forms:
+            if factor != 0.0:
+                parts.append(forms)
+                owners += [number] * len(forms.m)
+                factors += [factor] * len(forms.m)
+    shares = np.zeros((len(asked), len(owners)))
+    shares[owners, np.arange(len(owners))] = factors
+    arrays = (np.concatenate([getattr(one, name) for one in parts], axis=-1) for name in ("v", "z", "m"))
+    return shares, Columns(*arrays)
 
 
 def accurate(found: Gradients) -> bool:
@@ -102,17 +142,12 @@ def _by_state(linear: Linear, one: Weights) -> np.ndarray:
         if factor == 0.0:
             continue
         found = found + factor * problem.kinematics.reduce(at.x, field.gradient(problem, at))
-    g, V = np.linalg.eigh(one.G)
-    for share, v in zip(g, V.T, strict=True):
-        if abs(share) > 1e-14 * np.abs(g).max(initial=0.0):
-            found = found + share * _along(linear, v)
     return found
 
 
-def _along(linear: Linear, v: np.ndarray) -> np.ndarray:
-    """(n_dof,): 2 d(B v) - d^2 R along z = Z v."""
+def _along(linear: Linear, v: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """(n_dof,): 2 d(B v) - d^2 R along z."""
     problem, at = linear.problem, linear.at
-    z = linear.Z @ v
     most = steepest(problem, problem.kinematics.spread(at.x, z))
     if most == 0.0:
         return np.zeros(len(z))
@@ -130,8 +165,8 @@ def _along(linear: Linear, v: np.ndarray) -> np.ndarray:
     return 2 * first - second
 
 
-def _by_multipliers(linear: Linear, G: np.ndarray) -> np.ndarray:
-    """(n_active,) d (G : Phi) / d lambda = tr(G Z^T hess delta_j Z): A holds -lambda_j hess delta_j."""
+def _by_multipliers(linear: Linear, z: np.ndarray) -> np.ndarray:
+    """(n_active, c) z^T hess delta_j z of the columns z (n_dof, c): A holds -lambda_j hess delta_j."""
     problem, x = linear.problem, linear.at.x
-    forms = row_curvatures(problem, x, problem.kinematics.spread(x, linear.Z))
-    return np.array([0.0 if form is None else np.sum(G * form) for form in forms])
+    forms = row_curvatures(problem, x, problem.kinematics.spread(x, z))
+    return np.array([np.zeros(z.shape[1]) if form is None else np.diag(form) for form in forms])

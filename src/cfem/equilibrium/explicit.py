@@ -8,41 +8,79 @@ rows, with which
 
     Phi = B^T Z + Z^T B - Z^T A Z
 
-is W and stationary in Z. Where a robot on either side has the very body of the one at hand, nothing of the body is
-computed."""
+is W and stationary in Z. Of numbers that depend on few combinations of W, the forms 2 b . z - z^T A z + m z^T M z of
+as few columns are enough, b = B v at constant v. Where a robot on either side has the very body of the one at hand,
+nothing of the body is computed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from cfem.equilibrium.parameter_slopes import Sides
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.problem import Evaluation, Problem, curvature_form
 from cfem.equilibrium.robot import watched_displacements
 from cfem.equilibrium.solution import Linear
+from cfem.mechanics.mass import kinetic_form
 
-Number = Callable[[Problem, Evaluation], float]
+Side = tuple[Problem, Evaluation]
+
+
+class Changing(Protocol):
+    """A number of the whole deformed body that knows how it changes from robot to robot."""
+
+    def changes(self, problem: Problem, at: Evaluation) -> Callable[[Side, Side], float]:
+        """By how much it differs, to first order, between two robots near to that of `problem`, in states near `at`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Columns:
+    """c forms 2 (B v) . z - z^T A z + m z^T M z: v (n, c) of all rows e, a, c, z (n_dof, c), m (c,) 1/s^2."""
+
+    v: np.ndarray
+    z: np.ndarray
+    m: np.ndarray
 
 
 @dataclass(frozen=True)
 class Explicit:
-    """By each of n_q parameters: phi (n, n, n_q), delta (n, n_q) of all rows, residual (n_dof, n_q), rest_e (n_e, n_q)
-    where the effectors rest, numbers (k, n_q) of the whole body."""
+    """By each of n_q parameters: phi (n, n, n_q), forms (c, n_q) of columns, delta (n, n_q) of all rows, residual
+    (n_dof, n_q), rest_e (n_e, n_q) where the effectors rest, numbers (k, n_q) of the whole body."""
 
     phi: np.ndarray
+    forms: np.ndarray
     delta: np.ndarray
     residual: np.ndarray
     rest_e: np.ndarray
     numbers: np.ndarray
 
 
-def explicit(linear: Linear, sides: Sequence[Sides], numbers: Sequence[Number] = ()) -> Explicit:
-    """By central differences."""
-    motions = linear.problem.kinematics.spread(linear.at.x, linear.Z)
-    columns, around = [], _deformations(linear.problem, linear.at)
+def explicit(
+    linear: Linear,
+    sides: Sequence[Sides],
+    numbers: Sequence[Changing] = (),
+    of: Columns | None = None,
+    whole: bool = True,
+) -> Explicit:
+    """By central differences. of: columns whose forms are wanted; whole: whether phi is, which else is 0 x 0."""
+    here, n = (linear.problem, linear.at), linear.Z.shape[1]
+    of = Columns(np.zeros((n, 0)), linear.Z[:, :0], np.zeros(0)) if of is None else of
+    q = np.hstack([linear.Z, of.z]) if whole else of.z
+    motions = linear.problem.kinematics.spread(linear.at.x, q)
+    columns, around = [], _deformations(*here)
+    changes = [one.changes(*here) for one in numbers]
     for side in sides:
-        behind, ahead = (_parts(linear, one, motions, around, numbers) for one in (side.behind, side.ahead))
-        columns.append([(b - a) / side.width for a, b in zip(behind, ahead, strict=True)])
+        (*behind, at_b), (*ahead, at_a) = (
+            _parts(linear, one, q, motions, around, of) for one in (side.behind, side.ahead)
+        )
+        mine = [(b - a) / side.width for a, b in zip(behind, ahead, strict=True)]
+        found = np.zeros(len(numbers))
+        if at_b is not None:
+            both = (side.behind, at_b), (side.ahead, at_a)
+            found = np.array([one(*both) / side.width for one in changes])
+        columns.append([*mine, found])
     return Explicit(*(np.stack(column, axis=-1) for column in zip(*columns, strict=True)))
 
 
@@ -50,13 +88,7 @@ def row_curvatures(problem: Problem, x: np.ndarray, motions: np.ndarray) -> list
     """Of each active row M^T hess delta_j M (k, k), M the motions (n, 3, k); None where it has no curvature."""
     forms: list[np.ndarray | None] = []
     for row in problem.robot.active:
-        form = None
-        if row.cliques:
-            form = np.zeros((motions.shape[2], motions.shape[2]))
-            for clique, blocks in zip(row.cliques, row.curvature(x), strict=True):
-                mine = motions[clique].reshape(len(clique), -1, motions.shape[2])
-                form += np.einsum("gik,gil->kl", mine, blocks @ mine)
-        forms += [form] * len(row.rest)
+        forms += [curvature_form(row, x, motions) if row.cliques else None] * len(row.rest)
     return forms
 
 
@@ -80,26 +112,33 @@ def _carried(problem: Problem, at: Evaluation, shift: np.ndarray, around: np.nda
 
 
 def _parts(
-    linear: Linear, side: Problem, motions: np.ndarray, around: np.ndarray, numbers: Sequence[Number]
-) -> tuple[np.ndarray, ...]:
+    linear: Linear, side: Problem, q: np.ndarray, motions: np.ndarray, around: np.ndarray, of: Columns
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, Evaluation | None]:
     """Of another robot in the state that is carried along; where it has the same body, less what that gives."""
-    problem, at, lam, Z = linear.problem, linear.at, linear.lam, linear.Z
+    problem, at, lam = linear.problem, linear.at, linear.lam
+    k, there = q.shape[1], None
     if _same_body(problem, side):
         x, rows = at.x, side.robot.active
         H = side.gradients(rows, x)
         delta = np.concatenate([row.value(x) - row.rest for row in rows])
         curved = zip(lam, row_curvatures(side, x, motions), strict=True)
-        A = -sum((one * form for one, form in curved if form is not None), np.zeros((Z.shape[1], Z.shape[1])))
-        residual, found = -H @ lam, np.zeros(len(numbers))
+        A = -sum((one * form for one, form in curved if form is not None), np.zeros((k, k)))
+        residual = -H @ lam
     else:
         x = at.x if side.rest is problem.rest else _carried(problem, at, side.rest - problem.rest, around)
         there = side.evaluate(x, np.empty(0), at.load)
         H, delta, residual = there.H, there.delta, there.residual(lam)
-        A = side.form(there, lam, Z)
-        found = np.array([one(side, there) for one in numbers])
-    BZ = np.hstack([side.gradients(side.robot.watched, x), H]).T @ Z
+        A = side.form(there, lam, q) if k else np.zeros((0, 0))
+    Bq = np.hstack([side.gradients(side.robot.watched, x), H]).T @ q
+    n, c = k - len(of.m), len(of.m)
+    phi = Bq[:n, :n] + Bq[:n, :n].T - A[:n, :n]
+    forms = 2 * (of.v * Bq[:, n:]).sum(axis=0) - np.diag(A)[n:]
+    heavy = np.flatnonzero(of.m)
+    if len(heavy) and not (_same_body(problem, side) and side.robot.density is problem.robot.density):
+        mine = motions[:, :, k - c :][:, :, heavy]
+        forms[heavy] += of.m[heavy] * kinetic_form(side.robot.body, side.robot.density, mine)
     delta = np.concatenate([watched_displacements(side.robot, x), delta])
-    return BZ + BZ.T - A, delta, residual, side.robot.rest_e, found
+    return phi, forms, delta, residual, side.robot.rest_e, there
 
 
 def _same_body(problem: Problem, side: Problem) -> bool:

@@ -9,6 +9,7 @@ which a small corner moves little, and which is smooth. m is the largest princip
 stress."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ from cfem.mechanics.solid import Response, Solid, add_stress
 # Laws whose pressure is a pressure: theta depends on J alone, and is left out of the deviator.
 _BY_VOLUME = ("neo-hookean", "neo-hookean-log", "mooney-rivlin", "ogden", "yeoh")
 _STEP = 1e-6
+Side = tuple[Problem, Evaluation]
+Points = tuple[Solid, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,31 @@ class Field(ABC):
             add_stress(part, there, share[:, None, None] * self.slopes(part, there.D), found)
         return found
 
+    def changes(self, problem: Problem, at: Evaluation) -> Callable[[Side, Side], float]:
+        """Of J (explicit.py): of the points' volumes and of m, whose power is differentiated by hand, as differences
+        of J would lose the power's square to truncation."""
+        mean, parts = self.value(problem, at), _points(problem, at)
+        if mean == 0.0:
+            return lambda behind, ahead: 0.0
+        volume = sum(float(part.weights.sum()) for part, _ in parts)
+        shares = [self.at_points(part, there.D) / mean for part, there in parts]
+        between = [self.between(part, there.D) for part, there in parts]
+
+        def change(behind: Side, ahead: Side) -> float:
+            total = 0.0
+            sides = zip(parts, shares, between, _points(*behind), _points(*ahead), strict=True)
+            for (part, _), share, of, (b, at_b), (a, at_a) in sides:
+                grown = (a.weights - b.weights).ravel()
+                total += mean / self.power * (grown @ (share**self.power - 1))
+                total += part.weights.ravel() @ (share ** (self.power - 1) * of((b, at_b.D), (a, at_a.D)))
+            return float(total / volume)
+
+        return change
+
+    def between(self, part: Solid, D: np.ndarray) -> Callable[[Points, Points], np.ndarray]:
+        """(k,) m of one less m of another, of solids that hardly differ from `part` at D (k, 3, 3)."""
+        return lambda behind, ahead: self.at_points(*ahead) - self.at_points(*behind)
+
     def largest(self, problem: Problem, at: Evaluation) -> float:
         """At any quadrature point."""
         return max(float(self.at_points(part, there.D).max()) for part, there in _points(problem, at))
@@ -72,6 +100,10 @@ class Strain(Field):
     def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
         F = D + np.eye(3)
         return np.maximum(np.sqrt(np.linalg.eigvalsh(F.swapaxes(1, 2) @ F)[:, 2]) - 1.0, 0.0)
+
+    def between(self, part: Solid, D: np.ndarray) -> Callable[[Points, Points], np.ndarray]:
+        slopes = self.slopes(part, D)
+        return lambda behind, ahead: np.einsum("kij,kij->k", slopes, ahead[1] - behind[1])
 
     def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
         """(k, 3, 3) by F: n N^T, the directions of the largest stretch after and before."""

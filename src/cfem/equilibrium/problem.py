@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cfem.constraint.cable import Cable
 from cfem.constraint.chambers import RodChambers
 from cfem.constraint.protocol import Watched
 from cfem.constraint.rod_cable import RodCable
@@ -198,9 +199,7 @@ class Problem:
         column = 0
         for row in self.robot.active:
             if row.cliques and lam[column] != 0.0:
-                for clique, blocks in zip(row.cliques, row.curvature(at.x), strict=True):
-                    mine = motions[clique].reshape(len(clique), -1, q.shape[1])
-                    out -= lam[column] * np.einsum("gik,gil->kl", mine, blocks @ mine)
+                out -= lam[column] * curvature_form(row, at.x, motions)
             column += len(row.rest)
         if self.robot.rigid:
             out = out + self.kinematics.turning_form(at.x, q, self._unbalanced(at, lam))
@@ -289,6 +288,17 @@ class Problem:
             nodal[row.nodes] -= np.einsum("j,jki->ki", lam[column:end], row.gradient(at.x))
             column = end
         return nodal
+
+
+def curvature_form(row: Watched, x: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(k, k) M^T hess delta M of a row that has curvature, M the motions (n, 3, k)."""
+    if isinstance(row, Cable):
+        return row.curvature_form(x, motions)
+    form = np.zeros((motions.shape[2], motions.shape[2]))
+    for clique, blocks in zip(row.cliques, row.curvature(x), strict=True):
+        mine = motions[clique].reshape(len(clique), 3 * clique.shape[1], motions.shape[2])
+        form += np.einsum("gik,gil->kl", mine, blocks @ mine)
+    return form
 
 
 def _on_strains(row: Watched) -> bool:

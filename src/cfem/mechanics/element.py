@@ -103,8 +103,9 @@ def reference_gradients(element: Element, X: np.ndarray, cells: np.ndarray) -> t
     q = len(element.points)
     if element.n_nodes != 8:
         by_barycentric = shape_derivatives(element.n_nodes, element.points)
-        gradients = np.einsum("qna,mad->mqnd", by_barycentric, barycentric_gradients(X, cells))
-        return np.ascontiguousarray(gradients), np.repeat(tet_volumes(X, cells)[:, None] / q, q, axis=1)
+        flat = by_barycentric.reshape(-1, by_barycentric.shape[2])
+        gradients = (flat @ barycentric_gradients(X, cells)).reshape(len(cells), *by_barycentric.shape[:2], 3)
+        return gradients, np.repeat(tet_volumes(X, cells)[:, None] / q, q, axis=1)
     by_xi = shape_derivatives(8, element.points)
     jacobian = np.einsum("qnk,mnd->mqdk", by_xi, X[cells])
     centre = np.einsum("nk,mnd->mdk", shape_derivatives(8, np.zeros((1, 3)))[0], X[cells])

@@ -30,6 +30,26 @@ def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((blocks.ravel(), (rows, columns)), shape=(n, n)))
 
 
+def kinetic_form(body: Body, density: np.ndarray | float, motions: np.ndarray) -> np.ndarray:
+    """(k,) t mm^2: v . M v of motions v (n, 3, k) mm of a body of solids, without M."""
+    mesh = body.mesh
+    each = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
+    mine = motions[mesh.cells].reshape(len(mesh.cells), mesh.cells.shape[1], -1)
+    if mesh.cells.shape[1] == 8:
+        moved = _of_cells(mesh.X, mesh.cells) @ mine
+    else:  # the same for all tetrahedra, but for their volumes
+        moved = _of_unit(mesh.cells.shape[1]) @ mine
+        each = each * tet_volumes(mesh.X, mesh.cells)
+    return (each @ (mine * moved).sum(axis=1)).reshape(3, -1).sum(axis=0)
+
+
+def _of_unit(n_nodes: int) -> np.ndarray:
+    """(n_nodes, n_nodes): int N_a N_b dV of a tetrahedron of volume 1."""
+    points, weights = _tetrahedron()
+    N = shape(n_nodes, points)
+    return (N.T * weights) @ N
+
+
 def _of_cells(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m, n_nodes, n_nodes) mm^3: int N_a N_b dV, exact for straight edges."""
     if cells.shape[1] == 8:
@@ -37,9 +57,7 @@ def _of_cells(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
         N, by_xi = shape(8, points), shape_derivatives(8, points)
         volume = np.linalg.det(np.einsum("qnk,mnd->mqdk", by_xi, X[cells])) * weights
         return np.einsum("mq,qa,qb->mab", volume, N, N, optimize=True)
-    points, weights = _tetrahedron()
-    N = shape(cells.shape[1], points)
-    return tet_volumes(X, cells)[:, None, None] * ((N.T * weights) @ N)
+    return tet_volumes(X, cells)[:, None, None] * _of_unit(cells.shape[1])
 
 
 def _cube() -> tuple[np.ndarray, np.ndarray]:

@@ -73,7 +73,7 @@ class Kinematics:
 
     def spread(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
         """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,), (n, 3, k) of k changes (n_dof, k)."""
-        blocks, free = q.reshape(-1, 3, *q.shape[1:]), self.pattern.free
+        blocks, free = q.reshape(len(q) // 3, 3, *q.shape[1:]), self.pattern.free
         out = np.zeros((*self.X.shape, *q.shape[1:]))
         plain = free < len(self.X)
         out[free[plain]] = blocks[plain]

@@ -21,12 +21,15 @@ from cfem.mechanics.material import Law
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.solid_kernels import (
     add_form,
+    add_form_of_few,
     displacement_gradients,
     scatter_force,
     scatter_pressure,
     scatter_stiffness,
     smallest_J,
 )
+
+_FEW = 8  # motions up to which the kernel for few is faster
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,8 @@ def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
         mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
         return np.einsum("mik,mil->kl", mine, K @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    add_form(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
+    add = add_form_of_few if motions.shape[2] <= _FEW else add_form
+    add(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
 
 

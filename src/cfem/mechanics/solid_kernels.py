@@ -160,3 +160,53 @@ def add_form(C, g, bulk, mixed, gradients, weights, cells, motions, form):
             for b in range(count):
                 for c in range(count):
                     form[b, c] += bulk / volume * theta_sum[b] * theta_sum[c]
+
+
+@njit(cache=True)
+def add_form_of_few(C, g, bulk, mixed, gradients, weights, cells, motions, form):
+    m, q = weights.shape
+    n, count = cells.shape[1], motions.shape[2]
+    M, CM = np.empty((count, 9)), np.empty((9, count))
+    own = np.empty((count, n, 3))
+    theta, theta_sum = np.empty(count), np.empty(count)
+    for e in range(m):
+        theta_sum[:] = 0.0
+        volume = 0.0
+        for a in range(n):
+            for i in range(3):
+                for c in range(count):
+                    own[c, a, i] = motions[cells[e, a], i, c]
+        for point in range(q):
+            k = e * q + point
+            w = weights[e, point]
+            volume += w
+            for c in range(count):
+                for i in range(3):
+                    x, y, z = 0.0, 0.0, 0.0
+                    for a in range(n):
+                        u = own[c, a, i]
+                        x += u * gradients[e, point, a, 0]
+                        y += u * gradients[e, point, a, 1]
+                        z += u * gradients[e, point, a, 2]
+                    M[c, 3 * i], M[c, 3 * i + 1], M[c, 3 * i + 2] = x, y, z
+                total = 0.0
+                for row in range(9):
+                    work = 0.0
+                    for column in range(9):
+                        work += C[k, row, column] * M[c, column]
+                    CM[row, c] = work
+                    total += g[k, row // 3, row % 3] * M[c, row]
+                theta[c] = total
+                theta_sum[c] += w * total
+            for b in range(count):
+                for row in range(9):
+                    share = w * M[b, row]
+                    for c in range(count):
+                        form[b, c] += share * CM[row, c]
+                if not mixed:
+                    for c in range(count):
+                        form[b, c] += w * bulk * theta[b] * theta[c]
+        if mixed:
+            for b in range(count):
+                for c in range(count):
+                    form[b, c] += bulk / volume * theta_sum[b] * theta_sum[c]

@@ -14,9 +14,10 @@ from cfem.core.errors import InputError
 from cfem.parametric.family import FiniteElements, Kind, ends, shares
 from cfem.parametric.states import States
 
-# Of each range, by which robots on either side differ. A mesh follows a geometry to 1e-10 mm, and moves by as much from
-# design to design: a longer step, whose truncation is 1e-6 of W and 1e-4 of a strain's mean of power 16.
-_STEP, _STEP_OF_GEOMETRY = 2e-5, 2e-4
+FIELDS = ("strain", "stress")
+VIBRATIONS = ("frequency", "free frequency")  # Hz, the lowest; actuators held, or pulling with constant forces
+_STEP = 2e-5  # of each range, by which robots on either side differ
+_NOISE = 1e-9  # of what cancels in a number that depends on displacements, not on W
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class Outputs:
 
 
 class Differentiable(FiniteElements):
-    """fields: names of numbers that are computed from the deformed body, `strain` or `stress`, beside `volume` (mm^3)
-    and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous robot
-    too."""
+    """fields: names of numbers that are computed from the deformed body, of FIELDS or VIBRATIONS, beside `volume`
+    (mm^3) and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous
+    robot too."""
 
     def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], fields: Sequence[str] = ()):
         super().__init__(scene, mesh, [replace(one, exact=False) for one in parameters])
@@ -44,8 +45,8 @@ class Differentiable(FiniteElements):
         if rubbing is not None:
             what = "gradients of a robot whose cables rub in their guides are not implemented"
             raise InputError(what, where="by: fe", do="set friction to 0, or use a model")
-        self._morphed = any(one.key.startswith("geometry") for one in self.parameters)
-        self.fields = {name: {"strain": Strain(), "stress": Stress()}[name] for name in fields}
+        self.fields = {name: {"strain": Strain(), "stress": Stress()}[name] for name in fields if name in FIELDS}
+        self.vibrations = {name: name == "frequency" for name in fields if name in VIBRATIONS}  # actuators held?
 
     @property
     def mass_unknown(self) -> bool:
@@ -57,15 +58,23 @@ class Differentiable(FiniteElements):
             return super().at(kind, u, p, push)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
         each = [self._state(one, *self.solve(kind, ask, one, keep=True)) for ask, one in zip(u, p, strict=True)]
-        return stacked(each)
+        return stacked([state for state, _ in each])
 
-    def _state(self, p: np.ndarray, found: Any, problem: Any) -> States:
-        """One state; the numbers of the body beside it."""
-        c = found.condensed
+    def _state(self, p: np.ndarray, found: Any, problem: Any) -> tuple[States, dict[str, Any]]:
+        """One state, the numbers of the body beside it; and its vibrations."""
+        from cfem.equilibrium.inertia import mass_of
+        from cfem.equilibrium.vibration import lowest
+
+        c, vibrations = found.condensed, {}
+        if self.vibrations:
+            mass = mass_of(problem.robot)
+            vibrations = {name: lowest(found.linear, mass, held) for name, held in self.vibrations.items()}
         numbers = body_numbers(problem.robot)
         numbers |= {name: field.value(problem, found.linear.at) for name, field in self.fields.items()}
+        numbers |= {name: one.frequency for name, one in vibrations.items()}
         given = {name: np.array([value]) for name, value in numbers.items()}
-        return States(self.rows, p[None], c.W[None], c.delta_free[None], c.lam[None], problem.robot.rest_e[None], given)
+        rest = problem.robot.rest_e[None]
+        return States(self.rows, p[None], c.W[None], c.delta_free[None], c.lam[None], rest, given), vibrations
 
     def gradient(
         self,
@@ -81,22 +90,23 @@ class Differentiable(FiniteElements):
         from cfem.equilibrium.adjoint import Weights, gradients
 
         found, problem = self.solve(kind, u, p, keep=True)
-        state = self._state(p, found, problem)
+        state, vibrations = self._state(p, found, problem)
         values, asked = slopes(state)
         if problem.robot.rigid or problem.body.beam is not None:
-            if self.fields:
-                raise InputError(
-                    "strain and stress of a robot with rigid groups have no derivatives yet", where="by: fe"
-                )
+            if self.fields or self.vibrations:
+                what = "strain, stress and frequency of a robot with rigid groups have no derivatives yet"
+                raise InputError(what, where="by: fe")
             return state, values, self._chained(found, problem, p, free, asked)
         W, lam, act = found.condensed.W, found.condensed.lam, self.rows.active
         weights = []
         for one in asked:
             G = one.W.copy()
             G[:, act] -= np.outer(one.free, lam)
+            G[np.abs(G) <= _NOISE * np.maximum(np.abs(one.W), np.abs(one.W - G))] = 0.0
             l = one.lam - W[:, act].T @ one.free
             of = tuple((float(one.numbers[name]), field) for name, field in self.fields.items())
-            weights.append(Weights((G + G.T) / 2, one.free, l, one.rest, of))
+            forms = tuple((each.share * float(one.numbers[name]), each.columns) for name, each in vibrations.items())
+            weights.append(Weights((G + G.T) / 2, one.free, l, one.rest, of, forms))
         sides, still = self._sides(problem, p, free)
         found = gradients(found.linear, weights, sides).dJ
         return state, values, found + np.array([sum(one.numbers[k] * still[k] for k in still) for one in asked])
@@ -104,7 +114,7 @@ class Differentiable(FiniteElements):
     def jacobian(self, kind: Kind, u: np.ndarray, p: np.ndarray, free: Sequence[int]) -> tuple[States, Outputs]:
         """One state at p, and the derivatives of its outputs by the shares of the parameters `free`."""
         found, problem = self.solve(kind, u, p, keep=True)
-        return self._state(p, found, problem), self._outputs(found, problem, p, free)
+        return self._state(p, found, problem)[0], self._outputs(found, problem, p, free)
 
     def _outputs(self, found: Any, problem: Any, p: np.ndarray, free: Sequence[int]) -> Outputs:
         from cfem.equilibrium.jacobian import jacobian
@@ -129,9 +139,7 @@ class Differentiable(FiniteElements):
         low, high = ends(self.parameters)
         sides, still = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
         for number, i in enumerate(free):
-            morphed = self._morphed and not self.parameters[i].key.startswith(("material", "shape"))
-            step = _STEP_OF_GEOMETRY if morphed else _STEP
-            behind, ahead, width = self._family.around(p, i, step, problem.robot)
+            behind, ahead, width = self._family.around(p, i, _STEP, problem.robot)
             width /= high[i] - low[i]
             sides.append(Sides(*(Problem(one, like=problem) for one in (behind, ahead)), width))
             there = [body_numbers(one) for one in (behind, ahead)]

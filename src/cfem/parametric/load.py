@@ -6,7 +6,7 @@ from pathlib import Path
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.parametric.differentiable import Differentiable
+from cfem.parametric.differentiable import FIELDS, VIBRATIONS, Differentiable
 from cfem.parametric.family import FiniteElements, Learned
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
@@ -36,10 +36,12 @@ def differentiable(
     scene: Path, mesh: Path, parameters: Mapping[str, ParameterSpec], kinds: Sequence[str] = ()
 ) -> Differentiable:
     """Of a scene on a mesh artefact, with derivatives by these of its numbers. kinds: of numbers of the body that are
-    asked for, volume, mass, strain or stress."""
+    asked for: volume, mass, those of FIELDS and VIBRATIONS."""
     spec, there = load_scene_and_mesh(scene, mesh)
-    fields = [name for name in ("strain", "stress") if name in kinds]
+    fields = [name for name in (*FIELDS, *VIBRATIONS) if name in kinds]
     made = Differentiable(spec, there, scene_parameters(parameters, scene), fields)
-    if "mass" in kinds and made.mass_unknown:
-        raise SpecError("mass needs the density of each material", where="objectives", do="state it in the scene")
+    heavy = next((name for name in ("mass", *VIBRATIONS) if name in kinds), None)
+    if heavy and made.mass_unknown:
+        what = f"{heavy.split()[-1]} needs the density of each material"
+        raise SpecError(what, where="objectives", do="state it in the scene")
     return made

@@ -52,22 +52,43 @@ class Designs:
 
     def mesh(self, scene: SceneSpec) -> Mesh:
         """Of the scene with another geometry. NumericalError where it is too far from the reference."""
-        cables = [point for _, _, point in _places(scene)]
-        both = zip(scene.effectors, self.reference.effectors, strict=True)
-        inside = [effector_points(scene, item) for item, one in both if isinstance(one, PointEffector)]
-        places = np.array(cables + inside)
+        return self._shaped(scene, self.base(scene))
+
+    def base(self, scene: SceneSpec) -> Mesh:
+        """The mesh before its free form. NumericalError as `mesh`."""
+        places = self._prescribed(scene)
         key = (repr(scene.geometry), places.tobytes())
         try:
             if self._last[0] != key:  # robots whose free form alone differs have it in common
                 self._last = key, self._morph(CATALOGUE[type(scene.geometry)](scene.geometry), places)
-            base = self._last[1]
-            return base if scene.shape is None else self._form(scene.shape, base)
+            return self._last[1]
         except Unreachable as error:
             where = f"design {self._design(scene)}"
             if error.near is not None:
                 where += f", near {self._names[error.near]} at {show(places[error.near])} mm"
             do = "keep the point inside the body of every design, or stay nearer to the scene's own"
             raise NumericalError(error.what, where=where, do=do) from None
+
+    def changes(self, scene: SceneSpec, sums: Sequence[Sequence[tuple[float, SceneSpec]]]) -> np.ndarray:
+        """(k, n, 3): k weighted sums of the nodes before their free form of scenes that hardly differ from `scene`, to
+        first order; the weights of each sum add up to 0. NumericalError as `mesh`."""
+        solid = CATALOGUE[type(scene.geometry)]
+        all_ = [[(weight, solid(one.geometry), self._prescribed(one)) for weight, one in each] for each in sums]
+        return self._morph.changes(solid(scene.geometry), self.base(scene).X, all_)
+
+    def beside(self, scene: SceneSpec, base: Mesh, change: np.ndarray | float) -> Robot:
+        """Of a scene that hardly differs from that of the mesh `base`, whose nodes `change` (n, 3) mm moves."""
+        return self._on(scene, self._shaped(scene, replace(base, X=base.X + change)))
+
+    def _shaped(self, scene: SceneSpec, base: Mesh) -> Mesh:
+        return base if scene.shape is None else self._form(scene.shape, base)
+
+    def _prescribed(self, scene: SceneSpec) -> np.ndarray:
+        """(k, 3) mm the places of the points."""
+        cables = [point for _, _, point in _places(scene)]
+        both = zip(scene.effectors, self.reference.effectors, strict=True)
+        inside = [effector_points(scene, item) for item, one in both if isinstance(one, PointEffector)]
+        return np.array(cables + inside)
 
     def _design(self, scene: SceneSpec) -> str:
         """What of the geometry differs from the reference."""
@@ -84,7 +105,9 @@ class Designs:
 
     def robot(self, scene: SceneSpec) -> Robot:
         """Of the scene with another geometry."""
-        mesh = self.mesh(scene)
+        return self._on(scene, self.mesh(scene))
+
+    def _on(self, scene: SceneSpec, mesh: Mesh) -> Robot:
         base = mesh.base
         points = [moved(one, base) for one in self._points]
         actuators, used = [], 0

@@ -10,7 +10,9 @@ reference,
 
 repeated with the same factor until nothing is missing: planes that only shift are met at once, and cones after a few
 steps. X is a smooth
-function of the design, so that what is computed on the mesh is too: no new mesh scatters it."""
+function of the design, so that what is computed on the mesh is too: no new mesh scatters it. Its derivative by the
+design solves the same equations once differentiated, G dX = what is missing by the change of the design at fixed X, G
+the gradients at X, by the same steps: an order more exact than differences of meshes that each miss 1e-10 mm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,6 +31,7 @@ from cfem.robot.surfaces import Surface, surfaces
 _ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
 _INDEPENDENT = 1e-3  # sine of the angle below which a surface says what others have said
 _ITERATIONS, _TOLERANCE, _MEMORY = 60, 1e-10, 5  # tolerance in mm; steps that the next one remembers
+_OF_SLOPES = 1e-10  # tolerance of derivatives, relative
 THINNEST = 0.1  # of a cell's reference volume that must be left
 
 
@@ -57,6 +60,10 @@ class Morph:
         self._corners = np.unique(mesh.cells[:, :4])
         self._edges = middles(mesh)
         self._bounds = _bounds(mesh, surfaces(solid))
+        self._bound_nodes = np.concatenate([one.nodes for one in self._bounds])
+        self._place = np.full(len(mesh.X), -1)
+        self._place[self._corners] = np.arange(len(self._corners))
+        self._led = self._leading()
         J, self._kept = self._constraints(surfaces(solid))
         K = stiffness(mesh)
         n, m = K.shape[0], J.shape[0]
@@ -89,33 +96,65 @@ class Morph:
             raise Unreachable(f"the morphed mesh has a cell with {left.min():.2g} of its volume left", near)
         return replace(self.mesh, X=X)
 
+    def changes(self, solid: Solid, X: np.ndarray, sums: Sequence[Sequence[tuple[float, Solid, np.ndarray]]]):
+        """(k, n, 3): k weighted sums of the nodes of designs near to `solid`, to first order; each design its weight,
+        its tree and its points' places, and the weights of a sum add up to 0, as those of a difference do. X (n, 3): of
+        the mesh of `solid` itself. Unreachable where the mesh does not follow."""
+        wanted = [sum(w * self._missing(surfaces(one), places, X) for w, one, places in each) for each in sums]
+        D = np.stack(wanted, axis=1)
+        G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
+        U, past = np.zeros((self._n, len(sums))), [_Past() for _ in sums]
+        enough = _OF_SLOPES * np.abs(D).max(axis=0, initial=0.0)
+        for _ in range(_ITERATIONS):
+            left = D - G @ U
+            going = np.flatnonzero(np.abs(left).max(axis=0, initial=0.0) > enough)
+            if not len(going):
+                break
+            right = np.vstack([np.zeros((self._n, len(going))), self._scale * left[self._kept][:, going]])
+            for column, step in zip(going, self._factor.solve(right)[: self._n].T, strict=True):
+                U[:, column] += past[column].better(left[:, column], step)
+        else:
+            raise Unreachable("the mesh does not follow a small change of the design", None)
+        found = np.zeros((len(sums), *X.shape))
+        found[:, self._corners] = U.T.reshape(len(sums), -1, 3)
+        found[:, self._edges[:, 0]] = (found[:, self._edges[:, 1]] + found[:, self._edges[:, 2]]) / 2
+        return found
+
     def _missing(self, now: Sequence[Surface], places: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(m,) mm of every constraint, before dependent ones are left out."""
         on = [-now[one.surface].value(X[one.nodes]) for one in self._bounds]
         at = [place - point.position(X) for place, point in zip(places, self._points, strict=True)]
         return np.concatenate([*on, *at])
 
+    def _normals(self, now: Sequence[Surface], X: np.ndarray) -> np.ndarray:
+        """(m, 3) of the nodes that keep to a surface."""
+        return np.concatenate([now[one.surface].gradient(X[one.nodes]) for one in self._bounds])
+
+    def _bound(self, normals: np.ndarray, which: np.ndarray | slice) -> sp.csr_matrix:
+        """(k, 3 corners) of those nodes that keep to a surface."""
+        nodes, normals = self._bound_nodes[which], normals[which]
+        rows = np.repeat(np.arange(len(nodes)), 3)
+        columns = (3 * self._place[nodes, None] + np.arange(3)).ravel()
+        return sp.csr_matrix((normals.ravel(), (rows, columns)), (len(nodes), 3 * len(self._corners)))
+
     def _constraints(self, now: Sequence[Surface]) -> tuple[sp.csr_matrix, np.ndarray]:
         """J (m, 3 corners) of the independent constraints, and which of all they are."""
-        X, place = self.mesh.X, np.full(len(self.mesh.X), -1)
-        place[self._corners] = np.arange(len(self._corners))
-        nodes = np.concatenate([one.nodes for one in self._bounds])
-        normals = np.concatenate([now[one.surface].gradient(X[one.nodes]) for one in self._bounds])
-        kept = _independent(nodes, normals)
-        rows = np.repeat(np.arange(len(kept)), 3)
-        columns = (3 * place[nodes[kept], None] + np.arange(3)).ravel()
-        bound = sp.csr_matrix((normals[kept].ravel(), (rows, columns)), (len(kept), 3 * len(self._corners)))
-        # a middle node follows its two corners
-        corner = sp.lil_matrix((len(X), len(self._corners)))
+        normals = self._normals(now, self.mesh.X)
+        kept = _independent(self._bound_nodes, normals)
+        bound = self._bound(normals, kept)
+        kept = np.concatenate([kept, len(normals) + np.arange(3 * len(self._points))])
+        return sp.vstack([bound, self._led]).tocsr(), kept
+
+    def _leading(self) -> sp.csr_matrix:
+        """(3 points, 3 corners) of the points' places. A middle node follows its two corners."""
+        corner = sp.lil_matrix((len(self.mesh.X), len(self._corners)))
         corner[self._corners, np.arange(len(self._corners))] = 1.0
         for side in (1, 2):
-            corner[self._edges[:, 0], place[self._edges[:, side]]] = 0.5
-        weights = sp.lil_matrix((len(self._points), len(X)))
+            corner[self._edges[:, 0], self._place[self._edges[:, side]]] = 0.5
+        weights = sp.lil_matrix((len(self._points), len(self.mesh.X)))
         for row, point in enumerate(self._points):
             weights[row, point.nodes] = point.weights
-        led = sp.kron(weights.tocsr() @ corner.tocsr(), sp.eye(3))
-        kept = np.concatenate([kept, len(nodes) + np.arange(3 * len(self._points))])
-        return sp.vstack([bound, led]).tocsr(), kept
+        return sp.csr_matrix(sp.kron(weights.tocsr() @ corner.tocsr(), sp.eye(3)))
 
 
 class _Past:

@@ -16,6 +16,11 @@ from cfem.robot.on_mesh import on_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import range_coordinates, with_values
 
+_MOVES_BASE = ("geometry", "actuators", "effectors")  # keys of what moves a mesh before its free form
+# Surfaces and places are smooth functions of parameters, in closed form: differenced over this share of a range.
+# Shorter, their rounding would move nodes where surfaces meet at small angles.
+_SHORT = 2e-3
+
 
 class RobotFamily:
     """The robots of one scene and mesh, one for each p; what p leaves alone is built once.
@@ -32,6 +37,8 @@ class RobotFamily:
         self._built_anew = not self._designs and (dense or not kinds <= {"material", "materials", "shape"})
         self.alike = not self._built_anew
         self._scene, self._mesh = scene, mesh
+        self._keys = [one.key for one in self.parameters]
+        self._moving: tuple[bytes, dict[int, np.ndarray]] = (b"", {})
         self._form = None
         if "shape" in kinds and not self._designs:
             self._form = Deformation(scene.shape, mesh.base)
@@ -41,7 +48,7 @@ class RobotFamily:
         """p: (n_p,) values."""
         if not self.parameters:
             return self.robot
-        scene = with_values(self._scene, [one.key for one in self.parameters], p)
+        scene = with_values(self._scene, self._keys, p)
         if self._designs:
             return self._designs.robot(scene)
         mesh = self._form(scene.shape, self._mesh.base) if self._form else self._mesh
@@ -58,17 +65,53 @@ class RobotFamily:
         low, high = range_coordinates(self.parameters)
         middle = coordinates(self.parameters, p)
         shift = step * (high - low) * (np.arange(len(p)) == index)
-        behind, ahead = (values(self.parameters, middle + sign * shift) for sign in (-1, 1))
-        behind, ahead = (self.at(one) if at is None else self._beside(one, index, at) for one in (behind, ahead))
+        ends = [values(self.parameters, middle + sign * shift)[index] for sign in (-1, 1)]
+        scene = with_values(self._scene, self._keys, p)
+        scenes = [with_values(scene, self._keys[index : index + 1], [end]) for end in ends]
+        if self._designs:
+            behind, ahead = self._designed(scene, p, index, shift[index], scenes, at)
+        else:
+            behind, ahead = (self._beside(p, index, end, one, at) for end, one in zip(ends, scenes, strict=True))
         return behind, ahead, float(2 * shift[index])
 
-    def _beside(self, p: np.ndarray, index: int, at: Robot) -> Robot:
-        """At p, which differs from that of the robot `at` in one parameter."""
-        kind, *key = self.parameters[index].key.split(".")
-        if self._built_anew and not self._form:
-            scene = with_values(self._scene, [one.key for one in self.parameters], p)
-            if kind in ("material", "materials") and key[-1] != "density":
+    def _designed(
+        self, scene: SceneSpec, p: np.ndarray, index: int, shift: float, scenes: list[SceneSpec], at: Robot | None
+    ) -> list[Robot]:
+        """On either side, of designs: the nodes move along their derivative."""
+        if at is not None and self._of_stiffness(index):
+            return [replace(at, body=with_materials(at.body, materials_of(one))) for one in scenes]
+        if self._moving[0] != p.tobytes():
+            self._moving = p.tobytes(), self._moves(scene, p)
+        move = self._moving[1].get(index)
+        base = self._designs.base(scene)
+        sides = [0.0, 0.0] if move is None else [-shift * move, shift * move]
+        return [self._designs.beside(one, base, side) for one, side in zip(scenes, sides, strict=True)]
+
+    def _moves(self, scene: SceneSpec, p: np.ndarray) -> dict[int, np.ndarray]:
+        """By the number of each parameter that moves the mesh before its free form: (n, 3) mm a unit of its
+        coordinate, the nodes' derivative."""
+        low, high = range_coordinates(self.parameters)
+        middle = coordinates(self.parameters, p)
+        moving = [i for i, key in enumerate(self._keys) if key.startswith(_MOVES_BASE)]
+        sums = []
+        for i in moving:
+            h = _SHORT * (high - low)[i]
+            ends = [values(self.parameters, middle + side * h * (np.arange(len(p)) == i))[i] for side in (-1, 1)]
+            scenes = [with_values(scene, self._keys[i : i + 1], [end]) for end in ends]
+            sums.append(list(zip((-1 / (2 * h), 1 / (2 * h)), scenes, strict=True)))
+        found = self._designs.changes(scene, sums) if moving else []
+        return dict(zip(moving, found, strict=True))
+
+    def _of_stiffness(self, index: int) -> bool:
+        kind, *key = self._keys[index].split(".")
+        return kind in ("material", "materials") and key[-1] != "density"
+
+    def _beside(self, p: np.ndarray, index: int, end: float, scene: SceneSpec, at: Robot | None) -> Robot:
+        """Of a scene that differs from that of p in one parameter, which has the value `end`. at: the robot of p."""
+        kind, *key = self._keys[index].split(".")
+        if at is not None and self._built_anew and not self._form:
+            if self._of_stiffness(index):
                 return replace(at, body=with_materials(at.body, materials_of(scene)))
             if kind == "actuators":
                 return with_actuator(scene, self._mesh, at, int(key[0]))
-        return self.at(p)
+        return self.at(np.where(np.arange(len(p)) == index, end, p))
