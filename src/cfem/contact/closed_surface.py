@@ -51,8 +51,8 @@ class ClosedSurface:
 
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """(k,) mm: distance of the centroids of other triangles (k, 3, 3), and bounds that no point of each is nearer
-        than; bounds above `wanted` need not be sharp. A distance changes by no more than the way. Where all of a triangle
-        is outside, its distance is the smallest of those to our triangles, and each of these is a convex function, so
+        than; those above `wanted` need not be sharp. A distance changes by no more than the way. Where a triangle is
+        all outside, its distance is the smallest of those to our triangles, and each of these is a convex function, so
         nowhere below its tangent."""
         centroid = corners.mean(axis=1)
         distance, _ = self.distance(centroid)
