@@ -4,14 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dynamics.moving import moving_bar, moving_rod
 from support.blocks import bar
 
+from cfem.condensed.skin import Skin
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
+from cfem.constraint.surface import outer_surface
 from cfem.equilibrium import actuation
+from cfem.equilibrium.inertia import mass_of
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.skinned import skinned
 from cfem.equilibrium.solve import solve
+from cfem.mechanics.viscosity import Viscosity
 from cfem.plant.fem_plant import pushed
 
 EXACT = Settings(tolerance=1e-12)
@@ -59,6 +65,41 @@ def test_it_is_the_third_derivative_of_one_energy_and_the_second_of_the_effector
         np.testing.assert_allclose(third.transpose(order), third, rtol=0, atol=1e-6 * np.abs(third).max())
     second = state.dW[:, rows.e, rows.active]  # [k, i, j] = d2 e_i / dlambda_j dlambda_k
     np.testing.assert_allclose(second.transpose(2, 1, 0), second, rtol=0, atol=1e-6 * np.abs(second).max())
+
+
+def with_skin(robot):
+    """Three modes that are no motions of it: random fields over its surface."""
+    surface = outer_surface(robot.X, robot.body.mesh.facets)
+    modes = np.random.default_rng(0).normal(size=(3, *surface.rest.shape))
+    skin = Skin(surface.nodes, surface.rest, surface.triangles, surface.weights, modes, np.zeros((1, 2)))
+    return skinned(robot, skin)
+
+
+@pytest.mark.parametrize("name", ["solid", "rigid end", "rod"])
+def test_so_it_is_of_the_rows_of_a_skin_and_of_mass(name):
+    """W and V of all rows, against whole solves."""
+    robot = (
+        moving_rod(6, [Viscosity(2e-3)], ((0.3, 0.5), (-0.5, 0.1)))
+        if name == "rod"
+        else moving_bar([Viscosity(2e-3)], element="tet10p0", divisions=(4, 1, 1), rigid_end=name == "rigid end")
+    ).robot
+    problem = Problem(with_skin(robot))
+    lam, mass = np.array([0.02, 0.01] if name == "rod" else [0.5, 0.2])[: robot.rows.n_a], mass_of(robot)
+    options = {"settings": EXACT, "mass": mass, "third_order": True}
+    state = solve(problem, actuation.force(lam), **options)
+    assert state.converged and len(state.condensed.rows.skin) == 3
+    for k in range(len(lam)):
+
+        def slope(h, k=k):
+            step = h * np.eye(len(lam))[k]
+            ahead, behind = (solve(problem, actuation.force(lam + side * step), **options) for side in (1, -1))
+            both = zip((ahead.condensed.W, ahead.inertia.V), (behind.condensed.W, behind.inertia.V), strict=True)
+            return [(one - other) / (2 * h) for one, other in both]
+
+        h = 2e-3 * np.abs(lam).max()
+        for found, coarse, fine in zip((state.dW[k], state.inertia.dV[k]), slope(h), slope(h / 2), strict=True):
+            expected = (4 * fine - coarse) / 3
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
 
 
 def test_it_costs_no_factorisation_and_changes_nothing_else():

@@ -1,7 +1,7 @@
 """The columns of a dataset: names, types, units, and the metadata that makes a file speak for itself."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -167,33 +167,22 @@ def _units(
     units: dict[str, str | list[str]] = {column.name: column.unit for column in columns if column.unit}
     displacement, multiplier = ([pair[side] for pair in row_units] for side in (0, 1))
     if set(row_units) != {CABLE}:
-        upper = [(i, j) for i in range(rows.n) for j in range(i, rows.n)]
+        per = [_factor(one) for one in multiplier]
+        upper = [f"{displacement[i]}/{per[j]}" for i in range(rows.n) for j in range(i, rows.n)]
         units["delta_a"] = common(displacement[rows.a])
         units["delta_e"] = common(displacement[rows.e])
         units["lambda_a"] = common(multiplier[rows.a])
         if rows.n_c:
             units["delta_c"], units["lambda_c"] = common(displacement[rows.c]), common(multiplier[rows.c])
         units["delta_free"] = common(displacement)
-        units["W"] = common([f"{displacement[i]}/{_factor(multiplier[j])}" for i, j in upper])
+        units["W"] = common(upper)
         for power, name in enumerate(("V", "V2", "V3"), 1):
             if name in units:
-                over = common([f"{displacement[i]}/{_factor(multiplier[j])} s^{2 * power}" for i, j in upper])
-                units[name] = over
+                units[name] = common([f"{one} s^{2 * power}" for one in upper])
         if "dV" in units:
-            units["dV"] = common(
-                [
-                    f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)} s^2"
-                    for k in multiplier[rows.active]
-                    for i, j in upper
-                ]
-            )
+            units["dV"] = common([f"{one}/{k} s^2" for k in per[rows.active] for one in upper])
         if "dW" in units:
-            dW = [
-                f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(k)}"
-                for k in multiplier[rows.active]
-                for i, j in upper
-            ]
-            units["dW"] = common(dW)
+            units["dW"] = common([f"{one}/{k}" for k in per[rows.active] for one in upper])
         if "dC" in units:
             factors = zip(*symmetric3_indices(rows.n_e), strict=True)
             units["dC"] = common(
@@ -241,7 +230,20 @@ def parameters_of(meta: dict[str, Any]) -> tuple[Parameter, ...]:
     return from_json(meta["parameters"])
 
 
-def content(table: pa.Table) -> dict[str, Any]:
-    """All that identifies a dataset, as plain data: values and meaning, without the time it took and what made it."""
+def content(table: pa.Table) -> Iterator[bytes]:
+    """All that identifies a dataset: meaning and values, without the time it took and what made it. Of each column its
+    name, type and length, which rows have a value, and these values."""
     meta = {key: value for key, value in metadata(table).items() if key not in _PROVENANCE}
-    return {"meta": meta, "columns": table.drop_columns(["seconds"]).to_pydict()}
+    yield json.dumps(meta, sort_keys=True).encode()
+    for name in sorted(set(table.column_names) - {"seconds"}):
+        column = table[name].combine_chunks()
+        yield json.dumps([name, str(column.type), len(column)]).encode()
+        yield column.is_valid().to_numpy(zero_copy_only=False).tobytes()
+        values = column.drop_null()
+        if pa.types.is_fixed_size_list(values.type):
+            values = values.flatten()
+        if pa.types.is_string(values.type):
+            yield json.dumps(values.to_pylist()).encode()
+        else:
+            numbers = values.to_numpy(zero_copy_only=False)
+            yield numbers.astype(numbers.dtype.newbyteorder("<"), copy=False).tobytes()

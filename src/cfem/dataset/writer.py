@@ -1,5 +1,6 @@
 """Rows to a Parquet file that is whole or absent, every page with its checksum."""
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cfem.core.files import content_sha256, write_whole
+from cfem.core.files import write_whole
 from cfem.dataset.schema import content
 
 
@@ -51,4 +52,9 @@ def _column(values: Sequence[Any] | np.ndarray) -> pa.Array:
 
 def content_hash(tables: Mapping[str, pa.Table]) -> str:
     """SHA-256 of what the splits hold: equal for equal states, whoever solved them, where and how fast."""
-    return content_sha256({split: content(table) for split, table in tables.items()})
+    digest = hashlib.sha256()
+    for split in sorted(tables):
+        for part in (split.encode(), *content(tables[split])):
+            digest.update(len(part).to_bytes(8, "little"))
+            digest.update(part)
+    return digest.hexdigest()

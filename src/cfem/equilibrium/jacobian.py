@@ -15,7 +15,7 @@ from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.explicit import explicit
 from cfem.equilibrium.parameter_slopes import Sides
 from cfem.equilibrium.solution import Linear
-from cfem.equilibrium.third_order import derivative_along
+from cfem.equilibrium.third_order import SkinRowsChange, derivative_along
 
 
 @dataclass(frozen=True)
@@ -40,5 +40,6 @@ def jacobian(linear: Linear, sides: Sequence[Sides]) -> Jacobian:
     right = at.H @ lam - found.residual
     motion, _, _ = refined(problem, linear.data, linear.factor, right, EXACT, Z[:, act] @ lam - y)
     B = np.hstack([problem.gradients(problem.robot.watched, at.x), at.H])
-    along = [derivative_along(problem, at, linear.lam, Z, *each) for each in zip(lam.T, motion.T, strict=True)]
+    skin, ways = SkinRowsChange(problem, at), zip(lam.T, motion.T, strict=True)
+    along = [derivative_along(problem, at, linear.lam, Z, *each, skin=skin) for each in ways]
     return Jacobian(found.phi + np.stack(along, axis=2), found.delta + B.T @ motion, lam, found.rest_e)

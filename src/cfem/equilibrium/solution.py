@@ -60,7 +60,7 @@ class ParameterSlopes:
 @dataclass(frozen=True)
 class Linear:
     """What a solve leaves for derivatives of its state, until its problem, or one on the same symbolic factorisation,
-    factors anew.
+    is factorised again.
 
     at, lam: the state; Z (n_dof, n) = A^-1 H^T of all rows; factor, data: of A; C (m, n_active): the rows that are
     held, dlambda = C^T dmu; W (n, n)."""
@@ -90,7 +90,7 @@ class Equilibrium:
     dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
     rows need to move, dC: (n_e, n_e, n_e) dC/dw of the effectors' compliance with the actuators held by a wrench on
     them, linear: what further derivatives start from, where asked for; delta_s: (n_s,) mm of the skin's rows;
-    skin_response: (n, 3, n_s) mm/N of the nodes to forces on them, where asked for."""
+    push_response: (n, 3, k) mm/N of the nodes to forces on k other rows, about, where asked for."""
 
     status: Status
     state: State
@@ -114,7 +114,7 @@ class Equilibrium:
     slopes: ParameterSlopes | None = None
     inertia: "Inertia | None" = None
     delta_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    skin_response: np.ndarray | None = None
+    push_response: np.ndarray | None = None
     linear: Linear | None = None
 
     @property

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import condense as condensation
 from cfem.equilibrium.condensation import response
@@ -50,7 +51,7 @@ def solve(
     third_order: bool = False,
     sides: Sequence[Sides] = (),
     mass: sp.csr_array | None = None,
-    skin_response: bool = False,
+    pushed: Watched | None = None,
     keep: bool = False,
     loads: bool = False,
 ) -> Equilibrium:
@@ -59,9 +60,9 @@ def solve(
 
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
-    the nodes, and what the rows need to move (inertia.py); skin_response: and how all nodes yield to forces on the
-    skin's rows; keep: and what further derivatives start from; loads: and, with third_order, how the effectors'
-    compliance changes with loads on them.
+    the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
+    rows, by the factor at hand; keep: and what further derivatives start from; loads: and, with third_order, how the
+    effectors' compliance changes with loads on them.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), Cost()
@@ -87,7 +88,7 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, only(actuation, taut), near, last.state, settings, cost, slack)
-    wanted = (condense, third_order, sides, mass, skin_response, keep, loads)
+    wanted = (condense, third_order, sides, mass, pushed, keep, loads)
     return _answer(problem, path, only(actuation, taut), settings, cost, begin, *wanted)
 
 
@@ -195,20 +196,22 @@ def _answer(
     third_order: bool = False,
     sides: Sequence[Sides] = (),
     mass: sp.csr_array | None = None,
-    skin_response: bool = False,
+    pushed: Watched | None = None,
     keep: bool = False,
     loads: bool = False,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a, response_s, dW, dC, slopes, moves, linear = result.status, *[None] * 8
+    status, condensed, response_a, response_p, dW, dC, slopes, moves, linear = result.status, *[None] * 8
     if status is Status.CONVERGED and condense:
         try:
             by_q = differences(problem, result.at, result.lam, sides) if sides else None
             others = by_q.residual if sides else np.zeros((problem.pattern.n_dof, 0))
             found = condensation(problem, result.at, result.lam, result.tangent, cost, others)
             condensed, response_a = found.condensed, response(problem, result.at, found.Z, robot.rows.active)
-            response_s = response(problem, result.at, found.Z, robot.rows.s) if skin_response else None
+            if pushed is not None:
+                moved = found.factor.solve(problem.gradients((pushed,), x))
+                response_p = problem.kinematics.spread(x, moved)
             # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
             act = robot.rows.active
             held = actuation.C @ condensed.W[act, act] @ actuation.C.T
@@ -233,7 +236,7 @@ def _answer(
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
     if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
-        status, condensed, response_a, response_s, dW, dC, slopes, moves, linear = Status.INACCURATE, *[None] * 8
+        status, condensed, response_a, response_p, dW, dC, slopes, moves, linear = Status.INACCURATE, *[None] * 8
     n_a = robot.rows.n_a
     largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -260,7 +263,7 @@ def _answer(
         slopes=slopes,
         inertia=moves,
         delta_s=watched[robot.rows.n_e :],
-        skin_response=response_s,
+        push_response=response_p,
         linear=linear,
     )
 

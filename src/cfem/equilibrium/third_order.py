@@ -10,8 +10,8 @@ from itertools import permutations
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.constraint.protocol import Watched
 from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.mechanics.turning import change_of_work, moments
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,
 # rounding with its inverse, both with the bulk modulus: of dW 2e-8 at nu = 0.3, 3e-7 at 0.49, 1e-6 at 0.499 (finger).
@@ -30,11 +30,26 @@ def compliance_derivatives(
     for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better. With Y = A^-1 M Z and the mass M also
     dV/dlambda_k of V = Z^T M Z, whose expression Z^T M Z + Y^T (B - A Z) + (B - A Z)^T Y is stationary in Z."""
     motions = Z[:, problem.robot.rows.active].T
-    units = np.eye(len(motions))
-    found = [derivative_along(problem, at, lam, Z, *each, Y, mass) for each in zip(units, motions, strict=True)]
+    units, skin = np.eye(len(motions)), SkinRowsChange(problem, at)
+    found = [derivative_along(problem, at, lam, Z, *each, Y, mass, skin) for each in zip(units, motions, strict=True)]
     n = Z.shape[1]
     dW = np.stack([each[:, :n] for each in found])
     return dW, None if Y is None else np.stack([each[:, n:] for each in found])
+
+
+class SkinRowsChange:
+    """Rows of a skin in the derivative: their forces on nodes are constant, so that their columns of B change by the
+    turning of rigid groups alone, exactly."""
+
+    def __init__(self, problem: Problem, at: Evaluation):
+        self.rows, self._kinematics, skin = problem.robot.rows.s, problem.kinematics, problem.robot.skin
+        self.moments = None
+        if skin is not None and problem.robot.rigid:
+            self.moments = moments(problem.kinematics, at.x, skin.nodes, skin.gradient(at.x))
+
+    def change(self, motion: np.ndarray, q: np.ndarray) -> np.ndarray | float:
+        """(n_s, c): of B_s^T q with the motion (n_dof,) of the unknowns; q (n_dof, c)."""
+        return 0.0 if self.moments is None else change_of_work(self._kinematics, self.moments, motion, q)
 
 
 def load_derivatives(
@@ -43,13 +58,13 @@ def load_derivatives(
     """(n_e, n_e, n_e) mm/N^2: D = dC/dw, how the effectors' compliance C, actuators held and contacts free, changes
     with a wrench w on their rows; symmetric, as the third derivative of an energy (`cfem.predict.loaded`). W (n, n) and
     dW (n_active, n, n) as from `compliance_derivatives`."""
-    rows, effectors = problem.robot.rows, problem.robot.effectors
+    rows = problem.robot.rows
     own = np.r_[rows.e, rows.a]  # a skin has no part in it
     Z, W, dW = Z[:, own], W[np.ix_(own, own)], dW[: rows.n_a, own[:, None], own]
     e, a = slice(0, rows.n_e), slice(rows.n_e, len(own))
     bent = _curvatures(problem, at, Z)
     # along a force on an effector's row no active multiplier changes, and the force's own curvature joins A
-    moved = [derivative_along(problem, at, lam, Z, 0.0, z, watched=effectors) for z in Z[:, e].T]
+    moved = [derivative_along(problem, at, lam, Z, 0.0, z) for z in Z[:, e].T]
     by_e = np.stack(moved) + bent
     K = np.linalg.inv(W[a, a])
     G = W[e, a] @ K
@@ -81,32 +96,43 @@ def derivative_along(
     motion: np.ndarray,
     Y: np.ndarray | None = None,
     mass: sp.csr_array | None = None,
-    watched: tuple[Watched, ...] | None = None,
+    skin: SkinRowsChange | None = None,
 ) -> np.ndarray:
     """(n, n) of W, or (n, 2 n) of W and V: where the multipliers change by `changing` (n_active,) and the unknowns move
-    by `motion` (n_dof,). watched: the rows that Z begins with, all watched ones unless given."""
-    watched = problem.robot.watched if watched is None else watched
+    by `motion` (n_dof,). Z (n_dof, n) of the effectors, of the skin's rows where `skin` is given, and of as many
+    active rows as are wanted."""
     n, q = Z.shape[1], Z if Y is None else np.hstack([Z, Y])
+    e, s = problem.robot.rows.e, slice(0, 0) if skin is None else skin.rows
+    own = np.r_[e, max(e.stop, s.stop) : n]
 
     def compliance(h: float) -> np.ndarray:
         """B^T Z + Z^T B - Z^T A Z, with the element pressures that x demands; and that of V."""
         there = problem.evaluate(problem.kinematics.move(at.x, h * motion), np.empty(0), at.load)
         changed = lam + h * changing
-        B = np.hstack([problem.gradients(watched, there.x), there.H])[:, : Z.shape[1]]
-        BZ, form = B.T @ Z, problem.form(there, changed, q)
+        B = np.hstack([problem.gradients(problem.robot.effectors, there.x), there.H])[:, : len(own)]
+        BZ, form = np.zeros((n, n)), problem.form(there, changed, q)
+        BZ[own] = B.T @ Z
         W = BZ + BZ.T - form[:n, :n]
         if Y is None:
             return W
-        YB = Y.T @ B - form[n:, :n]
+        YB = -form[n:, :n]
+        YB[:, own] += Y.T @ B
         moved = problem.kinematics.spread(there.x, Z)
-        own = np.tensordot(moved, (mass @ moved.reshape(len(moved), -1)).reshape(moved.shape), axes=((0, 1), (0, 1)))
-        return np.hstack([W, own + YB + YB.T])
+        heavy = np.tensordot(moved, (mass @ moved.reshape(len(moved), -1)).reshape(moved.shape), axes=((0, 1), (0, 1)))
+        return np.hstack([W, heavy + YB + YB.T])
 
     most = steepest(problem, problem.kinematics.spread(at.x, motion))
     if most == 0.0:
         return np.zeros((n, q.shape[1]))  # attached to held nodes only
     h = _STEP / most
-    return (compliance(h) - compliance(-h)) / (2 * h)
+    found = (compliance(h) - compliance(-h)) / (2 * h)
+    if skin is not None:
+        change = skin.change(motion, q)
+        for part in range(0, q.shape[1], n):  # of W, and of V
+            block = change[:, part : part + n] if np.ndim(change) else change
+            found[s, part : part + n] += block
+            found[:, part : part + n][:, s] += np.transpose(block)
+    return found
 
 
 def steepest(problem: Problem, moved: np.ndarray) -> float:

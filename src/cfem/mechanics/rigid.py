@@ -63,8 +63,8 @@ class Kinematics:
         out = np.zeros((len(free), *nodal.shape[1:]))
         plain = free < len(self.X)
         out[plain] = nodal[free[plain]]
-        all_ = self._members
-        _, r = self._arms(x)
+        all_ = self.members
+        _, r = self.arms(x)
         f = nodal[all_.nodes].reshape(len(r), 3, -1)
         moment = np.add.reduceat(_cross(r[:, :, None], f), all_.start) / all_.radius[:, None]
         out[all_.translation] = np.add.reduceat(f, all_.start).reshape(-1, *nodal.shape[1:])
@@ -78,8 +78,8 @@ class Kinematics:
         plain = free < len(self.X)
         out[free[plain]] = blocks[plain]
         if self.groups:
-            all_ = self._members
-            _, r = self._arms(x)
+            all_ = self.members
+            _, r = self.arms(x)
             by_group = blocks.reshape(len(blocks), 3, -1)
             turn = by_group[all_.rotation] / all_.radius[:, None]
             moved = by_group[all_.translation][all_.owner] + _cross(turn[all_.owner], r[:, :, None])
@@ -93,8 +93,8 @@ class Kinematics:
         plain = free < len(self.X)
         moved[free[plain]] += blocks[plain]
         if self.groups:
-            all_ = self._members
-            centre, r = self._arms(x)
+            all_ = self.members
+            centre, r = self.arms(x)
             turn = Rotation.from_rotvec(blocks[all_.rotation] / all_.radius).as_matrix()
             shifted = centre + blocks[all_.translation]
             moved[all_.nodes] = shifted[all_.owner] + (turn[all_.owner] @ r[:, :, None])[:, :, 0]
@@ -104,7 +104,7 @@ class Kinematics:
         """As `move`, to first order: where sections are in a row, each follows the one before (sections.py)."""
         if self.row is None:
             return self.move(x, q)
-        all_, blocks = self._members, q.reshape(-1, 3)
+        all_, blocks = self.members, q.reshape(-1, 3)
         motions = np.zeros((len(self.row.nodes), 6))
         motions[1:, :3], motions[1:, 3:] = blocks[all_.translation], blocks[all_.rotation] / all_.radius
         moved = x.copy()
@@ -117,8 +117,8 @@ class Kinematics:
         held = x.copy()
         held[self.fixed] = self.X[self.fixed]
         if self.groups:
-            all_ = self._members
-            centre, r = self._arms(x)
+            all_ = self.members
+            centre, r = self.arms(x)
             U, _, Vt = np.linalg.svd(np.add.reduceat(r[:, :, None] * all_.arm[:, None], all_.start))
             handed = np.ones((len(U), 1, 3))
             handed[:, 0, 2] = np.sign(np.linalg.det(U @ Vt))
@@ -147,7 +147,7 @@ class Kinematics:
         columns = (3 * plain[:, None] + np.arange(3)).ravel()
         values = np.ones(len(rows))
         if self.groups:
-            all_ = self._members
+            all_ = self.members
             own = self._nodal_T(x)[all_.nodes]
             mine = self.unknowns(all_.owner)
             place = (3 * all_.nodes[:, None] + np.arange(3))[:, :, None]
@@ -159,21 +159,21 @@ class Kinematics:
     def turning_form(self, x: np.ndarray, q: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
         """(k, k) N mm: of changes q (n_dof, k) of the unknowns, what the turning of rigid groups adds to the form of
         the nodal stiffness; unbalanced as in `stiffness`."""
-        turns = q.reshape(-1, 3, q.shape[1])[self._members.rotation]
+        turns = q.reshape(-1, 3, q.shape[1])[self.members.rotation]
         return np.tensordot(turns, self._turned(x, unbalanced) @ turns, axes=((0, 1), (0, 1)))
 
     def unknowns(self, numbers: np.ndarray) -> np.ndarray:
         """(..., 6) places among the unknowns of the groups with these numbers (...), -1 each of a group -1."""
-        all_ = self._members
+        all_ = self.members
         nodes = np.stack([all_.translation[numbers], all_.rotation[numbers]], axis=-1)
         places = (3 * nodes[..., None] + np.arange(3)).reshape(*np.shape(numbers), 6)
         return np.where(np.asarray(numbers)[..., None] >= 0, places, -1)
 
     @cached_property
-    def _members(self) -> "_Members":
+    def members(self) -> "Members":
         counts = np.array([len(group.nodes) for group in self.groups])
         pseudo = np.array([group.pseudo for group in self.groups])
-        return _Members(
+        return Members(
             np.concatenate([group.nodes for group in self.groups]),
             np.repeat(np.arange(len(counts)), counts),
             np.cumsum(counts) - counts,
@@ -185,14 +185,14 @@ class Kinematics:
 
     def _turned(self, x: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
         """(g, 3, 3) N/mm on the groups' rotations, by the second derivative of their nodes' positions."""
-        all_ = self._members
-        outer = np.add.reduceat(unbalanced[all_.nodes][:, :, None] * self._arms(x)[1][:, None], all_.start)
+        all_ = self.members
+        outer = np.add.reduceat(unbalanced[all_.nodes][:, :, None] * self.arms(x)[1][:, None], all_.start)
         trace = np.trace(outer, axis1=1, axis2=2)[:, None, None]
         return ((outer + outer.swapaxes(1, 2)) / 2 - trace * np.eye(3)) / all_.radius[:, None] ** 2
 
-    def _arms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def arms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of the groups: their nodes' means (g, 3), and all their nodes (N, 3) from there, mm."""
-        all_ = self._members
+        all_ = self.members
         own = x[all_.nodes]
         centre = np.add.reduceat(own, all_.start) / all_.count
         return centre, own - centre[all_.owner]
@@ -201,15 +201,15 @@ class Kinematics:
         """(n, 3, 6): T of each node; for a node of no group, its own motion in the first three columns."""
         T = np.zeros((len(self.X), 3, 6))
         T[:, range(3), range(3)] = 1.0
-        all_ = self._members
-        r = self._arms(x)[1] / all_.radius[all_.owner]
+        all_ = self.members
+        r = self.arms(x)[1] / all_.radius[all_.owner]
         for (i, j), sign in {(0, 1): 1, (1, 2): 1, (2, 0): 1, (1, 0): -1, (2, 1): -1, (0, 2): -1}.items():
             T[all_.nodes, i, 3 + j] = sign * r[:, 3 - i - j]  # omega x r
         return T
 
 
 @dataclass(frozen=True)
-class _Members:
+class Members:
     """The g groups one after the other: nodes (N,), each one's group `owner` (N,), where each begins, how many it has
     (g, 1), arms (N, 3) mm at rest, radii (g, 1) mm, places (g,) of the pseudo-nodes among the free."""
 

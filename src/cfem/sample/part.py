@@ -127,9 +127,9 @@ def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
 
 def _demand_one_skeleton(files: Sequence[Path]) -> None:
     """Raises InputError where a skeleton has other digits than the first."""
-    first = content(read_table(files[0]))
+    first = list(content(read_table(files[0])))
     for file in files[1:]:
-        if content(read_table(file)) != first:
+        if list(content(read_table(file))) != first:
             what = f"was solved from other digits than {files[0]}: the machines round differently"
             raise InputError(what, where=str(file), do="use machines of one type and the same package versions")
 

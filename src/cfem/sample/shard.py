@@ -78,26 +78,30 @@ def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[
     """The records of the rows; the file of their states, from which all others start; that of the skin which they show,
     empty where none is asked for.
 
-    Which rows the skin has is known once all these states are. Each is then condensed again where it stands, with one
-    factorisation more."""
+    Which rows the skin has is known once all these states are, roughly. Each is then solved from there with these rows,
+    which takes less than a factorisation more."""
     solver = _solver(robot)
     if asked is None:
         records, knots = _solve_rows(solver, None, piece, [])
         return records, knots_bytes(knots), b""
-    surface, pushing = solver.facts.surface, solver.watching(patches(solver.facts.surface), pushed=True)
+    surface = solver.facts.surface
+    rough, pushing = solver.roughly(), solver.roughly(patches(surface))
     pushed = set(probed(len(piece.u)).tolist())
     begun, knots, seen = [], [], []
     for index in range(len(piece.u)):
-        row = _solve_row(pushing if index in pushed else solver, piece, index, knots)
+        row = _solve_row(pushing if index in pushed else rough, piece, index, knots)
         begun.append(row)
         if row.solved.converged:
             knots.append(row.knot)
             seen.append(_seen(surface.nodes, surface.rest, row.solved))
         tally.add_one()
-    states = knots_bytes(knots)
+    demand_states(knots)
     skin = find_skin(surface, seen, asked, solver.facts.length)
     watching = solver.watching(skin)
-    return [_again(watching, skin, piece, index, row) for index, row in enumerate(begun)], states, skin_bytes(skin)
+    rows = [_again(watching, piece, row) for row in begun]
+    records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
+    states = knots_bytes([row.knot for row in rows if row.solved.converged])
+    return records, states, skin_bytes(skin)
 
 
 def solve_shard(robot: bytes, skin: bytes, skeleton: bytes, piece: Piece) -> bytes:
@@ -112,8 +116,9 @@ def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
 
 @dataclass(frozen=True)
 class Solved:
-    """A row: asked and X, what it prescribes and its pose, if any; p: its parameters; seconds: that it took."""
+    """A row u: asked and X, what it prescribes and its pose, if any; p: its parameters; seconds: that it took."""
 
+    u: np.ndarray
     asked: Actuation
     X: np.ndarray | None
     p: np.ndarray
@@ -144,12 +149,12 @@ def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) 
         p = drawn(parameters, u[n_a:])
     q = place(parameters, p)
     solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
-    known = knot(u, solved, contacts=piece.contact is not None, q=q) if solved.converged else None
-    return Solved(asked, X, p, solved, known, time.perf_counter() - begin)
+    known = _knot(facts, piece, u, p, solved)
+    return Solved(u, asked, X, p, solved, known, time.perf_counter() - begin)
 
 
 def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> Seen:
-    yields = solved.skin_response
+    yields = solved.push_response
     return Seen(
         solved.state.x[nodes] - rest,
         solved.response[nodes][:, :, : solved.n_a],
@@ -158,10 +163,10 @@ def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> Seen:
     )
 
 
-def _again(solver: Solver, skin: Skin, piece: Piece, index: int, row: Solved) -> Record:
-    """The record of a state of the skeleton with the rows of the skin, at the cost of both times."""
+def _again(solver: Solver, piece: Piece, row: Solved) -> Solved:
+    """A state of the skeleton with the rows of the skin, at the cost of both times. One that was not found stays so."""
     if not row.solved.converged:
-        return _record(solver.facts, skin, piece, index, row)
+        return row
     begin, first = time.perf_counter(), row.solved
     solved = solver.solve(row.asked, first.state, row.p)
     solved = replace(
@@ -170,8 +175,13 @@ def _again(solver: Solver, skin: Skin, piece: Piece, index: int, row: Solved) ->
         factorizations=solved.factorizations + first.factorizations,
         steps=solved.steps + first.steps,
     )
-    again = replace(row, solved=solved, seconds=row.seconds + time.perf_counter() - begin)
-    return _record(solver.facts, skin, piece, index, again)
+    known = replace(row, solved=solved, knot=_knot(solver.facts, piece, row.u, row.p, solved))
+    return replace(known, seconds=row.seconds + time.perf_counter() - begin)
+
+
+def _knot(facts: Facts, piece: Piece, u: np.ndarray, p: np.ndarray, solved: Equilibrium) -> Knot | None:
+    q = place(sampled(facts.parameters), p)
+    return knot(u, solved, contacts=piece.contact is not None, q=q) if solved.converged else None
 
 
 def _slopes(by_q: ParameterSlopes, dq_dp: np.ndarray) -> dict[str, np.ndarray]:
@@ -259,12 +269,16 @@ def _without_contacts(condensed: Condensed) -> Condensed:
     return Condensed(rows, condensed.W[:n, :n], condensed.delta_free[:n], condensed.lam[:n_a])
 
 
+def demand_states(knots: Sequence[Knot]) -> None:
+    """NumericalError where none of the skeleton's states converged."""
+    if not knots:
+        do = "check the scene; the usual cause is a reach that is too large"
+        raise NumericalError("none of the first states converged", do=do)
+
+
 def knots_bytes(knots: Sequence[Knot]) -> bytes:
     """An .npz, one array a field, the knots along its first axis. Raises NumericalError where there is none."""
-    if not knots:
-        raise NumericalError(
-            "none of the first states converged", do="check the scene; the usual cause is a reach that is too large"
-        )
+    demand_states(knots)
     stacked = {name: np.stack([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__}
     buffer = io.BytesIO()
     np.savez(buffer, **stacked)

@@ -10,6 +10,7 @@ from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin
+from cfem.constraint.skin_rows import SkinRows
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
@@ -21,6 +22,7 @@ from cfem.robot.spec import SceneSpec
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
 _STEP = 1e-4
+ROUGH = 1e-5  # relative residual of states that only show the modes of the surface
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,12 @@ class Solver(Protocol):
         """Of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by the sampled
         parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
 
-    def watching(self, skin: Skin, pushed: bool = False) -> "Solver":
-        """The same, whose equilibria have the rows of the skin. pushed: instead of derivatives of W, they have how all
-        nodes yield to forces on these rows. Needs facts.surface."""
+    def watching(self, skin: Skin) -> "Solver":
+        """The same, whose equilibria have the rows of the skin. Needs facts.surface."""
+
+    def roughly(self, pushed: Skin | None = None) -> "Solver":
+        """The same to a loose tolerance, without derivatives of W; with about how all nodes yield to forces on the rows
+        `pushed`."""
 
 
 # Built once in every process: picklable to it.
@@ -128,7 +133,7 @@ class FiniteElements:
 @dataclass(frozen=True)
 class _FiniteElementSolver:
     """problem: of the scene's own robot; mass: its own, None where no dynamics are asked for; skin: watched too, None
-    where it is not; pushed: see `Solver.watching`."""
+    where it is not; pushed: see `Solver.roughly`."""
 
     facts: Facts
     family: Any
@@ -138,12 +143,14 @@ class _FiniteElementSolver:
     loads: bool
     mass: Any = None
     skin: Skin | None = None
-    pushed: bool = False
+    pushed: Skin | None = None
 
-    def watching(self, skin: Skin, pushed: bool = False) -> "_FiniteElementSolver":
-        problem = self._problem(self.problem.robot, skin, self.problem)
-        more = {"third_order": False, "loads": False, "mass": None} if pushed else {}
-        return replace(self, problem=problem, skin=skin, pushed=pushed, **more)
+    def watching(self, skin: Skin) -> "_FiniteElementSolver":
+        return replace(self, problem=self._problem(self.problem.robot, skin, self.problem), skin=skin)
+
+    def roughly(self, pushed: Skin | None = None) -> "_FiniteElementSolver":
+        settings = replace(self.settings, tolerance=max(ROUGH, self.settings.tolerance))
+        return replace(self, settings=settings, third_order=False, loads=False, mass=None, pushed=pushed)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         from cfem.equilibrium.inertia import mass_of
@@ -171,7 +178,7 @@ class _FiniteElementSolver:
             third_order=self.third_order,
             loads=self.loads,
             sides=sides,
-            skin_response=self.pushed,
+            pushed=None if self.pushed is None else SkinRows(self.pushed, problem.robot.X),
             mass=mass,
         )
         return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
