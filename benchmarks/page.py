@@ -1,8 +1,10 @@
 """The page of a robot (`cfem export`, format html): its size, what a picture costs in a headless Chromium that draws in
-software, and a tick of its WebAssembly beside that of the firmware's C code by gcc -O2. Prints one JSON object.
+software, and a tick of its WebAssembly, of the same C code by gcc -O2 and of the firmware's by gcc -O2. Prints one JSON
+object.
 
 Usage: page.py FOLDER   of an export with both formats: cfem export SPEC --set "formats=[html, c]" --out FOLDER"""
 
+import contextlib
 import json
 import re
 import shutil
@@ -11,10 +13,14 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox")
 ROUNDS = 15
+PICTURED = 150
+EXPORT = Path(__file__).parents[1] / "src/cfem/export"
+SOURCES = ("controller", "condense", "serial", "spectral", "qp")  # as in scripts/wasm.py
 # The path of measure.c: from home to each goal and on to the next in 20 ticks; ns a tick, the shortest of some times.
 TICKS = """commands => {
   const { robot } = cfem, goals = commands.map(c => { robot.set(c, cfem.robot.said.command === "force", false); return [...robot.x_e]; });
@@ -38,7 +44,9 @@ TICKS = """commands => {
 }"""  # noqa: E501
 # ms of one picture, all included: a tick, the surface, and WebGL until its pixels are there.
 PICTURES = """() => {
-  const { robot, scene, step, moveGoal, goals, draw } = cfem, gl = scene.gl, pixel = new Uint8Array(4), found = [];
+  const { robot, scene, state, step, moveGoal, goals, draw } = cfem;
+  const gl = scene.gl, pixel = new Uint8Array(4), found = [];
+  state.camera.sharpness = 1; // as while it moves
   const start = goals[0].tip, size = 0.1 * robot.said.length;
   for (let i = 0; i < 150; i++) {
     const begin = performance.now();
@@ -67,23 +75,57 @@ def main() -> int:
         tab = chromium.new_context(viewport={"width": 1280, "height": 800}).new_page()
         tab.goto(page.resolve().as_uri())
         tab.wait_for_selector("html[data-state=ready]", state="attached")
+        tab.wait_for_timeout(3000)  # the reach is complete
+        tab.evaluate(PICTURES)
+        before = processor_time()
         pictures = np.array(tab.evaluate(PICTURES))
+        spent = processor_time() - before
         for _ in range(ROUNDS):  # by turns: the machine's clock is not the same all the time
             printed = subprocess.run([firmware / "measured"], capture_output=True, text=True, check=True).stdout
             here = float(re.search(r"tick median (\d+)", printed)[1])
-            ticks.append([tab.evaluate(TICKS, commands(printed, tab)), here])
+            asked = commands(printed, tab)
+            ticks.append([tab.evaluate(TICKS, asked), here, native(page, asked, tab)])
         chromium.close()
-    web, c = np.min(ticks, axis=0)
+    web, c, own = np.min(ticks, axis=0)
     shares = {"shortest_tenth": 0.1, "median": 0.5, "p99": 0.99}  # other processes make the long ones
     parts = zip(("tick", "surface", "drawing"), pictures.T, strict=True)
     result = {
         "page_bytes": page.stat().st_size,
         "picture_ms": {name: float(np.quantile(pictures.sum(axis=1), share)) for name, share in shares.items()},
         "parts_ms": {name: float(np.quantile(values, 0.1)) for name, values in parts},
-        "tick_ns": {"webassembly": web, "gcc": c, "ratio": web / c},
+        "processor_ms": 1e3 * spent / PICTURED,
+        "tick_ns": {"webassembly": web, "firmware_gcc": c, "page_gcc": own},
+        "ratio": {"webassembly": web / c, "page_gcc": own / c},
     }
     print(json.dumps(result, indent=1))
     return 0
+
+
+def processor_time() -> float:
+    """Seconds of all processes that this one started."""
+    found = 0.0
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.Error):
+            found += sum(child.cpu_times()[:2])
+    return found
+
+
+def native(page: Path, asked: list[list[float]], tab) -> float:
+    """ns a tick of the page's C code by gcc -O2."""
+    folder = page.parent / "native"
+    if not (folder / "page").exists():
+        folder.mkdir(exist_ok=True)
+        sources = [EXPORT / "web/cfem_page.c", *(EXPORT / f"c/cfem_{name}.c" for name in SOURCES)]
+        options = ["-O2", "-std=c11", "-D_GNU_SOURCE", "-w", "-I", EXPORT / "web", "-I", EXPORT / "c"]
+        program = [*options, "-o", folder / "page", Path(__file__).with_name("page_native.c"), *sources, "-lm"]
+        subprocess.run(["gcc", *program], check=True)
+    (folder / "block").write_bytes(bytes(tab.evaluate("() => [...cfem.robot.block]")))
+    (folder / "commands").write_bytes(np.array(asked).tobytes())
+    by_force = str(int(tab.evaluate("() => cfem.robot.said.command === 'force'")))
+    done = subprocess.run(
+        [folder / "page", folder / "block", folder / "commands", by_force], capture_output=True, text=True, check=True
+    )
+    return float(done.stdout)
 
 
 def commands(printed: str, tab) -> list[list[float]]:

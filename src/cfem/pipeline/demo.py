@@ -20,6 +20,7 @@ STAGES = {
     "sample": ("solving equilibria by finite elements (FE), to learn from", "30 s"),
     "train": ("fitting a small model to them", "2 s"),
     "export": ("writing the model for a controller", "5 s"),
+    "export-page": ("writing the page in which you move the robot", "1 s"),
     "control": ("following a curve with the model; the FE robot is the judge", "30 s"),
     "report": ("drawing the page", "10 s"),
 }
@@ -40,7 +41,8 @@ def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
     def line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
         if number == 0:
             _compile(len(steps), bool(why))
-        what, about = STAGES.get(steps[number].kind, (steps[number].command, ""))
+        step = steps[number]
+        what, about = STAGES.get(step.spec.stem, STAGES.get(step.kind, (step.command, "")))
         left = "up to date" if not why else f"about {about}" if robot == FINGER and about else ""
         return f"step {number + 2}/{len(steps) + 1}: {what}" + (f" ({left})" if left else "")
 

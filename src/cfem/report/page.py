@@ -41,14 +41,15 @@ class Section:
 
 @dataclass(frozen=True)
 class Card:
-    """A picture beside what it shows in words."""
+    """A picture beside what it shows in words; link: HTML below it."""
 
     picture: Part
     facts: Mapping[str, str]
+    link: str = ""
 
     def html(self) -> str:
         facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(said)}</dd>" for name, said in self.facts.items())
-        return f'<section class="card"><h2>The robot</h2>{self.picture.html()}<dl>{facts}</dl></section>'
+        return f'<section class="card"><h2>The robot</h2>{self.picture.html()}<dl>{facts}</dl>{self.link}</section>'
 
 
 @dataclass(frozen=True)

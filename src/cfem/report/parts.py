@@ -1,6 +1,7 @@
 """What a page holds, from the artefacts that its spec names."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from cfem.core.stage import artefact_file
 from cfem.dataset.reader import read_dataset
 from cfem.predict.load import load_model
 from cfem.report.animation import animation
+from cfem.report.interactive import link
 from cfem.report.loops import loop_section
 from cfem.report.models import models_section, trained
 from cfem.report.page import Card, Section, Summary
@@ -51,8 +53,10 @@ def learned(
         models_section("The learned model", results, trusts, spec.published, force=force),
         samples_section(splits, sampled["results"]),
     ]
-    summary = tracking_summary(tracking)
-    return summary, animation(control, controlled, tracking, scene), card(scene, mesh, data), sections
+    summary, shown = tracking_summary(tracking), card(scene, mesh, data)
+    if spec.page:
+        shown = replace(shown, link=link(*manifests["page"]))
+    return summary, animation(control, controlled, tracking, scene), shown, sections
 
 
 def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:

@@ -108,6 +108,8 @@ class ReportSpec(Spec):
     """Folders of `cfem train` by name."""
     control: Path | None = None
     """Folder of `cfem control`."""
+    page: Path | None = None
+    """Folder of `cfem export` with format html: its page of the robot is put beside the report, and linked."""
     out: Path
     """Folder for the page."""
     discretisation: Discretisation | None = None
@@ -129,6 +131,8 @@ class ReportSpec(Spec):
         lacking = [name for name, value in artefacts.items() if not value]
         if 0 < len(lacking) < len(artefacts):
             raise ValueError(f"a page on a learned model needs {', '.join(artefacts)}; {', '.join(lacking)} lacks")
+        if self.page and lacking:
+            raise ValueError("page: it is linked beside the robot: give scene, mesh, samples, models and control too")
         if self.scene is None and (self.discretisation or not lacking):
             raise ValueError("missing key 'scene': whose artefacts are these?")
         if lacking and not (self.discretisation or self.surrogates or self.sampling or self.meshes or self.loops):

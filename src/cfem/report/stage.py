@@ -13,8 +13,8 @@ from cfem.core.stage import Options, Stage, read_manifest, run_stage
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
-VERSION = 6
-PATHS = ("scene", "mesh", "samples", "models", "control", "out", "surrogates", "sampling", "meshes", "loops")
+VERSION = 7
+PATHS = ("scene", "mesh", "samples", "models", "control", "page", "out", "surrogates", "sampling", "meshes", "loops")
 FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
 
 
@@ -51,6 +51,7 @@ def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
     if spec.control:
         found = {"mesh": spec.mesh, "samples": spec.samples}
         found |= {f"model {name}": path for name, path in spec.models.items()} | {"control": spec.control}
+        found["page"] = spec.page
     for scene, one in spec.surrogates.items():
         found |= {f"{scene}: model {name}": path for name, path in one.models.items()}
         found |= {f"{scene}: samples": one.samples, f"{scene}: beyond": one.beyond}
@@ -72,6 +73,7 @@ def _work(
     demand("matplotlib", where="cfem report")
     from cfem.core.progress import progress
     from cfem.report.discretisation import headline, study
+    from cfem.report.interactive import MOVED, page_of
     from cfem.report.page import Summary, page
     from cfem.report.parts import compared, learned, over_time, provenance
 
@@ -99,6 +101,8 @@ def _work(
         write_whole(folder / "report.html", page(title, first, robot, card, sections).encode())
         parts = [part for section in sections for part in section.parts] + [one for one in (robot,) if one]
         files = {name: data for part in parts for name, data in getattr(part, "files", dict)().items()}
+        if spec.page:
+            write_whole(folder / MOVED, page_of(*manifests["page"]))
         for name, data in files.items():
             write_whole(folder / name, data)
         advance(1)
@@ -108,6 +112,7 @@ def _work(
         **judged,
         "headline": [summary.sentence, *headline(meshes.get("meshes", []))],
         "page": "report.html",
+        **({"moved": MOVED} if spec.page else {}),
         "pictures": sorted(files),
         "discretisation": meshes,
     }
@@ -123,8 +128,9 @@ def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, mani
     demand_mesh_of(scene, scene_path, manifests["mesh"][0])
     for name in ("samples", "control"):
         demand_robot(scene, recorded_robot(manifests[name][1]), manifests[name][0], do)
-    for name in spec.models:
-        folder = manifests[f"model {name}"][0]
+    for folder in [manifests[f"model {name}"][0] for name in spec.models] + (
+        [manifests["page"][0]] if spec.page else []
+    ):
         demand_robot(scene, read_meta(folder).get("robot"), folder, do)
     shown = {name: str(manifests[f"model {name}"][1]["content"]) for name in spec.models}
     demand_used(*manifests["control"], shown)

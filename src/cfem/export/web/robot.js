@@ -28,7 +28,7 @@ async function makeRobot({ said, arrays }) {
   let at = code.io();
   const field = (room, used) => { const view = new Float64Array(buffer, at, used); at += 8 * room; return view; };
   const robot = {
-    said, n_a, n_e, points, triangles: arrays.triangles,
+    said, n_a, n_e, points, block: arrays.block, triangles: arrays.triangles,
     goal: field(ROOM.effector, n_e), delta_a: field(ROOM.actuator, n_a), lambda_a: field(ROOM.actuator, n_a),
     x_e: field(ROOM.effector, n_e), skin: field(ROOM.skin, said.skin),
     states: arrays.states, x: new Float64Array(buffer, places.x, 3 * points), drawn: new Float32Array(buffer, places.drawn, 3 * points),
