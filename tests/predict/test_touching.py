@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cfem.contact.obstacle import Plane, Sphere
+from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.patch_compliance import patch_compliance, with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
 from cfem.predict.load import load_model
-from cfem.predict.touching import Touchable, TouchedStatus, patches_of
+from cfem.predict.touchable import Touchable, patches_of, touch_states
+from cfem.predict.touching import TouchedStatus, touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -28,7 +29,8 @@ def robot(bar):
 def touchable(bar, robot):
     model = load_model(bar / "models" / "bar" / "spectral")
     patches = patches_of(model, 8.0)
-    return Touchable(model, patches, patch_compliance(robot, model.skin.nodes, patches, np.zeros(1)))
+    states = touch_states(model.domain, 1)
+    return Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
 
 
 def wall(touchable, depth, delta=DELTA):
@@ -42,7 +44,7 @@ def wall(touchable, depth, delta=DELTA):
 
 def test_without_obstacles_in_reach_it_is_the_model(touchable):
     far = Sphere(5.0, t=np.array([0.0, 500.0, 0.0]))
-    found, free = touchable.at(DELTA, [far]), touchable.model.at_displacement(DELTA)
+    found, free = touch_step(touchable, DELTA, [far]), touchable.model.at_displacement(DELTA)
     assert found.converged and not len(found.patches)
     assert np.array_equal(found.delta_e, free.delta_e) and np.allclose(found.lambda_a, free.lambda_a, rtol=1e-12)
     assert np.allclose(touchable.model.skin.surface(found.rows), touchable.model.shape(DELTA), atol=1e-12)
@@ -51,7 +53,7 @@ def test_without_obstacles_in_reach_it_is_the_model(touchable):
 @pytest.mark.parametrize("depth", [0.1, 0.4])
 def test_a_wall_pushes_it_as_it_pushes_finite_elements(touchable, robot, depth):
     obstacle = wall(touchable, depth)
-    found, free = touchable.at(DELTA, [obstacle]), touchable.model.at_displacement(DELTA)
+    found, free = touch_step(touchable, DELTA, [obstacle]), touchable.model.at_displacement(DELTA)
     assert found.converged and len(found.patches)
     near = np.flatnonzero(obstacle.distance(touchable.patches.mean(touchable.model.shape(DELTA))) < 2.0)
     touched = with_patches(robot, touchable.model.skin.nodes, touchable.patches, near)
@@ -70,7 +72,7 @@ def test_a_wall_pushes_it_as_it_pushes_finite_elements(touchable, robot, depth):
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_what_it_answers_obeys_the_law(touchable, mu):
     obstacle = wall(touchable, 0.5)
-    found = touchable.at(DELTA, [obstacle], mu=mu)
+    found = touch_step(touchable, DELTA, [obstacle], mu=mu)
     assert found.converged
     normal, tangents = found.forces @ obstacle.R[:, 2], found.forces @ obstacle.R[:, :2]
     assert (normal >= -1e-12).all() and normal.max() > 0
@@ -84,8 +86,8 @@ def test_friction_holds_what_slides_without_it(touchable):
     obstacle = wall(touchable, 0.3)
     slips = []
     for mu in (0.0, 5.0):
-        first = touchable.at(DELTA, [obstacle], mu=mu)
-        second = touchable.at(DELTA + 0.02, [obstacle], mu=mu, before=first)
+        first = touch_step(touchable, DELTA, [obstacle], mu=mu)
+        second = touch_step(touchable, DELTA + 0.02, [obstacle], mu=mu, before=first)
         both = np.intersect1d(first.patches, second.patches)[0]
         (before,), (after,) = (one.places[one.patches == both] for one in (first, second))
         slips.append(np.linalg.norm(obstacle.R[:, :2].T @ (after - before)))
@@ -100,12 +102,12 @@ def test_the_forces_of_actuators_are_those_of_the_loaded_energy(touchable):
         return w @ skin.rows(delta, none) + w @ skin.compliance(delta, none)[1] @ w / 2
 
     slope = (help_(DELTA + h) - help_(DELTA - h)) / (2 * h)
-    assert touchable._loads(DELTA, w)[0] == pytest.approx(slope, rel=1e-5)
+    assert w @ skin.gradient(DELTA, none) + skin.compliance_work(DELTA, none, w) / 2 == pytest.approx(slope, rel=1e-5)
 
 
 def test_more_patches_than_can_touch_at_once_are_named(touchable, monkeypatch):
     monkeypatch.setattr("cfem.predict.touching.MOST", 1)
-    assert touchable.at(DELTA, [wall(touchable, 3.0)]).status is TouchedStatus.MANY
+    assert touch_step(touchable, DELTA, [wall(touchable, 3.0)]).status is TouchedStatus.MANY
 
 
 def test_patches_cover_the_surface(touchable):
@@ -121,7 +123,54 @@ def test_what_does_not_fit_is_refused(touchable):
         replace(touchable, own=touchable.own[1:])
 
 
-def test_local_compliance_completes_the_modes(touchable):
-    C_ss = touchable.model.skin.compliance(np.zeros(1), np.zeros(0))[1]
-    U, left = touchable.U.reshape(len(touchable.own), -1), touchable.local.swapaxes(1, 2).reshape(touchable.own.shape)
-    assert np.allclose(U @ C_ss @ U.T + left, touchable.own, atol=1e-9 * np.abs(touchable.own).max())
+def test_compliance_is_that_of_finite_elements_also_between_their_states(touchable, robot):
+    chosen = np.arange(len(touchable.patches))
+    for delta, known in zip(touchable.states, touchable.own, strict=True):  # as many states as terms
+        found = touchable.held(delta).compliance(chosen)
+        assert np.abs(found - known).max() < 1e-3 * np.abs(known).max()
+    between = touchable.states.mean(axis=0)
+    truth = patch_compliance(robot, touchable.model.skin.nodes, touchable.patches, between[None])[0]
+    assert np.abs(touchable.held(between).compliance(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
+
+
+def test_places_and_turns_are_those_of_the_surface(touchable):
+    held, skin = touchable.held(DELTA), touchable.model.skin
+    surface = skin.surface(held.rows)
+    assert np.allclose(held.free, touchable.patches.mean(surface), atol=1e-4)
+    R = touchable.turns(held.rows, np.arange(len(touchable.patches)))
+    assert np.allclose(R @ R.swapaxes(1, 2), np.eye(3), atol=1e-12) and np.allclose(np.linalg.det(R), 1.0)
+    angle = np.degrees(np.arccos((np.trace(R, axis1=1, axis2=2) - 1) / 2)).max()
+    assert 1.0 < angle < 90.0  # the bar bends
+
+
+def test_a_patch_stays_on_its_side_of_an_edge(touchable):
+    """An edge that moves into the bar pushes a patch to the side on which it came to lie, also where, from the free
+    shape, the other side is nearer."""
+    places = touchable.patches.mean(touchable.model.shape(DELTA))
+    at = places[np.argmax(places[:, 1] - np.abs(places[:, 0]))]
+    half = np.sqrt(0.5)
+    turn = np.array([[1.0, 0, 0], [0, half, -half], [0, half, half]])
+
+    def edge(depth, aside):
+        return Box(np.array([2.0, 3.0, 3.0]), R=turn, t=at + np.array([0.0, 3 * np.sqrt(2) - depth, aside]))
+
+    before, sides = None, []
+    for depth, aside in ((0.05, 0.02), (0.3, 0.02), (0.3, -0.02)):
+        before = touch_step(touchable, DELTA, [edge(depth, aside)], before=before)
+        assert before.converged and before.forces.any()
+        sides.append(before.normals[0])
+    assert np.allclose(sides[1], sides[2])
+    alone = touch_step(touchable, DELTA, [edge(0.3, -0.1)])
+    assert not np.allclose(alone.normals[0], sides[2])
+
+
+def test_a_curved_obstacle_takes_few_rounds(touchable):
+    """The normals turn with the places within a round: Newton's method ends where a fixed point takes many."""
+    places = touchable.patches.mean(touchable.model.shape(DELTA))
+    at = places[np.argmax(places[:, 1])]
+    found = touch_step(touchable, DELTA, [Sphere(6.0, t=at + np.array([2.0, 5.0, 2.0]))])
+    assert found.converged and found.forces.any() and found.iterations <= 6
+    forces = found.forces[found.forces.any(axis=1)]
+    normals = found.normals[found.forces.any(axis=1)]
+    assert np.allclose(np.cross(forces, normals), 0.0, atol=1e-7 * np.abs(forces).max())
+    assert found.pressed(1)[0] == pytest.approx(np.linalg.norm(forces, axis=1).sum(), rel=1e-9)

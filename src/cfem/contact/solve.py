@@ -1,4 +1,5 @@
-"""One valid state of the contacts: pivoting from a guess, from a better guess (`cfem.contact.sweep`), then search.
+"""One valid state of the contacts: of many points by Newton's method (`cfem.contact.newton`); else by pivoting from a
+guess, from a better guess (`cfem.contact.sweep`), then search.
 
 Pivoting changes the mode of every violated point, or, where that leads back, of the worst alone; this nearly
 always ends within a few systems, though nothing promises it (friction makes the problem neither symmetric nor
@@ -15,6 +16,7 @@ from cfem.contact import sweep
 from cfem.contact.check import Check, check
 from cfem.contact.enumerate import MOST, ContactState, all_modes
 from cfem.contact.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
+from cfem.contact.newton import modes_from, newton
 from cfem.contact.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
@@ -62,10 +64,13 @@ def solve_contact(
     many, tried = problem.m > MOST and not problem.k and law != "bilateral", 0
     guess = start_modes or [Mode.OPEN if gap > 0 else Mode.STICK for gap in problem.free[::3]]
     if many and not start_modes:
+        state, tried = _by_newton(problem, law)
+        if state is not None:
+            return _answer(problem, [state], ContactStatus.SOLVED, tried)
         guess, angles = sweep.guess(problem, law)
-        found, tried = solve_mode(problem, law, guess, quick=True, angles=angles), 1
+        found, tried = solve_mode(problem, law, guess, quick=True, angles=angles), tried + 1
         if found.valid:
-            return _answer(problem, [_state(problem, law, guess, found)], ContactStatus.SOLVED, 1)
+            return _answer(problem, [_state(problem, law, guess, found)], ContactStatus.SOLVED, tried)
     state, more = _pivot(problem, law, understood(problem, law, guess))
     tried += more
     if state is not None:
@@ -95,6 +100,20 @@ def _answer(
 def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: ModeSolution) -> ContactState:
     lam, xi = found.lam[0], found.xi[0]
     return ContactState(lam, xi, modes, check(problem, law, lam, xi))
+
+
+def _by_newton(problem: ContactProblem, law: Law) -> tuple[ContactState | None, int]:
+    """Of a problem without object."""
+    mu = problem.mu if law == "coulomb" else 0.0
+    if mu > 0 and problem.cone != "exact":
+        return None, 0
+    force, tried = newton(problem.W, problem.free, mu)
+    if force is None:
+        return None, tried
+    lam, none = force.ravel(), np.zeros(0)
+    account = check(problem, law, lam, none)
+    modes = understood(problem, law, modes_from(force, mu))
+    return (ContactState(lam, none, modes, account) if account.valid() else None), tried
 
 
 def _pivot(problem: ContactProblem, law: Law, modes: tuple[Mode, ...]) -> tuple[ContactState | None, int]:

@@ -26,15 +26,24 @@ def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.n
     return replace(robot, contacts=tuple(points), rows=replace(robot.rows, contacts=names))
 
 
-def patch_compliance(robot: Robot, nodes: np.ndarray, patches: Patches, delta_a: np.ndarray) -> np.ndarray:
-    """(3 N, 3 N) mm/N: how the patches yield to forces on them, actuators held at delta_a (n_a,) mm.
+def patch_compliance(robot: Robot, nodes: np.ndarray, patches: Patches, states: np.ndarray) -> np.ndarray:
+    """(J, 3 N, 3 N) mm/N: how the patches yield to forces on them, actuators held at states (J, n_a) mm.
 
-    One equilibrium and one block of right-hand sides. NumericalError where there is no equilibrium."""
+    One equilibrium and one block of right-hand sides a state. NumericalError where there is no equilibrium."""
     touched = with_patches(robot, nodes, patches, np.arange(len(patches)))
-    found = solve(Problem(touched), displacement(delta_a), slack=False)
-    if not found.converged:
-        raise NumericalError(f"patches of the surface: {found.status.value}")
-    W, rows = found.condensed.W, touched.rows
-    across = W[rows.c, rows.a]
-    G = np.linalg.solve(W[rows.a, rows.a], across.T).T
-    return W[rows.c, rows.c] - G @ across.T
+    plain, problem, rows = Problem(robot), Problem(touched), touched.rows
+    found, start = np.empty((len(states), rows.n_c, rows.n_c)), None
+    for j, delta in enumerate(states):
+        moved = solve(plain, displacement(delta), base=start, slack=False)
+        if not moved.converged:
+            raise NumericalError(f"patches of the surface: {moved.status.value}")
+        start = moved.state
+        lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
+        held = solve(problem, displacement(delta), start=replace(start, lam=lam), slack=False)
+        if not held.converged:
+            raise NumericalError(f"patches of the surface: {held.status.value}")
+        W = held.condensed.W
+        across = W[rows.c, rows.a]
+        G = np.linalg.solve(W[rows.a, rows.a], across.T).T
+        found[j] = W[rows.c, rows.c] - G @ across.T
+    return found

@@ -27,7 +27,7 @@ class Basis:
     indices: (M, n)"""
 
     def __init__(self, indices: np.ndarray):
-        n = indices.shape[1]
+        self.indices, n = indices, indices.shape[1]
         self._degree = int(indices.max(initial=0))
         ends = [0, n] if n < 4 else [0, n // 2, n]
         self._factors = []

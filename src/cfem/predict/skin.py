@@ -47,6 +47,7 @@ class LearnedSkin:
         self._series_T = np.ascontiguousarray(take(arrays, "series", (k, len(self._indices))).T)
         indices = take(arrays, "compliance_indices", (None, n_inputs), "iu").astype(np.int64)
         self._compliance_basis = Basis(indices)
+        self._last: dict[int, tuple[tuple[bytes, bytes], np.ndarray]] = {}
         self._compliance = take(arrays, "compliance", (n_e * k + k * (k + 1) // 2, len(indices)))
 
     def __len__(self) -> int:
@@ -54,7 +55,7 @@ class LearnedSkin:
 
     def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., n_a), (..., n_q) -> (..., k) mm from rest."""
-        return self._basis(self._box(s, q)) @ self._series_T
+        return self._at(self._basis, s, q) @ self._series_T
 
     def surface(self, rows: np.ndarray) -> np.ndarray:
         """(..., k) mm -> (..., m, 3) mm positions of the surface nodes."""
@@ -62,15 +63,23 @@ class LearnedSkin:
 
     def gradient(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., k, n_a) of the rows by s."""
-        found = self._basis(self._box(s, q)) @ self._slopes_T
+        found = self._at(self._basis, s, q) @ self._slopes_T
         return found.reshape(*found.shape[:-1], len(self), s.shape[-1])
 
     def compliance(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(..., n_e, k) C_es and (..., k, k) C_ss, mm/N."""
-        found, k = self._compliance_basis(self._box(s, q)) @ self._compliance.T, len(self)
+        found, k = self._at(self._compliance_basis, s, q) @ self._compliance.T, len(self)
         across = self._n_e * k
         C_es = found[..., :across].reshape(*found.shape[:-1], self._n_e, k)
         return C_es, found[..., across:][..., unpacking(k)]
+
+    def compliance_work(self, s: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """(n_a,) derivatives by s of w . C_ss w, w (k,) N."""
+        across = self._n_e * len(self)
+        weights = np.zeros(self._compliance.shape[0] - across)
+        np.add.at(weights, unpacking(len(self)).ravel(), np.outer(w, w).ravel())
+        series, at = weights @ self._compliance[across:], self._at(self._compliance_basis, s, q)
+        return np.array([at @ (D @ series) for D in self._compliance_slopes])
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
@@ -100,6 +109,23 @@ class LearnedSkin:
 
         by_s = input_derivatives(self._indices, self._to_box, self._n_a)
         return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
+
+    @cached_property
+    def _compliance_slopes(self) -> list:
+        """(L, L) matrices, one an actuator: derivatives of the series of the compliance by s."""
+        from cfem.predict.series import input_derivatives  # which needs SciPy, as no shape does
+
+        return input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a)
+
+    def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """(..., M) the basis there; of the last single state it is kept, as most are asked for several things."""
+        if s.ndim > 1:
+            return basis(self._box(s, q))
+        key = s.tobytes(), q.tobytes()
+        known = self._last.get(id(basis))
+        if known is None or known[0] != key:
+            known = self._last[id(basis)] = key, basis(self._box(s, q))
+        return known[1]
 
     def _box(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s

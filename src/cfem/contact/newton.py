@@ -1,0 +1,98 @@
+"""Newton's method on the contact law written as one equation, for many points without object and from a good start.
+
+With the local force p = lambda - r gap, r > 0 of each point, the law says that every force is the projection of p:
+
+    lambda = P(p)      P: 0 where p_n <= 0; else p_n along the normal, and along the surface p_t cut to length mu p_n
+
+(Alart and Curnier, *A mixed formulation for frictional contact problems prone to Newton like solution methods*, 1991).
+P has a derivative on each piece, so that Newton's method ends within a few linear systems, exactly, once it knows
+which points are open, stick and slip."""
+
+import numpy as np
+
+from cfem.contact.modes import Mode
+
+ITERATIONS, HALVINGS = 40, 4
+EXACT = 1e-13  # of the largest force: change of a force in the last step
+
+
+def newton(
+    W: np.ndarray, free: np.ndarray, mu: float, start: np.ndarray | None = None
+) -> tuple[np.ndarray | None, int]:
+    """(m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
+    (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.problem`; mu: of friction; start (m, 3) N: forces, zero unless
+    given."""
+    m = len(free) // 3
+    rate = np.repeat(1.0 / np.maximum(np.diag(W).reshape(m, 3).max(axis=1), np.finfo(float).tiny), 3)
+    A = np.eye(3 * m) - rate[:, None] * W  # p = A lambda - r free
+    A_blocks, constant = A.reshape(m, 3, 3 * m), rate * free
+    lam = np.zeros(3 * m) if start is None else np.asarray(start, float).ravel()
+    F, D = _missing(lam, A, constant, mu)
+    size = np.abs(F).max()
+    eye = np.eye(3 * m)
+    for iteration in range(1, ITERATIONS + 1):
+        J = eye - (D @ A_blocks).reshape(3 * m, 3 * m)
+        try:
+            step = np.linalg.solve(J, -F)
+        except np.linalg.LinAlgError:
+            return None, iteration
+        share = 1.0
+        for halving in range(HALVINGS + 1):
+            trial = lam + share * step
+            F, D = _missing(trial, A, constant, mu)
+            now = np.abs(F).max()
+            if now < size or halving == HALVINGS:
+                break
+            share /= 2
+        lam, size = trial, now
+        largest = np.abs(lam).max()
+        if not np.isfinite(largest):
+            return None, iteration
+        if size <= EXACT * max(largest, np.abs(constant).max()):
+            return _clean(lam.reshape(m, 3), mu), iteration
+    return None, ITERATIONS
+
+
+def _missing(lam: np.ndarray, A: np.ndarray, constant: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
+    """lambda - P(p), and the derivatives (m, 3, 3) of P by p."""
+    p = (A @ lam - constant).reshape(-1, 3)
+    normal, m = p[:, 0], len(p)
+    pressed = normal > 0
+    D, found = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    D[:, 0, 0] = pressed
+    found[:, 0] = np.where(pressed, normal, 0.0)
+    if mu > 0:
+        t = p[:, 1:]
+        length, limit = np.sqrt(t[:, 0] ** 2 + t[:, 1] ** 2), mu * found[:, 0]
+        slips = pressed & (length > limit)
+        sticks = pressed & ~slips
+        D[sticks, 1, 1] = D[sticks, 2, 2] = 1.0
+        found[sticks, 1:] = t[sticks]
+        if slips.any():
+            along, ratio = t[slips] / length[slips, None], limit[slips] / length[slips]
+            found[slips, 1:] = limit[slips, None] * along
+            D[slips, 1:, 0] = mu * along
+            D[slips, 1:, 1:] = ratio[:, None, None] * (np.eye(2) - along[:, :, None] * along[:, None, :])
+    return lam - found.ravel(), D
+
+
+def _clean(lam: np.ndarray, mu: float) -> np.ndarray:
+    """Forces of open points exactly 0, no friction beyond its limit by rounding."""
+    largest = np.abs(lam).max(initial=0.0)
+    lam = np.where(lam[:, :1] > EXACT * largest, lam, 0.0)
+    if mu == 0:
+        lam[:, 1:] = 0.0
+        return lam
+    length = np.sqrt(lam[:, 1] ** 2 + lam[:, 2] ** 2)
+    over = length > mu * lam[:, 0]
+    lam[over, 1:] *= (mu * lam[over, 0] / length[over])[:, None]
+    return lam
+
+
+def modes_from(lam: np.ndarray, mu: float) -> tuple[Mode, ...]:
+    """Of forces (m, 3) N that obey the law: without friction to touch is to slip."""
+    slips = np.hypot(lam[:, 1], lam[:, 2]) >= mu * lam[:, 0] * (1 - 1e-9)
+    pressed = lam[:, 0] > 0
+    return tuple(
+        (Mode.SLIP if slip else Mode.STICK) if touch else Mode.OPEN for touch, slip in zip(pressed, slips, strict=True)
+    )
