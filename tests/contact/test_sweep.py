@@ -46,3 +46,13 @@ def test_the_projection_onto_the_cone_is_the_nearest_force_of_it(force):
         angle, share = rng.uniform(0, 2 * np.pi), rng.uniform()
         other = np.array([normal, *(share * mu * normal * np.array([np.cos(angle), np.sin(angle)]))])
         assert np.linalg.norm(force - found) <= np.linalg.norm(force - other) + 1e-12
+
+
+def test_an_unstable_compliance_is_named_and_not_swept():
+    for seed in range(5):
+        problem = random_problem(seed, 6, 0.4)
+        found = solve_contact(ContactProblem(problem.W - 30.0 * np.eye(18), problem.free, mu=0.4), "coulomb")
+        if found.status is ContactStatus.SOLVED:
+            assert found.check.valid()
+        else:
+            assert found.status is ContactStatus.UNSTABLE and not found.modes

@@ -101,3 +101,22 @@ def test_chambers_that_outnumber_the_effectors_meet_the_goal_whatever_their_boun
     limits = Limits(np.array([[0.0, bound]] * 6), np.array([[-1e4, 1e4]] * 6))
     step = inverse_step(now, Aim(goal, np.ones(3), np.zeros(6)), limits)
     assert np.abs(now.W_ea @ step.lambda_a - goal).max() < 1e-11
+
+
+def test_a_bound_of_an_effector_row_is_kept_and_is_where_the_goal_is_beyond_it():
+    now = ArcRobot().at_displacement(np.array([5.0, 4.0]))
+    goal = now.delta_e + [0.0, 3.0, 0.0]
+    bounds = np.array([[-np.inf, np.inf], [-np.inf, now.delta_e[1] + 1.0], [-np.inf, np.inf]])
+    limits = Limits(PULLING.lambda_a, PULLING.delta_a, bounds)
+    step = inverse_step(now, aim_at(goal, (0.0, 1.0, 0.0)), limits)
+    reached = (now.W_ea @ step.lambda_a + now.delta_free[now.rows.e])[1]
+    assert not step.softened and reached == pytest.approx(now.delta_e[1] + 1.0)
+    assert limits.outside(goal, step.lambda_a) == pytest.approx(2.0)
+    impossible = np.array([[-np.inf, np.inf], [now.delta_e[1] + 500.0, np.inf], [-np.inf, np.inf]])
+    assert inverse_step(now, aim_at(goal), Limits(PULLING.lambda_a, PULLING.delta_a, impossible)).softened
+
+
+def test_forces_have_no_part_in_the_distance():
+    aim = Aim(np.zeros(3), np.ones(3), RIDGE, places=np.array([True, True, False]))
+    assert aim.distance(np.array([3.0, 4.0, 9.0])) == pytest.approx(5.0)
+    assert aim.cost(np.array([0.0, 0.0, 2.0]), np.zeros(2)) == pytest.approx(2.0)

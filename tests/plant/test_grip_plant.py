@@ -1,7 +1,5 @@
 """Two bars that carry a block which they only touch, as a plant."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from support.blocks import bar
@@ -63,7 +61,10 @@ def steps_of(monkeypatch, works, goal):
 
     def go(self, u):
         tried.append(float(u[1]))
-        return SimpleNamespace(converged=works(tried[-1], self._at[1]), status=TouchStatus.NO_MODE)
+        if not works(tried[-1], self._at[1]):
+            return TouchStatus.NO_MODE.value
+        self._at = u
+        return TouchStatus.CONVERGED.value
 
     monkeypatch.setattr(GripPlant, "_go", go)
     one = plant()

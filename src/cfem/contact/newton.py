@@ -23,7 +23,10 @@ def newton(
     (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.problem`; mu: of friction; start (m, 3) N: forces, zero unless
     given."""
     m = len(free) // 3
-    rate = np.repeat(1.0 / np.maximum(np.diag(W).reshape(m, 3).max(axis=1), np.finfo(float).tiny), 3)
+    yields = np.diag(W).reshape(m, 3).max(axis=1)
+    if not (np.isfinite(W).all() and (yields > 0).all()):
+        return None, 0
+    rate = np.repeat(1.0 / yields, 3)
     A = np.eye(3 * m) - rate[:, None] * W  # p = A lambda - r free
     A_blocks, constant = A.reshape(m, 3, 3 * m), rate * free
     lam = np.zeros(3 * m) if start is None else np.asarray(start, float).ravel()

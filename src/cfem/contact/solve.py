@@ -21,6 +21,7 @@ from cfem.contact.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
 SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices, each from few starts
+INDEFINITE = 1e-9  # of the largest eigenvalue of a compliance: how negative rounding may make the smallest
 _PIVOTS = 12
 
 
@@ -30,6 +31,7 @@ class ContactStatus(Enum):
     SOLVED = "solved"
     SEVERAL = "several states of the contacts satisfy the law; the first is given"
     NONE = "no choice of open, sticking and slipping contacts satisfies the law"
+    UNSTABLE = "no state was found, and the robot is not stable where the contacts let go"
     BUDGET = "no state that satisfies the law was found among the choices tried"
 
 
@@ -61,22 +63,18 @@ def solve_contact(
         tried = len(modes_of(problem, law)) ** problem.m
         status = ContactStatus.SEVERAL if len(states) > 1 else ContactStatus.SOLVED
         return _answer(problem, states, status if states else ContactStatus.NONE, tried)
-    many, tried = problem.m > MOST and not problem.k and law != "bilateral", 0
     guess = start_modes or [Mode.OPEN if gap > 0 else Mode.STICK for gap in problem.free[::3]]
-    if many and not start_modes:
-        state, tried = _by_newton(problem, law)
+    tried = 0
+    if problem.m > MOST and not problem.k and law != "bilateral":
+        state, tried = _of_many(problem, law, start_modes)
         if state is not None:
             return _answer(problem, [state], ContactStatus.SOLVED, tried)
-        guess, angles = sweep.guess(problem, law)
-        found, tried = solve_mode(problem, law, guess, quick=True, angles=angles), tried + 1
-        if found.valid:
-            return _answer(problem, [_state(problem, law, guess, found)], ContactStatus.SOLVED, tried)
+        if _unstable(problem):
+            return _answer(problem, [], ContactStatus.UNSTABLE, tried)
     state, more = _pivot(problem, law, understood(problem, law, guess))
     tried += more
     if state is not None:
         return _answer(problem, [state], ContactStatus.SOLVED, tried)
-    if many and start_modes:
-        return solve_contact(problem, law, None, count, budget)
     total = len(modes_of(problem, law)) ** problem.m
     limit = total if problem.m <= MOST else min(budget if problem.m <= SEARCHED else FEW, total)
     state, searched = _search(problem, law, understood(problem, law, guess), limit)
@@ -102,18 +100,33 @@ def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: Mo
     return ContactState(lam, xi, modes, check(problem, law, lam, xi))
 
 
-def _by_newton(problem: ContactProblem, law: Law) -> tuple[ContactState | None, int]:
-    """Of a problem without object."""
+def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | None) -> tuple[ContactState | None, int]:
+    """Of a problem without object: the modes that are given, Newton's method, then the modes that sweeps come to."""
+    tried = 0
+    if start_modes:
+        modes = understood(problem, law, start_modes)
+        found, tried = solve_mode(problem, law, modes, quick=True), 1
+        if found.valid:
+            return _state(problem, law, modes, found), tried
     mu = problem.mu if law == "coulomb" else 0.0
-    if mu > 0 and problem.cone != "exact":
-        return None, 0
-    force, tried = newton(problem.W, problem.free, mu)
-    if force is None:
+    if mu == 0 or problem.cone == "exact":
+        force, systems = newton(problem.W, problem.free, mu)
+        tried += systems
+        if force is not None:
+            lam, none = force.ravel(), np.zeros(0)
+            account = check(problem, law, lam, none)
+            if account.valid():
+                return ContactState(lam, none, understood(problem, law, modes_from(force, mu)), account), tried
+    if _unstable(problem):  # sweeps diverge
         return None, tried
-    lam, none = force.ravel(), np.zeros(0)
-    account = check(problem, law, lam, none)
-    modes = understood(problem, law, modes_from(force, mu))
-    return (ContactState(lam, none, modes, account) if account.valid() else None), tried
+    modes, angles = sweep.guess(problem, law)
+    found = solve_mode(problem, law, modes, quick=True, angles=angles)
+    return (_state(problem, law, modes, found) if found.valid else None), tried + 1
+
+
+def _unstable(problem: ContactProblem) -> bool:
+    lowest, *_, highest = np.linalg.eigvalsh(problem.W)
+    return bool(lowest < -INDEFINITE * highest)
 
 
 def _pivot(problem: ContactProblem, law: Law, modes: tuple[Mode, ...]) -> tuple[ContactState | None, int]:

@@ -80,6 +80,8 @@ class Controller:
         if self._tick == 1 and pilot.approach is not None:
             pilot = replace(pilot, settings=pilot.approach)
         self.belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured)
+        if hasattr(pilot.model, "settle"):  # contact depends on the way
+            pilot.model.settle(self.belief.iterate.condensed.delta_a)
         if self._correction:
             self._expected[self._tick] = self._rest_e + self.belief.iterate.condensed.delta_e - self._moved
         return self.belief

@@ -58,7 +58,10 @@ def follow(
             if hasattr(model, "inside"):
                 found = plan.iterate.condensed
                 inside, distance = model.inside(found), model.distance(found)
-            tracked.append(Tracked(name, index, goal, plan, measured, inside, distance, pilots[name].weights > 0))
+            matters = pilots[name].weights > 0
+            if pilots[name].places is not None:
+                matters = matters & pilots[name].places
+            tracked.append(Tracked(name, index, goal, plan, measured, inside, distance, matters))
             if place == 0:
                 after(index)
     return tracked

@@ -3,7 +3,7 @@ their goal.
 
     minimise over lambda   |w (W_ea lambda + delta_free_e - goal)|^2 / 2 + |r (delta_a - preload)|^2 / 2
                            + (delta_a - delta_now)^T (S + d^2) (delta_a - delta_now) / 2
-    subject to             bounds of lambda, bounds of delta_a = W_aa lambda + delta_free_a
+    subject to             bounds of lambda, of delta_a = W_aa lambda + delta_free_a, and of effector rows, if any
 
 after Navez, Menager et al. 2025. w selects and weighs effector rows, r is a small regularisation that decides
 where the effectors do not, and two terms are absent from the paper: S, the curvature of the effectors' map (see
@@ -22,10 +22,28 @@ from cfem.core.errors import NumericalError
 @dataclass(frozen=True)
 class Limits:
     """Bounds (n_a, 2), low and high, +-inf where there is none. lambda_a: N; delta_a: mm, the course of the
-    actuators."""
+    actuators; delta_e: (n_e, 2) of the effector rows, None without any."""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray
+    delta_e: np.ndarray | None = None
+
+    def rows(self, W_aa: np.ndarray, W_ea: np.ndarray, free_a: np.ndarray, free_e: np.ndarray) -> tuple:
+        """Bounded rows A (m, n_a) of lambda_a, and their lower and upper bounds (m,): the course, then effectors."""
+        low, high = self.delta_a.T - free_a
+        if self.delta_e is None:
+            return W_aa, low, high
+        chosen = np.isfinite(self.delta_e).any(axis=1)
+        low_e, high_e = self.delta_e[chosen].T - free_e[chosen]
+        return np.vstack([W_aa, W_ea[chosen]]), np.concatenate([low, low_e]), np.concatenate([high, high_e])
+
+    def outside(self, delta_e: np.ndarray, lambda_a: np.ndarray) -> float:
+        """N and mm beyond the bounds of forces and of effectors, summed."""
+        pairs = [(lambda_a, self.lambda_a)] + ([] if self.delta_e is None else [(delta_e, self.delta_e)])
+        return sum(
+            float((np.maximum(bounds[:, 0] - one, 0.0) + np.maximum(one - bounds[:, 1], 0.0)).sum())
+            for one, bounds in pairs
+        )
 
     @classmethod
     def of(cls, reach: np.ndarray, unilateral: np.ndarray) -> "Limits":
@@ -44,17 +62,20 @@ class Limits:
 class Aim:
     """What the effectors should do. goal: (n_e,) mm from rest; weights: (n_e,), 0 for rows that do not matter;
     ridge: (n_a,) dimensionless, the regularisation r; preload: mm, the course that it draws the actuators to;
-    damping: (n_a,) dimensionless, d, which holds them where they are."""
+    damping: (n_a,) dimensionless, d, which holds them where they are; places: (n_e,) True for rows in mm, all unless
+    given (forces have weights in mm/N)."""
 
     goal: np.ndarray
     weights: np.ndarray
     ridge: np.ndarray
     preload: float = 0.0
     damping: np.ndarray | float = 0.0
+    places: np.ndarray | None = None
 
     def distance(self, delta_e: np.ndarray) -> float:
         """mm between effectors (n_e,) and goal over the rows that matter."""
-        return float(np.linalg.norm((delta_e - self.goal)[self.weights > 0]))
+        matters = self.weights > 0 if self.places is None else (self.weights > 0) & self.places
+        return float(np.linalg.norm((delta_e - self.goal)[matters]))
 
     def cost(self, delta_e: np.ndarray, delta_a: np.ndarray) -> float:
         """mm^2, what the inverse step minimises, at a state."""
@@ -98,28 +119,28 @@ def inverse_step(
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
         M, d = [*M, root @ W_aa], [*d, root @ (now.delta_a - free_a)]
     M, d = np.concatenate(M), np.concatenate(d)
-    low, high = limits.delta_a.T - free_a
-    qp = solve_qp(M, d, W_aa, low, high, limits.lambda_a, backend)
+    A, low, high = limits.rows(W_aa, now.W_ea, free_a, now.delta_free[now.rows.e])
+    qp = solve_qp(M, d, A, low, high, limits.lambda_a, backend)
     softened = qp.status is QpStatus.INFEASIBLE
     if softened:
-        nearest = _nearest(W_aa, low, high, limits.lambda_a, backend)
-        slack = 1e-9 * (high - low).max()
+        nearest = _nearest(A, low, high, limits.lambda_a, backend)
+        slack = 1e-9 * (high - low)[: len(free_a)].max()
         low, high = np.minimum(low, nearest - slack), np.maximum(high, nearest + slack)
-        qp = solve_qp(M, d, W_aa, low, high, limits.lambda_a, backend)
+        qp = solve_qp(M, d, A, low, high, limits.lambda_a, backend)
     _demand(qp)
     return InverseStep(qp.x, W_aa @ qp.x + free_a, softened, qp)
 
 
-def _nearest(W_aa: np.ndarray, low: np.ndarray, high: np.ndarray, box: np.ndarray, backend: Backend) -> np.ndarray:
-    """(n_a,) W_aa lambda, lambda in its box, that leaves [low, high] by the least: one program in lambda and
-    the place s in the course, minimising |W_aa lambda - s|^2."""
-    n, nothing = len(low), np.zeros(0)
+def _nearest(A: np.ndarray, low: np.ndarray, high: np.ndarray, box: np.ndarray, backend: Backend) -> np.ndarray:
+    """(m,) A lambda, lambda in its box, that leaves [low, high] by the least: one program in lambda and the place s
+    within the bounds, minimising |A lambda - s|^2."""
+    (m, n), nothing = A.shape, np.zeros(0)
     # Where any s with its lambda is as good, the program is flat: the solver takes one of them.
-    apart = np.hstack([W_aa, -np.eye(n)])
+    apart = np.hstack([A, -np.eye(m)])
     within = np.vstack([box, np.column_stack([low, high])])
-    qp = solve_qp(apart, np.zeros(n), np.zeros((0, 2 * n)), nothing, nothing, within, backend)
+    qp = solve_qp(apart, np.zeros(m), np.zeros((0, n + m)), nothing, nothing, within, backend)
     _demand(qp)
-    return W_aa @ qp.x[:n]
+    return A @ qp.x[:n]
 
 
 def _demand(qp: QpSolution) -> None:

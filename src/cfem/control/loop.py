@@ -143,7 +143,8 @@ def reach(
         if np.abs(step.delta_a - here).max() < settings.tolerance:
             status = ReachStatus.CONVERGED
             break
-        penalty = 2.0 * float(np.abs(step.qp.z).max())
+        prices = step.qp.z if limits.delta_e is None else np.concatenate([step.qp.z, step.qp.y[len(here) :]])
+        penalty = 2.0 * float(np.abs(prices).max())
         trial, used = _descend(
             lambda share, here=at.condensed, step=step: place(model, here, step, share),
             aim,
@@ -182,10 +183,8 @@ def _descend(
 
 
 def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float) -> float:
-    """Cost plus the exact (l1) penalty on multipliers outside their bounds; the course is kept by every
-    step."""
-    low, high = limits.lambda_a.T
-    outside = np.maximum(low - condensed.lam, 0.0) + np.maximum(condensed.lam - high, 0.0)
-    delta = condensed.delta
-    rows = condensed.rows
-    return aim.cost(delta[rows.e], delta[rows.a]) + penalty * float(outside.sum())
+    """Cost plus the exact (l1) penalty on multipliers and effector rows outside their bounds; the course is kept by
+    every step."""
+    delta, rows = condensed.delta, condensed.rows
+    outside = limits.outside(delta[rows.e], condensed.lam)
+    return aim.cost(delta[rows.e], delta[rows.a]) + penalty * outside

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
+from cfem.control.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -194,6 +195,11 @@ class ControlSpec(Spec):
     loads: dict[Name, LoadSpec] = {}
     """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. The
     model takes them without new samples, and the FE robot carries them. Goals stay where they are."""
+    obstacles: dict[Name, ObstacleSpec] = {}
+    """Rigid bodies that stand in the robot's world, by name. Plans know them: they touch, press or avoid them with any
+    part of the surface, and the FE robot meets the same."""
+    contact: ContactSpec = ContactSpec()
+    """How the robot's surface touches obstacles."""
     loop: LoopSpec | None = None
     """Control over time instead, tick by tick."""
 
@@ -216,6 +222,14 @@ class ControlSpec(Spec):
     def _loads_alone(self):
         if self.loads and (self.object or self.design or self.runtime == "onnx"):
             raise ValueError("loads do not go with an object, a design or runtime: onnx yet")
+        return self
+
+    @model_validator(mode="after")
+    def _obstacles_alone(self):
+        if self.obstacles and (self.object or self.design or self.loads or self.loop or self.runtime == "onnx"):
+            raise ValueError("obstacles do not go with an object, a design, loads, a loop or runtime: onnx yet")
+        if self.obstacles and (self.fe_based or self.plant == "pipe"):
+            raise ValueError("obstacles need fe_based: false, and plant: fem or model")
         return self
 
     @model_validator(mode="after")

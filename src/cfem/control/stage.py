@@ -30,6 +30,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec, base = load_spec(spec_path, ControlSpec, overrides), spec_path.parent
     real = spec.loop.real.mesh if spec.loop else None
     inputs = {"mesh": base / spec.mesh} | {f"model {name}": base / path for name, path in spec.models.items()}
+    inputs |= {f"obstacle {name}": base / one.file for name, one in spec.obstacles.items() if one.kind == "mesh"}
     return Stage(
         name="control",
         version=VERSION,
@@ -57,18 +58,29 @@ def _work(
 
     scene_and_mesh, robot, predictors, shift = _loaded(spec, base, mesh, models)
     demand_units(spec, robot.actuator_units)
+    world = touched = None
     if spec.object:
         from cfem.control.assembled import assembled, touching
 
         touched = touching(spec, robot) if spec.object.law != "bilateral" else None
         robot, predictors, fem = assembled(spec, robot, predictors, models)
         plant = touched or fem
+    elif spec.obstacles:
+        from cfem.control.among import among
+
+        _demand_same_rows(robot, predictors, models)
+        fem = FemPlant(robot) if spec.plant == "fem" else None
+        world, predictors, touched = among(spec, base, robot, predictors, models)
+        plant = touched if fem else ModelPlant(next(iter(predictors.values())), world.rest(robot.rest_e))
     else:
         _demand_same_rows(robot, predictors, models)
         robot, predictors = carrying(spec, robot, predictors, models)
         fem = FemPlant(robot) if spec.plant == "fem" else None
         plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
     goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
+    if world:
+        goals = {name: world.goals(points) for name, points in goals.items()}
+        spec = spec.model_copy(update={"mesh_error": None})  # contact has no estimate of it
     if spec.loop:
         from cfem.control.closed_loop_stage import run_controllers
 
@@ -86,7 +98,7 @@ def _work(
                 if (name, index) in wanted and plant.state is not None:
                     solved.append(plant.state)
 
-            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, after)
+            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, after, world)
             records += rows
             states |= pictures
             results[name] = summarise(rows, robot.length)
@@ -97,16 +109,20 @@ def _work(
     _write_table(folder / "trajectories.parquet", records, robot)
     costs = ("solves", "factorizations", "seconds")
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
-    lines, held = headline(results, refined, cost), None
+    lines, held, met = headline(results, refined, cost), None, None
     under = max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
     if spec.loads:
         lines.append(f"under the loads the models miss by about {under:.2g} mm, of second order in the loads")
     if spec.object:
         held, said = _account(fem, touched)
         lines += said
+    if world:
+        met, said = world.said(spec, records)
+        lines = [*said, *lines, touched.sentence()]
     return {
         "headline": lines,
         "object": held,
+        "obstacles": met,
         "load_error": under,
         "plant": spec.plant,
         "trajectories": results,
@@ -162,7 +178,7 @@ def _demand_same_rows(robot, predictors, models) -> None:
 
 
 def _follow(
-    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, surface, done
+    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, surface, done, world=None
 ) -> tuple[list, dict]:
     """Records of one trajectory, and the deformed nodes of the surface at its goals. done: called with a goal's index
     when the plant stands where the first controller has sent it."""
@@ -171,7 +187,9 @@ def _follow(
 
     first, predictor = next(iter(predictors.items()))
     searched = _pilot(spec, robot, predictor)
-    settings = searched.settings
+    if world:
+        searched = world.pilot(searched)
+    settings, rest_e = searched.settings, world.rest(robot.rest_e) if world else robot.rest_e
     pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
         f"{first}@{n}": replace(
             searched, model=_updated_once(predictor), settings=replace(settings, iterations=n), approach=settings
@@ -189,7 +207,7 @@ def _follow(
             shapes[index] = plant.x[surface].astype(np.float32)
         done(index)
 
-    tracked = follow(goals, pilots, plant, robot.rest_e, FE_BASED, after)
+    tracked = follow(goals, pilots, plant, rest_e, FE_BASED, after)
     fe = {one.index: one for one in tracked if one.controller == FE_BASED}
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]
     pictures = {f"{name}/index": np.array(sorted(shapes)), f"{name}/x": np.array([shapes[i] for i in sorted(shapes)])}
@@ -199,7 +217,10 @@ def _follow(
 def _updated_once(model):
     """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
     from cfem.condensed.coupling import Coupled
+    from cfem.predict.among import Among
 
+    if isinstance(model, Among):
+        return replace(model, before=None)  # where it stands is its own
     return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
 
 

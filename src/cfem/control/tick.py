@@ -24,8 +24,9 @@ ONCE = Settings(iterations=1)
 @dataclass(frozen=True)
 class Pilot:
     """What turns goals into commands. limits: amplitudes; rate: mm (mm^3) or N (MPa) by which a command may change in
-    a tick; weights (n_e,), ridge (n_a,), preload, damping: see `Aim`; settings.iterations: inverse steps a tick, 1
-    is the paper's; approach: settings of the first tick, whose goal may be far away, None: as those of the others."""
+    a tick; weights (n_e,), ridge (n_a,), preload, damping, places: see `Aim`; settings.iterations: inverse steps a
+    tick, 1 is the paper's; approach: settings of the first tick, whose goal may be far away, None: as those of the
+    others."""
 
     model: Model
     command: Command
@@ -38,6 +39,7 @@ class Pilot:
     preload: float = 0.0
     damping: np.ndarray | float = 0.0
     approach: Settings | None = None
+    places: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Belief:
 def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None) -> Belief:
     """One tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it. Where the model
     has no answer the command stays, and the status says why. InputError where that observer's sensor is missing."""
-    aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping)
+    aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping, pilot.places)
     limits = _this_tick(pilot, belief.u)
     try:
         at = belief.iterate

@@ -10,7 +10,6 @@ patches. It is local: it falls with their distance and turns with them, by R_p, 
 fits its nodes best (Kabsch, 1976). Seen in the patches it changes little: a polynomial in delta_a of degree two, or of
 one where that has many terms, through finite elements at as few states."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +17,6 @@ import numpy as np
 from scipy.linalg import qr
 
 from cfem.condensed.patches import Patches, cut
-from cfem.contact.obstacle import Obstacle
 from cfem.core.errors import InputError
 from cfem.predict.chebyshev import basis
 from cfem.predict.domain import Domain
@@ -173,22 +171,3 @@ def touch_states(domain: Domain, n_a: int) -> np.ndarray:
 def patches_of(model: Predictor, apart: float | None = None) -> Patches:
     """The patches of a model's skin, about `apart` mm from each other, a twentieth of the length unless given."""
     return cut(model.skin.rest, model.skin.weights, apart or model.length / 20)
-
-
-def nearest(obstacles: Sequence[Obstacle], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) mm distance to the nearest obstacle, and (N,) its number."""
-    if len(obstacles) == 1:
-        return obstacles[0].distance(points), np.zeros(len(points), dtype=np.int64)
-    distances = np.array([one.distance(points) for one in obstacles])
-    which = distances.argmin(axis=0)
-    return distances[which, np.arange(len(points))], which
-
-
-def frames(obstacles: Sequence[Obstacle], which: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(c, 3, 3) of the obstacles `which` (c,) at points (c, 3) mm."""
-    if len(obstacles) == 1:
-        return obstacles[0].frames(points)
-    found = np.empty((len(points), 3, 3))
-    for number in np.unique(which):
-        found[which == number] = obstacles[number].frames(points[which == number])
-    return found

@@ -18,8 +18,9 @@ from cfem.contact.modes import Mode
 from cfem.contact.newton import modes_from, newton
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.several import frames, nearest
 from cfem.contact.solve import ContactStatus, solve_contact
-from cfem.predict.touchable import NONE, Touchable, frames, nearest
+from cfem.predict.touchable import NONE, Touchable
 
 ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: largest change of a patch's place between the last two rounds
@@ -40,15 +41,17 @@ class TouchedStatus(Enum):
 @dataclass(frozen=True)
 class Touched:
     """One state. patches (c,): numbers of those that touch; forces (c, 3) N on them, normals (c, 3) of what they touch
-    and places (c, 3) mm; gaps (c,) mm; obstacles (c,): numbers of those that they touch; modes: of each patch; delta_e
-    (n_e,) mm and lambda_a (n_a,) N of the touched robot; rows (k,) mm of the skin, from which `LearnedSkin.surface`
-    draws it (without what is local); stuck (N, 3) mm where friction holds each patch, NaN where it does not."""
+    and places (c, 3) mm; everywhere (N, 3) mm: places of all patches; gaps (c,) mm; obstacles (c,): numbers of those
+    that they touch; modes: of each patch; delta_e (n_e,) mm and lambda_a (n_a,) N of the touched robot; rows (k,) mm of
+    the skin, from which `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds
+    each patch, NaN where it does not."""
 
     status: TouchedStatus
     patches: np.ndarray
     forces: np.ndarray
     normals: np.ndarray
     places: np.ndarray
+    everywhere: np.ndarray
     gaps: np.ndarray
     obstacles: np.ndarray
     modes: tuple[Mode, ...]
@@ -64,7 +67,7 @@ class Touched:
 
     def pressed(self, count: int) -> np.ndarray:
         """(count,) N: how hard each obstacle is pressed, the sum of its normal forces."""
-        return np.bincount(self.obstacles, (self.forces * self.normals).sum(axis=1), count)
+        return np.bincount(self.obstacles, (self.forces * self.normals).sum(axis=1), count).astype(float)
 
 
 def touch_step(
@@ -140,6 +143,7 @@ def touch_step(
         forces,
         into[:, 0],
         places[chosen],
+        places,
         distance[chosen],
         which[chosen],
         modes,

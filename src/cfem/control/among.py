@@ -1,0 +1,120 @@
+"""From what `control.yaml` says of obstacles to models that plan with contact, and to the FE robot that meets them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.contact.obstacle import Obstacle
+from cfem.control.spec import ControlSpec
+from cfem.control.tick import Pilot
+from cfem.core.errors import InputError, SpecError
+from cfem.core.progress import doing
+from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.equilibrium.robot import Robot
+from cfem.plant.touch_plant import TouchPlant
+from cfem.predict.among import Among
+from cfem.predict.protocol import Predictor
+from cfem.predict.touchable import Touchable, patches_of, touch_states
+
+INSIDE = 1e-6  # of the length: how far the robot may reach into an obstacle at rest
+
+
+@dataclass(frozen=True)
+class World:
+    """What control knows of obstacles. rows: of the models, the robot's and one for each that is pressed or avoided;
+    goal (k,): of the latter rows, weights (k,) mm/N or 0, and bounds (k, 2)."""
+
+    rows: Rows
+    goal: np.ndarray
+    weights: np.ndarray
+    bounds: np.ndarray
+
+    def rest(self, rest_e: np.ndarray) -> np.ndarray:
+        """(n_e,) -> (n_e + k,)."""
+        return np.concatenate([rest_e, np.zeros(len(self.goal))])
+
+    def goals(self, points: np.ndarray) -> np.ndarray:
+        """(m, n_e) -> (m, n_e + k)."""
+        return np.hstack([points, np.tile(self.goal, (len(points), 1))])
+
+    def pilot(self, pilot: Pilot) -> Pilot:
+        """The pilot of the robot alone, with what it is to do with obstacles."""
+        n_e = len(pilot.weights)
+        bounds = np.vstack([np.tile([-np.inf, np.inf], (n_e, 1)), self.bounds])
+        places = np.arange(n_e + len(self.goal)) < n_e
+        weights = np.concatenate([pilot.weights, self.weights])
+        return replace(pilot, limits=replace(pilot.limits, delta_e=bounds), weights=weights, places=places)
+
+    def said(self, spec: ControlSpec, records: Sequence[Mapping]) -> tuple[dict[str, dict], list[str]]:
+        """What the plant had of each obstacle in the rows of a table: figures, and lines for people."""
+        figures, lines, n_e = {}, [], self.rows.n_e - len(self.goal)
+        x = np.array([row["x_e"] for row in records])[:, n_e:]
+        for row, name in enumerate(self.rows.effectors[n_e:]):
+            name, what = name.rsplit(".", 1)
+            least, most = float(np.nanmin(x[:, row])), float(np.nanmax(x[:, row]))
+            figures[name] = {"least": least, "largest": most, "unit": "N" if what == "force" else "mm"}
+            one = spec.obstacles[name]
+            if what == "distance":
+                wanted = f"{one.avoid:.3g} mm wanted"
+                figures[name]["wanted"] = one.avoid
+                lines.append(f"{name}: the robot came within {least:.3g} mm, {wanted}")
+                continue
+            missed = np.abs(x[:, row] - one.press) if one.press else np.zeros(0)
+            text = f"{name}: pressed with {least:.3g} to {most:.3g} N"
+            if len(missed):
+                figures[name] |= {"wanted": one.press, "error_mean": missed.mean(), "error_max": missed.max()}
+                text += f", {one.press:.3g} N wanted: error mean {missed.mean():.2g} N, max {missed.max():.2g} N"
+            lines.append(text + (f"; at most {one.largest_force:.3g} N allowed" if one.largest_force else ""))
+        return figures, lines
+
+
+def among(
+    spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
+) -> tuple[World, dict[str, Among], TouchPlant]:
+    """InputError where a model has no skin or its form does not fit, or the robot starts inside an obstacle."""
+    obstacles = {name: one.made(base) for name, one in spec.obstacles.items()}
+    pressed = tuple(name for name, one in spec.obstacles.items() if one.pressed)
+    avoided = {name: obstacles[name] for name, one in spec.obstacles.items() if one.avoid is not None}
+    solid = {name: one for name, one in obstacles.items() if name not in avoided}
+    found, plant, friction = {}, None, spec.contact.friction
+    law = "coulomb" if friction else "signorini"
+    for name, model in predictors.items():
+        try:
+            skin = model.skin
+            demand_outside(robot, skin.nodes, obstacles)
+            patches = patches_of(model, spec.contact.patches)
+            states = touch_states(model.domain, robot.rows.n_a)
+            doing(f"solving how {len(patches)} patches of the surface yield, at {len(states)} states")
+            own = patch_compliance(robot, skin.nodes, patches, states)
+            found[name] = Among(Touchable(model, patches, states, own), solid, pressed, avoided, law, friction)
+        except InputError as error:
+            raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
+        if plant is None:
+            names = tuple(avoided)
+            plant = TouchPlant(robot, patches, skin.nodes, skin.triangles, obstacles, pressed, names, law, friction)
+    first = next(iter(found.values()))
+    mine = [spec.obstacles[name] for name in pressed]
+    far = [spec.obstacles[name] for name in avoided]
+    goal = np.array([one.press or 0.0 for one in mine] + [0.0 for _ in far])
+    weights = np.array([0.0 if one.press is None else 1 / first.stiffness for one in mine] + [0.0 for _ in far])
+    top = [np.inf if one.largest_force is None else one.largest_force for one in mine]
+    bounds = np.array([[-np.inf, one] for one in top] + [[one.avoid, np.inf] for one in far]).reshape(-1, 2)
+    return World(first.rows, goal, weights, bounds), found, plant
+
+
+def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obstacle]) -> None:
+    """SpecError where the robot at rest reaches into an obstacle."""
+    surface = robot.X[nodes]
+    for name, one in obstacles.items():
+        distance = one.distance(surface)
+        worst = int(distance.argmin())
+        if distance[worst] < -INSIDE * robot.length:
+            place = ", ".join(f"{x:.3g}" for x in surface[worst])
+            raise SpecError(
+                f"the robot starts {-distance[worst]:.3g} mm inside it, at ({place}) mm",
+                where=f"obstacles.{name}",
+                do="move the obstacle, or turn its normal out of it",
+            )

@@ -1,1 +1,0 @@
-"""The inverse step of a robot that touches something."""

@@ -1,0 +1,157 @@
+"""Obstacles in the robot's world, and what control does with them, as `control.yaml` says it."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere, tangents
+from cfem.core.errors import InputError
+from cfem.core.spec import Spec
+from cfem.core.stl import read_stl
+from cfem.core.units import Force, Length, Point, Points
+from cfem.robot.geometry import Turn
+from cfem.robot.selection import Direction
+
+
+class _Any(Spec):
+    """What holds for every obstacle."""
+
+    press: Force | None = Field(None, gt=0)
+    """Force with which plans press it, the sum of the normal forces of all patches that touch it."""
+    largest_force: Force | None = Field(None, gt=0)
+    """Largest such force that plans may use."""
+    avoid: Length | None = Field(None, gt=0)
+    """Smallest distance that plans keep from it."""
+
+    @model_validator(mode="after")
+    def _press_or_avoid(self):
+        if self.avoid is not None and (self.press is not None or self.largest_force is not None):
+            raise ValueError("an obstacle is pressed or avoided; leave one of them out")
+        return self
+
+    @property
+    def pressed(self) -> bool:
+        return self.press is not None or self.largest_force is not None
+
+
+class PlaneObstacle(_Any):
+    """A wall or a table: everything behind a plane."""
+
+    kind: Literal["plane"]
+    """A plane."""
+    point: Point
+    """A point of the plane."""
+    normal: Direction
+    """Direction out of the wall, to where the robot may be."""
+
+    def made(self, folder: Path) -> Obstacle:
+        return Plane(R=_turned(self.normal), t=np.array(self.point))
+
+
+class SphereObstacle(_Any):
+    """A ball."""
+
+    kind: Literal["sphere"]
+    """A ball."""
+    centre: Point
+    """Its centre."""
+    radius: Annotated[Length, Field(gt=0)]
+    """Its radius."""
+
+    def made(self, folder: Path) -> Obstacle:
+        return Sphere(self.radius, t=np.array(self.centre))
+
+
+class BoxObstacle(_Any):
+    """A box."""
+
+    kind: Literal["box"]
+    """A box."""
+    centre: Point
+    """Its centre."""
+    half_size: Point
+    """Half of its edges along its own x, y and z."""
+    rotate: Turn | None = None
+    """Rotation about its centre."""
+
+    def made(self, folder: Path) -> Obstacle:
+        return Box(np.array(self.half_size), R=_rotation(self.rotate), t=np.array(self.centre))
+
+
+class CapsuleObstacle(_Any):
+    """A rod with round ends."""
+
+    kind: Literal["capsule"]
+    """A rod with round ends."""
+    ends: Points
+    """Centres of its two round ends."""
+    radius: Annotated[Length, Field(gt=0)]
+    """Its radius."""
+
+    @model_validator(mode="after")
+    def _two_ends(self):
+        if len(self.ends) != 2 or np.allclose(self.ends[0], self.ends[1]):
+            raise ValueError("ends: expected two points that differ")
+        return self
+
+    def made(self, folder: Path) -> Obstacle:
+        first, second = np.asarray(self.ends, float)
+        return Capsule(
+            self.radius, float(np.linalg.norm(second - first)) / 2, R=_turned(second - first), t=(first + second) / 2
+        )
+
+
+class MeshObstacle(_Any):
+    """A body of any shape."""
+
+    kind: Literal["mesh"]
+    """A closed surface of triangles in a file."""
+    file: Path
+    """STL file, relative to this file."""
+    unit: Length = 1.0
+    """Length of one unit of the file."""
+    rotate: Turn | None = None
+    """Rotation about the origin of the file."""
+    translate: Point | None = None
+    """Movement after the rotation."""
+
+    def made(self, folder: Path) -> Obstacle:
+        path = folder / self.file
+        try:
+            surface = ClosedSurface(*read_stl(path, self.unit))
+        except InputError as error:
+            raise InputError(error.what, where=error.where or str(path), do=error.do) from None
+        t = np.zeros(3) if self.translate is None else np.array(self.translate)
+        return ClosedMesh(surface, R=_rotation(self.rotate), t=t)
+
+
+ObstacleSpec = Annotated[
+    PlaneObstacle | SphereObstacle | BoxObstacle | CapsuleObstacle | MeshObstacle, Field(discriminator="kind")
+]
+
+
+class ContactSpec(Spec):
+    """How the robot's surface touches obstacles."""
+
+    patches: Length | None = Field(None, gt=0)
+    """Distance of the patches into which the surface is cut. Each touches as a point. A twentieth of the robot's length
+    unless given."""
+    friction: float = Field(0.0, ge=0)
+    """Coefficient of friction between robot and obstacles."""
+
+
+def _rotation(turn: Turn | None) -> np.ndarray:
+    if turn is None:
+        return np.eye(3)
+    axis = np.asarray(turn.axis, float)
+    return Rotation.from_rotvec(turn.angle * axis / np.linalg.norm(axis)).as_matrix()
+
+
+def _turned(z: np.ndarray) -> np.ndarray:
+    """(3, 3) a rotation that turns z to this direction."""
+    n, t1, t2 = tangents((np.asarray(z, float) / np.linalg.norm(z))[None])[0]
+    return np.stack([t1, t2, n], axis=1)

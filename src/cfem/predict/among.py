@@ -1,0 +1,111 @@
+"""A learned robot among obstacles, as a model that control plans with: contact is part of its answer.
+
+Its rows are the effectors', and behind them, for each obstacle that is to be pressed, the force on it, and for each
+that is to be avoided, the distance from it:
+
+    <name>.force     N, the sum of normal forces; where nothing touches, minus what a patch would need to come so far
+    <name>.distance  mm, of the whole surface (`cfem.predict.clearance`)
+
+so that a goal of force is a goal of a row, and a distance to be kept a bound of a row. What is avoided does not push.
+Derivatives by delta_a are central differences of whole contact states: they know how contact changes the robot's
+stiffness, the curvature of obstacles included. They are of one side where a patch begins to touch or slide."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from cfem.condensed import Condensed, Rows
+from cfem.contact.obstacle import Obstacle
+from cfem.contact.problem import Law
+from cfem.core.errors import NumericalError
+from cfem.predict.clearance import clearance
+from cfem.predict.touchable import Touchable
+from cfem.predict.touching import Touched, touch_step
+
+STEP = 1e-4  # of the reach: of the differences
+
+
+@dataclass
+class Among:
+    """`Model`. solid: obstacles that the robot may touch, by name; pressed: those of them whose force is a row, in their
+    order; avoided: obstacles whose distance is a row. It remembers the contact state that the robot stands in
+    (`settle`), from which a step begins: friction and the side of an edge depend on it."""
+
+    touchable: Touchable
+    solid: Mapping[str, Obstacle]
+    pressed: tuple[str, ...] = ()
+    avoided: Mapping[str, Obstacle] = field(default_factory=dict)
+    law: Law = "coulomb"
+    mu: float = 0.0
+    before: Touched | None = None
+
+    @cached_property
+    def rows(self) -> Rows:
+        own = self.touchable.model.rows
+        more = (*(f"{name}.force" for name in self.pressed), *(f"{name}.distance" for name in self.avoided))
+        return Rows((*own.effectors, *more), own.actuators)
+
+    @cached_property
+    def stiffness(self) -> float:
+        """N/mm: of a patch to a force on it, the median."""
+        return float(1.0 / np.median(np.diagonal(self.touchable.own, axis1=1, axis2=2)))
+
+    def touched(self, delta_a: np.ndarray, like: Touched | None = None) -> Touched | None:
+        """The contact state at delta_a (n_a,) mm, None without anything solid; like: one nearby, whose forces are a
+        first guess. NumericalError where there is none."""
+        if not self.solid:
+            return None
+        before = self.before
+        if like is not None:
+            stuck = np.full_like(like.stuck, np.nan) if before is None else before.stuck
+            before = replace(like, stuck=stuck)
+        found = touch_step(self.touchable, delta_a, tuple(self.solid.values()), self.law, self.mu, before)
+        if not found.converged:
+            raise NumericalError(f"learned contact: {found.status.value}")
+        return found
+
+    def settle(self, delta_a: np.ndarray) -> None:
+        """The robot stands at delta_a (n_a,) mm now: further steps begin there."""
+        self.before = self.touched(np.asarray(delta_a, float))
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        """NumericalError where there is no contact state."""
+        delta_a = np.asarray(delta_a, float)
+        here = self.touched(delta_a)
+        e, lam = self._values(delta_a, here)
+        n_a = len(delta_a)
+        J, K = np.zeros((len(e), n_a)), np.zeros((n_a, n_a))
+        for axis, reach in enumerate(self.touchable.model.reach):
+            step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
+            ahead, behind = (self._values(one, self.touched(one, here)) for one in (delta_a + step, delta_a - step))
+            J[:, axis], K[:, axis] = ((a - b) / (2 * step[axis]) for a, b in zip(ahead, behind, strict=True))
+        for one in self.avoided.values():
+            apart = clearance(self.touchable.model, delta_a, one)
+            e, J = np.append(e, apart.distance), np.vstack([J, apart.gradient])
+        rows, W_aa = self.rows, np.linalg.inv((K + K.T) / 2)
+        W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
+        W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
+        delta = np.concatenate([e, delta_a])
+        return Condensed(rows, W, delta - W[:, rows.a] @ lam, lam)
+
+    def inside(self, condensed: Condensed) -> bool:
+        return self.touchable.model.inside(condensed)
+
+    def distance(self, condensed: Condensed) -> float:
+        return self.touchable.model.distance(condensed)
+
+    def _values(self, delta_a: np.ndarray, touched: Touched | None) -> tuple[np.ndarray, np.ndarray]:
+        """Effectors and forces on what is pressed, (n_a,) N of the actuators."""
+        if touched is None:
+            free = self.touchable.model.at_displacement(delta_a)
+            return free.delta_e, free.lambda_a
+        forces = touched.pressed(len(self.solid))
+        pressed = np.array([forces[number] for number, name in enumerate(self.solid) if name in self.pressed])
+        missing = [number for number, name in enumerate(self.pressed) if not pressed[number]]
+        if missing:
+            for number in missing:
+                gap = self.solid[self.pressed[number]].distance(touched.everywhere).min()
+                pressed[number] = -self.stiffness * max(gap, 0.0)
+        return np.concatenate([touched.delta_e, pressed]), touched.lambda_a

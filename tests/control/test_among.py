@@ -1,0 +1,127 @@
+"""`obstacles:` of control.yaml: plans know them, the FE robot meets them, and what is wrong is said once."""
+
+import numpy as np
+import pytest
+import yaml
+
+import cfem
+from cfem.control.obstacle_spec import BoxObstacle, CapsuleObstacle, MeshObstacle, PlaneObstacle, SphereObstacle
+from cfem.control.spec import ControlSpec
+from cfem.core.errors import InputError, SpecError
+
+CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
+GOALS = {"there": {"kind": "goals", "points": {"mm": [[58.9, 0, 1.5], [58.8, 0, 1.8]]}}}
+
+
+def control(bar, name, obstacles, **more):
+    spec = {
+        "scene": "scene.yaml",
+        "mesh": "../../data/bar/mesh",
+        "models": {"spectral": "../../models/bar/spectral"},
+        "out": f"../../data/bar/{name}",
+        "trajectories": GOALS,
+        "obstacles": obstacles,
+        "contact": {"patches": "8 mm"},
+        "search": {"step": "0.5 mm"},
+        **more,
+    }
+    path = bar / "pipelines" / "bar" / f"{name}.yaml"
+    path.write_text(yaml.safe_dump(spec))
+    return path
+
+
+def test_a_stated_force_is_what_finite_elements_feel(bar):
+    obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
+    search = {"step": "0.5 mm", "weights": [0, 0, 0]}
+    found = cfem.run_stage("control", control(bar, "press", obstacles, search=search))["results"]
+    met = found["obstacles"]["ceiling"]
+    assert met["unit"] == "N" and met["wanted"] == pytest.approx(0.03)
+    assert met["error_max"] < 0.05 * 0.03
+    assert found["headline"][0].startswith("ceiling: pressed with 0.0")
+    assert "2 of 2 commands carried out" in found["headline"][-1]
+
+
+def test_a_distance_is_kept(bar):
+    """The goals lie beyond it: without the obstacle the robot comes nearer."""
+    obstacles = {"ceiling": {**CEILING, "avoid": "1.5 mm"}}
+    goals = {"up": {"kind": "goals", "points": {"mm": [[57, 0, 4]]}}}
+    found = cfem.run_stage("control", control(bar, "avoid", obstacles, trajectories=goals))["results"]
+    assert found["obstacles"]["ceiling"]["least"] == pytest.approx(1.5, abs=0.01)
+    near = {"ceiling": {**CEILING, "avoid": "0.1 mm"}}
+    closer = cfem.run_stage("control", control(bar, "near", near, trajectories=goals))["results"]
+    assert closer["obstacles"]["ceiling"]["least"] < 1.4
+
+
+def test_the_model_alone_can_be_the_plant(bar):
+    obstacles = {"ceiling": {**CEILING, "largest_force": "20 mN"}}
+    goals = {"up": {"kind": "goals", "points": {"mm": [[57, 0, 4]]}}}
+    found = cfem.run_stage("control", control(bar, "model", obstacles, trajectories=goals, plant="model"))["results"]
+    assert found["obstacles"]["ceiling"]["largest"] == pytest.approx(0.02, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "what"),
+    [
+        ({"kind": "plane", "point": {"mm": [0, 0, 4]}, "normal": [0, 0, -1]}, r"starts 1 mm inside it, at \("),
+        ({**CEILING, "avoid": "1 mm", "press": "1 N"}, "pressed or avoided"),
+        ({"kind": "sphere", "centre": {"mm": [0, 0, 90]}, "radius": "-1 mm"}, "radius"),
+        ({"kind": "cone"}, "kind"),
+    ],
+)
+def test_what_is_wrong_with_an_obstacle_is_said(bar, obstacle, what):
+    with pytest.raises(SpecError, match=what):
+        cfem.run_stage("control", control(bar, "wrong", {"thing": obstacle}))
+
+
+def test_friction_below_zero_is_refused(bar):
+    with pytest.raises(SpecError, match="friction"):
+        cfem.run_stage("control", control(bar, "rough", {"ceiling": CEILING}, contact={"friction": -0.1}))
+
+
+def test_a_mesh_that_is_not_closed_is_refused(bar):
+    path = bar / "pipelines" / "bar" / "open.stl"
+    corners = ["vertex 0 0 50", "vertex 1 0 50", "vertex 0 1 50"]
+    path.write_text(
+        "solid a\nfacet normal 0 0 1\nouter loop\n" + "\n".join(corners) + "\nendloop\nendfacet\nendsolid a"
+    )
+    with pytest.raises(InputError, match="open[.]stl"):
+        cfem.run_stage("control", control(bar, "open", {"thing": {"kind": "mesh", "file": "open.stl"}}))
+
+
+@pytest.mark.parametrize("more", [{"fe_based": True}, {"loads": {"tip": {"force": {"N": [0, 0, 1]}}}}])
+def test_what_does_not_go_together_is_refused(bar, more):
+    with pytest.raises(SpecError, match="obstacles"):
+        cfem.run_stage("control", control(bar, "both", {"ceiling": CEILING}, **more))
+
+
+def test_shapes_are_where_they_are_stated(tmp_path):
+    quarter = {"axis": [0, 0, 1], "angle": "90 deg"}
+    cases = [
+        (PlaneObstacle(kind="plane", point={"mm": [0, 0, 2]}, normal=[0, 0, 2]), [5, 5, 3], 1.0),
+        (SphereObstacle(kind="sphere", centre={"mm": [1, 0, 0]}, radius="2 mm"), [1, 5, 0], 3.0),
+        (
+            BoxObstacle(kind="box", centre={"mm": [0, 0, 0]}, half_size={"mm": [1, 2, 3]}, rotate=quarter),
+            [4, 0, 0],
+            2.0,
+        ),
+        (CapsuleObstacle(kind="capsule", ends={"mm": [[0, 0, 0], [4, 0, 0]]}, radius="1 mm"), [2, 3, 0], 2.0),
+        (CapsuleObstacle(kind="capsule", ends={"mm": [[0, 0, 0], [4, 0, 0]]}, radius="1 mm"), [7, 0, 0], 2.0),
+    ]
+    for spec, point, distance in cases:
+        assert spec.made(tmp_path).distance(np.array([point], float))[0] == pytest.approx(distance)
+
+
+def test_a_closed_mesh_is_read_in_its_unit_and_placed(tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    lines = ["solid t"]
+    for face in faces:
+        lines += ["facet normal 0 0 0", "outer loop", *("vertex {} {} {}".format(*corners[i]) for i in face)]
+        lines += ["endloop", "endfacet"]
+    (tmp_path / "t.stl").write_text("\n".join([*lines, "endsolid t"]))
+    spec = MeshObstacle(kind="mesh", file="t.stl", unit="10 mm", translate={"mm": [0, 0, 5]})
+    assert spec.made(tmp_path).distance(np.array([[2.0, 2.0, 3.0]]))[0] == pytest.approx(2.0)
+
+
+def test_obstacles_are_part_of_the_spec():
+    assert "obstacles" in ControlSpec.model_fields

@@ -1,0 +1,83 @@
+"""The FE robot among obstacles as a plant."""
+
+import numpy as np
+import pytest
+
+from cfem.condensed.patches import cut
+from cfem.constraint.surface import outer_surface
+from cfem.contact.modes import Mode
+from cfem.contact.obstacle import Plane, Sphere
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.patch_compliance import with_patches
+from cfem.equilibrium.press import press
+from cfem.equilibrium.problem import Problem
+from cfem.plant.fem_plant import FemPlant
+from cfem.plant.touch_plant import TouchPlant
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+CEILING = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, 9.0]))
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+
+
+@pytest.fixture(scope="module")
+def surface(robot):
+    return outer_surface(robot.X, robot.body.mesh.facets)
+
+
+@pytest.fixture(scope="module")
+def patches(surface):
+    return cut(surface.rest, surface.weights, 8.0)
+
+
+def plant(robot, surface, patches, obstacles, pressed=(), avoided=(), mu=0.0):
+    return TouchPlant(robot, patches, surface.nodes, surface.triangles, obstacles, pressed, avoided, mu=mu)
+
+
+def test_without_obstacles_in_reach_it_is_the_fe_robot(robot, surface, patches):
+    far = Sphere(2.0, t=np.array([0.0, 90.0, 0.0]))
+    among = plant(robot, surface, patches, {"far": far}, (), ("far",))
+    found, free = among.step(np.array([1.0])), FemPlant(robot).step(np.array([1.0]))
+    assert found.status == "converged" and found.x_e[:3] == pytest.approx(free.x_e, abs=1e-8)
+    assert found.x_e[3] > 60.0 and among.account()["points"] == {"open": 0, "stick": 0, "slip": 0}
+
+
+def test_it_meets_what_it_comes_to_and_grows_its_contact_points(robot, surface, patches):
+    among = plant(robot, surface, patches, {"ceiling": CEILING}, ("ceiling",))
+    for pull in (0.5, 1.2, 1.6):
+        found = among.step(np.array([pull]))
+        assert found.status == "converged"
+    assert found.x_e[3] > 1e-3 and among.worst <= 1e-8
+    distance = CEILING.distance(patches.mean(among.x[surface.nodes]))
+    assert distance.min() > -1e-6 * robot.length
+    near = np.flatnonzero((distance < 4.0) & (patches.rest[:, 0] > 20.0))  # the same by all of these from the start
+    truth = press(
+        Problem(with_patches(robot, surface.nodes, patches, near)), displacement([1.6]), [CEILING] * len(near)
+    )
+    assert truth.converged
+    assert found.x_e[:3] == pytest.approx(robot.rest_e + truth.solved[0].delta_e, abs=1e-5)
+    assert found.x_e[3] == pytest.approx(-truth.solved[0].lambda_c[2::3].sum(), rel=1e-4)
+    assert found.lambda_a == pytest.approx(truth.solved[0].lambda_a, rel=1e-5)
+
+
+def test_the_way_back_frees_it(robot, surface, patches):
+    among = plant(robot, surface, patches, {"ceiling": CEILING}, ("ceiling",))
+    pressed, freed = among.step(np.array([1.2])), among.step(np.array([0.2]))
+    assert pressed.x_e[3] > 0 and abs(freed.x_e[3]) < 1e-9
+    assert freed.x_e[:3] == pytest.approx(FemPlant(robot).step(np.array([0.2])).x_e, abs=1e-6)
+    assert set(among.counts[-1]) == {Mode.OPEN.value}
+
+
+def test_too_many_patches_end_the_way_and_say_so(robot, surface, patches, monkeypatch):
+    monkeypatch.setattr("cfem.plant.touch_plant.MOST", 0)
+    among = plant(robot, surface, patches, {"ceiling": CEILING})
+    found = among.step(np.array([3.0]))
+    assert "take larger patches" in found.status and among.failures == 1 and np.isfinite(found.x_e).all()
+
+
+def test_it_takes_displacements_only(robot, surface, patches):
+    assert "displacements" in plant(robot, surface, patches, {"ceiling": CEILING}).step(np.array([1.0]), "force").status

@@ -1,0 +1,111 @@
+"""A learned robot among obstacles as a model: its rows, its derivatives, and what control finds with it."""
+
+import numpy as np
+import pytest
+
+from cfem.contact.clearance import nearest_of_surface
+from cfem.contact.obstacle import Plane, Sphere
+from cfem.control.inverse import Aim, Limits, ridge_of
+from cfem.control.loop import Iterate, ReachStatus, Settings, reach
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.predict.among import Among
+from cfem.predict.load import load_model
+from cfem.predict.touchable import Touchable, patches_of, touch_states
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+DELTA = np.array([3.0])
+UP = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def touchable(bar):
+    model = load_model(bar / "models" / "bar" / "spectral")
+    robot = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+    patches, states = patches_of(model, 8.0), touch_states(model.domain, 1)
+    return Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
+
+
+@pytest.fixture
+def table(touchable):
+    """A ceiling that the bar's end, which rises as the cable is pulled, meets before DELTA."""
+    tops = [touchable.patches.mean(touchable.model.shape(one))[:, 2].max() for one in (0.3 * DELTA, DELTA)]
+    assert tops[1] > tops[0] + 1.0
+    return Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, tops[0]]))
+
+
+def test_rows_are_the_effectors_then_forces_then_distances(touchable, table):
+    far = Sphere(3.0, t=np.array([30.0, 40.0, 0.0]))
+    world = Among(touchable, {"table": table}, ("table",), {"far": far})
+    assert world.rows.effectors[-2:] == ("table.force", "far.distance")
+    state = world.at_displacement(DELTA)
+    skin = touchable.model.skin
+    apart = nearest_of_surface(touchable.model.shape(DELTA), skin.triangles, far).distance
+    assert state.delta_e[-1] == pytest.approx(apart, abs=1e-9)
+    assert state.delta_e[-2] == pytest.approx(world.touched(DELTA).forces[:, 2].sum() * -1, rel=1e-9)
+
+
+def test_derivatives_are_those_of_whole_contact_states(touchable, table):
+    world = Among(touchable, {"table": table}, ("table",))
+    here, h = world.at_displacement(DELTA), 0.01
+    ahead, behind = (world.at_displacement(DELTA + step) for step in (h, -h))
+    slope = (ahead.delta_e - behind.delta_e) / (2 * h)
+    assert here.effector_jacobian[:, 0] == pytest.approx(slope, rel=1e-3, abs=1e-6)
+    K = (ahead.lambda_a - behind.lambda_a) / (2 * h)
+    assert 1 / here.W_aa[0, 0] == pytest.approx(K[0], rel=1e-3)
+    free = touchable.model.at_displacement(DELTA)
+    assert 1 / here.W_aa[0, 0] > 1.01 / free.W_aa[0, 0]  # the ceiling stiffens the cable
+    assert here.delta_a == pytest.approx(DELTA) and here.lambda_a > free.lambda_a
+
+
+def test_the_force_is_continuous_where_contact_begins(touchable, table):
+    """Before it a negative one says how far the obstacle is."""
+    world = Among(touchable, {"table": table}, ("table",))
+    forces = np.array([world.at_displacement(np.array([s])).delta_e[-1] for s in np.linspace(0.5, 1.5, 41)])
+    assert forces[0] < 0 < forces[-1] and (np.diff(forces) > 0).all()
+    assert np.diff(forces).max() < 0.2 * np.ptp(forces)
+
+
+def test_a_goal_of_force_is_reached_by_the_inverse_step(touchable, table):
+    world = Among(touchable, {"table": table}, ("table",))
+    limits = Limits(np.array([[0.0, np.inf]]), touchable.model.reach)
+    wanted = world.at_displacement(DELTA).delta_e[-1]
+    weights, places = np.array([0.0, 0, 0, 1 / world.stiffness]), np.array([True, True, True, False])
+    aim = Aim(np.array([0.0, 0, 0, wanted]), weights, ridge_of(1e-10, touchable.model.reach, 60.0), places=places)
+    found = reach(world, aim, limits, Iterate.at(world.at_displacement(np.zeros(1))), Settings(step=1.0))
+    assert found.status is ReachStatus.CONVERGED
+    assert found.delta_a == pytest.approx(DELTA, abs=1e-3) and found.delta_e[-1] == pytest.approx(wanted, rel=1e-3)
+    assert found.distance == 0.0  # no place is asked for
+
+
+def test_a_distance_to_be_kept_bounds_the_inverse_step(touchable, table):
+    """The goal lies beyond: the robot stops at that distance, and comes to the goal without the bound."""
+    world = Among(touchable, {}, (), {"table": table})
+    goal = np.append(touchable.model.at_displacement(DELTA).delta_e, 0.0)
+    aim = Aim(goal, np.array([1.0, 1, 1, 0]), ridge_of(1e-10, touchable.model.reach, 60.0))
+    start = Iterate.at(world.at_displacement(np.zeros(1)))
+    forces, nothing = np.array([[0.0, np.inf]]), [-np.inf, np.inf]
+    for bound, kept in ((0.5, True), (-np.inf, False)):
+        bounds = np.array([nothing, nothing, nothing, [bound, np.inf]])
+        found = reach(world, aim, Limits(forces, touchable.model.reach, bounds), start, Settings(step=1.0))
+        assert found.status is ReachStatus.CONVERGED
+        assert (found.delta_e[-1] == pytest.approx(0.5, abs=1e-4)) == kept
+        assert (found.distance < 1e-3) != kept
+
+
+def test_friction_remembers_where_the_robot_stands(touchable, table):
+    """On the way back from a settled state friction acts against the motion: another force of the cable."""
+    forth, back = (Among(touchable, {"table": table}, mu=0.8) for _ in range(2))
+    back.settle(DELTA + 0.5)
+    assert abs(forth.at_displacement(DELTA).lambda_a[0] - back.at_displacement(DELTA).lambda_a[0]) > 1e-4
+    smooth = Among(touchable, {"table": table})
+    before = smooth.at_displacement(DELTA).lambda_a[0]
+    smooth.settle(DELTA + 0.5)
+    assert smooth.at_displacement(DELTA).lambda_a[0] == pytest.approx(before, rel=1e-9)
+
+
+def test_no_contact_state_is_an_error(touchable, table, monkeypatch):
+    monkeypatch.setattr("cfem.predict.touching.MOST", 0)
+    with pytest.raises(NumericalError, match="patches touch"):
+        Among(touchable, {"table": table}).at_displacement(DELTA)
