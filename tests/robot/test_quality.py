@@ -47,3 +47,10 @@ def test_a_hexahedron_with_one_corner_pushed_through_is_inverted_though_it_has_v
     X[-1] = 0.3
     figures = quality(Mesh(X, mesh.cells, mesh.facets), None)
     assert figures.inverted == 1 and figures.volume > 0 and figures.smallest_scaled_jacobian < 0
+
+
+def test_a_mesh_that_holds_less_than_its_body_is_doubted():
+    mesh = block((3, 2, 1), (3, 2, 1))
+    assert quality(mesh, 6.1).doubts() == [] and quality(mesh, None).doubts() == []
+    (said,) = quality(mesh, 6.6).doubts()
+    assert said.startswith("the cells hold 9.1 % less") and "18 % softer" in said

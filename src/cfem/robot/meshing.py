@@ -25,7 +25,7 @@ from cfem.robot.placement import join, place, place_back, seen_from
 from cfem.robot.soft_finger import soft_finger
 from cfem.robot.spec import Meshing, SceneSpec
 from cfem.robot.stiff_flop import section_shape, slice_mesh
-from cfem.robot.taper import rod_mesh, taper
+from cfem.robot.taper import filled, rod_mesh, taper
 from cfem.robot.trunk import trunk
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
@@ -129,6 +129,8 @@ def corner_mesh(
             X, cells, volume = *mirrored(X, cells, axis), 2 * volume
         inverted = tet_volumes(X, cells) < 0
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
+        if isinstance(geometry, Taper):
+            X = filled(geometry, X, cells, meshing.size)
     return Mesh(X, cells, boundary_facets(cells)), volume
 
 

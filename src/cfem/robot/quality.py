@@ -10,6 +10,8 @@ from cfem.mechanics.mesh import Mesh
 # The three neighbours of each corner of a hexahedron in VTK's node order, right-handed.
 _NEIGHBOURS = np.array([[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]])
 
+_FAITHFUL = 0.03  # of the volume; bending stiffness is off by about twice as much
+
 
 @dataclass(frozen=True)
 class Quality:
@@ -39,6 +41,17 @@ class Quality:
         )
         cad = "" if self.volume_error is None else f", {100 * abs(self.volume_error):.2g} % from the CAD volume"
         return f"{self.nodes} nodes, {self.cells} cells; volume {self.volume:.6g} mm^3{cad}; {corners}"
+
+    def doubts(self) -> list[str]:
+        """Why the mesh is not the body: none, or a sentence."""
+        if self.volume_error is None or abs(self.volume_error) <= _FAITHFUL:
+            return []
+        share = 100 * abs(self.volume_error)
+        way, stiff = ("less", "softer") if self.volume_error < 0 else ("more", "stiffer")
+        return [
+            f"the cells hold {share:.1f} % {way} than the CAD model, and the robot is about {2 * share:.0f} % {stiff} in "
+            "bending: make mesh.size smaller where the surface is curved"
+        ]
 
 
 def quality(mesh: Mesh, cad_volume: float | None) -> Quality:

@@ -66,5 +66,5 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     demand_independent(robot)
     demand_inside(scene, mesh.base)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
-    judgement = [poor(each) for each in doubts(scene, robot)]
+    judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts()]]
     return {"headline": [figures.sentence()], "judgement": judgement, **figures.as_dict()}

@@ -5,13 +5,15 @@ from itertools import pairwise
 import numpy as np
 
 from cfem.mechanics.beam import Section
-from cfem.mechanics.mesh import Mesh, boundary_facets
+from cfem.mechanics.mesh import Mesh, boundary_facets, tet_volumes
 from cfem.robot.cad import Frustum, Solid, Union
 from cfem.robot.geometry import Taper
 
 SIDES = 8
 # A polygon of eight sides as three quadrilaterals.
 _LID = np.array([[0, 1, 2, 3], [0, 3, 4, 7], [4, 5, 6, 7]])
+_SPAN = 3.0  # cells between places where the volume of the tetrahedra is that of the cones
+_ROUNDS = 20
 _GAUSS = (np.array([-1, 0, 1]) * np.sqrt(0.6), np.array([5, 8, 5]) / 18)
 
 
@@ -40,6 +42,33 @@ def rod_mesh(spec: Taper, size: float) -> Mesh:
     cells = np.concatenate([first + k * number for number in range(len(places) - 1)])
     node_sets = {f"section-{number:03d}": k * number + np.arange(k) for number in range(len(places))}
     return Mesh(X, cells, boundary_facets(cells), node_sets)
+
+
+def filled(spec: Taper, X: np.ndarray, cells: np.ndarray, size: float) -> np.ndarray:
+    """X (n, 3) mm of tetrahedra with the nodes of their skin moved outward, so that they hold as much as the cones all
+    along. Flat facets between nodes on a circle cut it short: by 4.5 % of its area with twelve of them, and the bending
+    stiffness by twice that."""
+    count = max(int(spec.places[-1] / (_SPAN * size)), 1) + 1
+    knots = np.linspace(0, spec.places[-1], count)
+    step = spec.places[-1] / (200 * count)
+    fine = (np.arange(200 * count) + 0.5) * step
+    wanted = _hats(knots, fine, np.pi * np.interp(fine, spec.places, spec.radii) ** 2 * step)
+    radius = np.interp(X[:, 0], spec.places, spec.radii)
+    skin = np.linalg.norm(X[:, 1:], axis=1) > (1 - 1e-6) * radius
+    share, now = np.ones(count), X.copy()
+    for _ in range(_ROUNDS):
+        held = _hats(knots, now[cells].mean(axis=1)[:, 0], np.abs(tet_volumes(now, cells)))
+        share *= np.sqrt(wanted / held)
+        now[skin, 1:] = X[skin, 1:] * np.interp(X[skin, 0], knots, share)[:, None]
+    return now
+
+
+def _hats(knots: np.ndarray, places: np.ndarray, amounts: np.ndarray) -> np.ndarray:
+    """(k,) of amounts at places, each shared between the two knots beside it."""
+    left = np.clip(np.searchsorted(knots, places) - 1, 0, len(knots) - 2)
+    part = (places - knots[left]) / (knots[left + 1] - knots[left])
+    count = len(knots)
+    return np.bincount(left, amounts * (1 - part), count) + np.bincount(left + 1, amounts * part, count)
 
 
 def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> Section:
