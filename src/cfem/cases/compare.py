@@ -1,11 +1,10 @@
 """Which model the measurements support: cases left out one at a time, information criteria, and what cannot be told
 apart."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from cfem.cases.fit import CaseFit, fit_cases
+from cfem.cases.intervals import LeftOut
 from cfem.cases.rig import Rig
 from cfem.cases.table import Cases
 from cfem.core.errors import NumericalError
@@ -14,33 +13,15 @@ APART = 0.9  # correlation beyond which two unknowns cannot be told apart
 LEARNED = 0.7  # of the prior standard deviation: above it the measurements say little
 
 
-@dataclass(frozen=True)
-class LeftOut:
-    """Each case as the others predict it: residuals (m, k, 3) mm; sd (m, k, 3) mm of parameters and scatter together;
-    failed: names of cases that the others could not be fitted without."""
-
-    residuals: np.ndarray
-    sd: np.ndarray
-    failed: tuple[str, ...]
-
-    @property
-    def distance(self) -> np.ndarray:
-        """(m, k) mm."""
-        return np.linalg.norm(self.residuals, axis=2)
-
-    @property
-    def inflation(self) -> float:
-        """Root mean square of residuals in units of their sd, at least 1: how much larger errors are than the fit says
-        of itself."""
-        ratio = self.residuals / self.sd
-        return max(1.0, float(np.sqrt(np.nanmean(ratio**2)))) if np.isfinite(ratio).any() else 1.0
-
-
 def leave_one_out(rig: Rig, cases: Cases, whole: CaseFit) -> LeftOut:
     """At the scatter of the whole fit, each from its answer."""
-    left, sd, failed = np.full(cases.places.shape, np.nan), np.full(cases.places.shape, np.nan), []
+    left, failed = np.full(cases.places.shape, np.nan), []
+    covariance = np.full((*cases.places.shape, 3), np.nan)
     for i in range(len(cases)):
         others = np.arange(len(cases)) != i
+        if not np.isfinite(cases.target[others]).any():
+            failed.append(cases.names[i])
+            continue
         try:
             found = fit_cases(rig, cases.only(others), whole.scatter, whole, fixed_scatter=True)
             mine = cases.only(~others)
@@ -50,9 +31,9 @@ def leave_one_out(rig: Rig, cases: Cases, whole: CaseFit) -> LeftOut:
             continue
         left[i] = (seen.y - mine.target)[0]
         slopes = np.concatenate([seen.by_z, seen.by_d], axis=3)[0]
-        variance = np.einsum("kin,nm,kim->ki", slopes, found.covariance, slopes)
-        sd[i] = np.where(np.isfinite(left[i]), np.sqrt(variance + whole.scatter**2), np.nan)
-    return LeftOut(left, sd, tuple(failed))
+        spread = np.einsum("kin,nm,kjm->kij", slopes, found.covariance, slopes)
+        covariance[i] = spread + whole.scatter**2 * np.eye(3)
+    return LeftOut(left, covariance, tuple(failed))
 
 
 def criteria(found: CaseFit) -> dict[str, float]:

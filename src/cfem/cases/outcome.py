@@ -28,11 +28,11 @@ class Calibrated:
     covariance: np.ndarray
     scatter: float
     inflation: float
-    degrees: int
+    degrees: float
     sessions: tuple[str, ...]
 
 
-def write_calibrated(path: Path, found: CaseFit, rig: Rig, inflation: float, degrees: int) -> None:
+def write_calibrated(path: Path, found: CaseFit, rig: Rig, inflation: float, degrees: float) -> None:
     data = {
         "unknowns": [one.name for one in rig.unknowns],
         "z": found.z,
@@ -51,7 +51,7 @@ def read_calibrated(path: Path) -> Calibrated:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         arrays = (np.array(data[name], float) for name in ("z", "offsets_mm", "covariance"))
-        numbers = (float(data["scatter_mm"]), float(data["inflation"]), int(data["degrees_of_freedom"]))
+        numbers = (float(data["scatter_mm"]), float(data["inflation"]), float(data["degrees_of_freedom"]))
         return Calibrated(tuple(data["unknowns"]), *arrays, *numbers, tuple(data["sessions"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"is no calibration by cases: {error}", where=str(path)) from None

@@ -1,15 +1,10 @@
-"""Predictions of load cases, with intervals that hold all that is not known.
-
-The variance of a coordinate is inflation^2 (g^T C g + s^2): C the covariance of all unknowns of robot and rig, g the
-prediction's derivative by them, s the scatter that no unknown explains, and the inflation by which errors of left-out
-cases are larger than this says (compare.py). As few cases tell s and the inflation, quantiles are Student's t of one
-less degrees of freedom than cases; of the distance of a marker, those of F."""
+"""Predictions of load cases, with intervals that hold all that is not known (intervals.py)."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import f, t
 
+from cfem.cases.intervals import half_and_radius
 from cfem.cases.outcome import Calibrated, widened
 from cfem.cases.rig import Rig
 from cfem.cases.robots import Posed
@@ -59,11 +54,6 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float) -> Pre
         y[i], slopes[i] = seen.y[0], np.concatenate([seen.by_z, seen.by_d], axis=3)[0]
         posed.append(seen.posed[0])
     C3 = np.einsum("mkin,no,mkjo->mkij", slopes, C, slopes) + known.scatter**2 * np.eye(3)
-    sd = known.inflation * np.sqrt(np.einsum("mkii->mki", C3))
-    degrees = max(known.degrees, 1)
-    half = float(t.ppf(0.5 + confidence / 2, degrees)) * sd
-    # of the ellipsoid, the ball of its largest axis
-    largest = known.inflation * np.sqrt(np.linalg.eigvalsh(C3)[..., -1])
-    radius = float(np.sqrt(3 * f.ppf(confidence, 3, degrees))) * largest
+    half, radius = half_and_radius(C3, known.inflation, known.degrees, confidence)
     half[list(failed)], radius[list(failed)] = np.nan, np.nan
     return Prediction(y, half, radius, y - cases.target, tuple(posed), failed)

@@ -31,7 +31,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec, base = load_spec(spec_path, CasesSpec, overrides), spec_path.parent
     return Stage(
         name="calibrate-cases",
-        version=1,
+        version=2,
         spec=spec,
         inputs={"measurements": base / spec.measurements, "mesh": base / spec.mesh},
         out=out or base / spec.out,
@@ -66,7 +66,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         if name == "kept":
             kept = rig, found, left
     rig, found, left = kept
-    degrees = max(len(cases) - 1 - len(left.failed), 1)
+    degrees = left.degrees(found.count - found.free)
     write_calibrated(folder / FILE, found, rig, left.inflation, degrees)
     known = read_calibrated(folder / FILE)
     fitted = predict(rig, cases, known, spec.confidence)
@@ -88,6 +88,12 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         f"errors, mean over markers: {np.nanmean(fitted.distance):.3g} mm in the fit, "
         f"{np.nanmean(left.distance):.3g} mm of cases left out of it"
     )
+    inside, near = left.covered(found.count - found.free, spec.confidence)
+    if np.isfinite(inside):
+        headline.append(
+            f"of left-out cases {100 * inside:.0f} % of coordinates lie within their {100 * spec.confidence:g} % "
+            f"intervals, {100 * near:.0f} % of markers within their radius"
+        )
     if len(compared) > 1:
         headline.append(f"of {len(compared)} models '{best}' predicts left-out cases best")
     scatter = repeats(cases)
@@ -106,6 +112,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         "degrees_of_freedom": degrees,
         "errors_mm": _errors(cases, lab.markers, fitted.distance),
         "left_out_mm": _errors(cases, lab.markers, left.distance),
+        "left_out_within": [share if np.isfinite(share) else None for share in (inside, near)],
         "repeats_mm": scatter,
         "models": compared,
         "best": best,

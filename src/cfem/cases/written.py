@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.cases.compare import LeftOut
+from cfem.cases.intervals import LeftOut
 from cfem.cases.predict import Prediction
 from cfem.cases.table import Cases
 from cfem.core.files import write_whole

@@ -1,0 +1,82 @@
+"""A rig whose markers are linear in all unknowns: calibrations cost nothing, so that hundreds tell how often intervals
+hold."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from cfem.cases.compare import leave_one_out
+from cfem.cases.fit import fit_cases
+from cfem.cases.outcome import Calibrated
+from cfem.cases.predict import predict
+from cfem.cases.rig import Seen
+from cfem.cases.table import Cases
+
+K, N_Z, PRIOR = 4, 4, 3  # markers, parameters, of which so many have a prior
+
+
+@dataclass(frozen=True)
+class Unknown:
+    name: str
+    known: bool
+    session: None = None
+    bounds: tuple[float, float] = (-50.0, 50.0)
+
+
+class LinearRig:
+    """slopes: (3 k, n_z) of each force, polynomial in it; d: an offset each marker and axis."""
+
+    def __init__(self, rng: np.random.Generator, offset_sd: float):
+        self.unknowns = tuple(Unknown(f"p{i}", i < PRIOR) for i in range(N_Z))
+        self.d_sd = np.full(3 * K, offset_sd) if offset_sd else np.zeros(0)
+        self.blocks, self.sessions = int(offset_sd > 0), ("",)
+        self._first, self._second = rng.standard_normal((2, K, 3, N_Z))
+        self.robots = SimpleNamespace(solves=0)
+
+    @property
+    def n_d(self) -> int:
+        return len(self.d_sd)
+
+    def see(self, cases: Cases, z: np.ndarray, d: np.ndarray, slopes: bool = True) -> Seen:
+        f = cases.forces[:, 0][:, None, None, None]
+        by_z = 4 * (f * self._first + f**2 * self._second)
+        by_d = np.zeros((len(cases), K, 3, self.n_d))
+        if self.n_d:
+            by_d[:] = np.eye(3 * K).reshape(K, 3, 3 * K)
+        return Seen(by_z @ z + by_d @ d, by_z, by_d, (None,) * len(cases))
+
+
+def cases_of(forces: np.ndarray, places: np.ndarray) -> Cases:
+    m = len(forces)
+    names = tuple(f"c{i}" for i in range(m))
+    return Cases(names, ("",) * m, forces[:, None], np.ones(m), places, None)
+
+
+def disturbed(rng: np.random.Generator, f: np.ndarray, lacks: float, noise: float) -> np.ndarray:
+    """(m, K, 3) mm what no unknown explains: noise of each coordinate, and of each case one pattern that the model
+    lacks, which grows with the load."""
+    shape = rng.standard_normal((len(f), 2)) @ rng.standard_normal((2, 3 * K))
+    return noise * rng.standard_normal((len(f), K, 3)) + lacks * f[:, None, None] * shape.reshape(-1, K, 3)
+
+
+def trial(rng: np.random.Generator, m: int, lacks: float, offset_sd: float, noise: float = 1.0, new: int = 6):
+    """One calibration by m cases, as cfem calibrate-cases does it, and the prediction of new ones."""
+    rig = LinearRig(rng, offset_sd)
+    z, d = rng.standard_normal(N_Z), rng.standard_normal(rig.n_d) * rig.d_sd
+    f = np.concatenate([np.linspace(0.3, 1, m), rng.uniform(0.3, 1, new)])
+    blank = cases_of(f, np.zeros((m + new, K, 3)))
+    measured = cases_of(f, rig.see(blank, z, d).y + disturbed(rng, f, lacks, noise))
+    given, asked = measured.only(np.arange(m)), measured.only(np.arange(m, m + new))
+    found = fit_cases(rig, given, noise)
+    left = leave_one_out(rig, given, found)
+    degrees = left.degrees(found.count - found.free)
+    names = tuple(one.name for one in rig.unknowns)
+    known = Calibrated(names, found.z, found.d, found.covariance, found.scatter, left.inflation, degrees, rig.sessions)
+    return predict(rig, asked, known, 0.95)
+
+
+def coverage(trials: int, m: int, lacks: float, offset_sd: float) -> tuple[float, float]:
+    """Share of coordinates within their 95 % intervals and of markers within their 95 % radius, over all trials."""
+    found = [trial(np.random.default_rng([seed, m]), m, lacks, offset_sd).covered() for seed in range(trials)]
+    return tuple(float(share) for share in np.mean(found, axis=0))

@@ -1,0 +1,55 @@
+"""How often intervals hold the truth, over hundreds of simulated calibrations."""
+
+import numpy as np
+import pytest
+from cases.linear import LinearRig, cases_of, coverage, trial
+
+from cfem.cases.compare import leave_one_out
+from cfem.cases.fit import fit_cases
+from cfem.cases.intervals import LeftOut
+
+
+_SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("m", "lacks", "offset_sd"),
+    [
+        (4, 1.0, 0.0),
+        (5, 1.0, 5.0),
+        pytest.param(5, 0.0, 5.0, marks=_SLOW),
+        pytest.param(8, 1.0, 5.0, marks=_SLOW),
+        pytest.param(5, 3.0, 5.0, marks=_SLOW),
+    ],
+)
+def test_intervals_cover_what_they_say(m, lacks, offset_sd):
+    """Whether the model is right, or lacks as much or three times as much as the noise, in one pattern a case."""
+    coordinates, markers = coverage(200, m, lacks, offset_sd)
+    assert 0.93 < coordinates < 0.97
+    assert 0.92 < markers < 0.98
+
+
+def test_cases_that_err_as_one_count_as_few():
+    sd = np.tile(np.eye(3), (4, 2, 1, 1))
+    alike = LeftOut(np.ones((4, 2, 3)) * np.array([1.0, 1.01, 0.99, 1.0])[:, None, None], sd, ())
+    unlike = LeftOut(np.ones((4, 2, 3)) * np.array([3.0, 0.1, 0.1, 0.1])[:, None, None], sd, ())
+    assert alike.degrees(20.0) == 20 and unlike.degrees(20.0) == 3
+    assert unlike.inflation == pytest.approx(np.sqrt((9 + 0.03) / 4))
+
+
+def test_a_left_out_case_does_not_widen_its_own_interval():
+    sd = np.tile(np.eye(3), (4, 2, 1, 1))
+    left = LeftOut(np.ones((4, 2, 3)) * np.array([9.0, 1.0, 1.01, 0.99])[:, None, None], sd, ())
+    assert left.covered(20.0, 0.95) == (0.75, 0.75)
+
+
+def test_one_case_is_not_left_out_of_itself():
+    rig = LinearRig(np.random.default_rng(0), 5.0)
+    given = cases_of(np.array([1.0]), np.ones((1, 4, 3)))
+    left = leave_one_out(rig, given, fit_cases(rig, given, 1.0))
+    assert left.failed == ("c0",) and left.inflation == 1 and left.degrees(3.0) == 1
+
+
+def test_a_radius_is_that_of_a_normal_vector_where_much_is_known():
+    found = trial(np.random.default_rng(1), 40, 0.0, 0.0, new=1)
+    assert found.radius[0, 0] == pytest.approx(2.8, rel=0.35) and found.half[0, 0, 0] == pytest.approx(1.96, rel=0.35)
