@@ -8,7 +8,6 @@ from cfem.cases.compare import leave_one_out
 from cfem.cases.fit import fit_cases
 from cfem.cases.intervals import LeftOut
 
-
 _SLOW = pytest.mark.slow
 
 

@@ -49,7 +49,7 @@ class Quality:
         share = 100 * abs(self.volume_error)
         way, stiff = ("less", "softer") if self.volume_error < 0 else ("more", "stiffer")
         return [
-            f"the cells hold {share:.1f} % {way} than the CAD model, and the robot is about {2 * share:.0f} % {stiff} in "
+            f"the cells hold {share:.1f} % {way} than the CAD model, and the body is about {2 * share:.0f} % {stiff} in "
             "bending: make mesh.size smaller where the surface is curved"
         ]
 
