@@ -14,6 +14,8 @@ QUICK = {
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
+    "measured.py coverage": ["--quick"],
+    "measured.py rods": ["--quick"],
     "motion.py": [BAR, "mesh.size=10 mm"],
     "stiff_flop.py rest": ["--quick"],
     "stiff_flop.py bending": ["--quick"],

@@ -49,8 +49,8 @@ class Quality:
         share = 100 * abs(self.volume_error)
         way, stiff = ("less", "softer") if self.volume_error < 0 else ("more", "stiffer")
         return [
-            f"the cells hold {share:.1f} % {way} than the CAD model, and the body is about {2 * share:.0f} % {stiff} in "
-            "bending: make mesh.size smaller where the surface is curved"
+            f"the cells hold {share:.1f} % {way} than the CAD model, and the body is about {2 * share:.0f} % {stiff} "
+            "in bending: make mesh.size smaller where the surface is curved"
         ]
 
 

@@ -1,0 +1,113 @@
+"""What docs/measured.md states of intervals, and of rods against tetrahedra.
+
+python benchmarks/measured.py coverage [--trials 400] [--quick]
+
+    Hundreds of simulated calibrations by markers that are linear in all unknowns: share of coordinates of new cases
+    within their 95 % intervals and of markers within their 95 % radius. lacks: what the model lacks, one pattern a
+    case, as a multiple of the noise. Two minutes.
+
+python benchmarks/measured.py rods [--quick]
+
+    The tentacle at tensions of its first tendon as a rod and as tetrahedra of smaller and smaller size: how far p1 to
+    p4 are apart, mm, and the volume of the tetrahedra by that of the cones. Three minutes."""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cfem.core.spec import load_spec
+from cfem.equilibrium.actuation import force
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+from cfem.robot.build import build_robot
+from cfem.robot.meshing import make_mesh
+from cfem.robot.spec import SceneSpec
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+SCENE = Path("pipelines/measured-tentacle/scene.yaml")
+TENSIONS, SIZES = (3.077, 6.154), (10.0, 8.0, 6.0)
+PLACES, RADII = (0.0, 305.0, 360.0), (15.41, 6.42, 4.80)
+
+
+def coverages(trials: int) -> list[dict]:
+    from cases.linear import coverage
+
+    rows = []
+    for cases, offset_sd in ((4, 0.0), (5, 5.0), (8, 5.0)):
+        for lacks in (0.0, 1.0, 3.0):
+            coordinates, markers = coverage(trials, cases, lacks, offset_sd)
+            row = {"cases": cases, "offsets_sd_mm": offset_sd, "lacks": lacks, "trials": trials}
+            rows.append(row | {"coordinates": round(coordinates, 3), "markers": round(markers, 3)})
+    return rows
+
+
+def rods(tensions: tuple[float, ...], sizes: tuple[float, ...]) -> list[dict]:
+    rod, _ = _problem([])
+    far = {tension: _markers(rod, tension) for tension in tensions}
+    rows = []
+    for size in sizes:
+        begin = time.process_time()
+        solid, volume = _problem(_as_solid(size))
+        for tension in tensions:
+            apart = np.linalg.norm(_markers(solid, tension) - far[tension], axis=1)
+            moved = float(np.linalg.norm(far[tension][-1] - [PLACES[-1], 0, 0]))
+            rows.append({"size_mm": size, "tension_N": tension, "volume": round(volume, 4), "tip_moves_mm": moved})
+            rows[-1] |= {"apart_mm": [round(float(each), 2) for each in apart]}
+        rows[-1]["cpu_seconds"] = round(time.process_time() - begin, 1)
+    return rows
+
+
+def _problem(overrides: list[str]) -> tuple[Problem, float]:
+    """And the volume of the cells by that of the body."""
+    scene = load_spec(SCENE, SceneSpec, overrides)
+    with tempfile.TemporaryDirectory() as folder:
+        mesh, volume = make_mesh(scene, Path(folder))
+    return Problem(build_robot(scene, mesh)), float(mesh.volumes.sum()) / volume if volume else 1.0
+
+
+def _as_solid(size: float) -> list[str]:
+    """Overrides: tendons through points of their channels, markers on the tetrahedra around the axis."""
+    made = [f"mesh={{size: {size} mm}}"]
+    x = np.linspace(0, 305, 62)
+    for i, side in ((0, 1), (1, -1)):
+        y, z = side * np.interp(x, [0, 305], [9.8727, 2.0806]), np.interp(x, [0, 305], [5.7, 1.2012])
+        points = ", ".join(f"[{a:.3f}, {b:.4f}, {c:.4f}]" for a, b, c in zip(x, y, z, strict=True))
+        made += [f"actuators.{i}.points={{mm: [{points}]}}", f"actuators.{i}.radius=2 mm"]
+        made += [f"actuators.{i}.through_air=true", f"actuators.{i}.reach={{mm: [0, 150]}}"]
+    for i, place in enumerate((129.1, 219.5, 280, 360)):
+        made.append(f"effectors.{i}.carrier_radius={0.9 * np.interp(place, PLACES, RADII):.3f} mm")
+    return made
+
+
+def _markers(problem: Problem, tension: float) -> np.ndarray:
+    """(4, 3) mm."""
+    state = None
+    for share in (0.5, 1.0):
+        found = solve(problem, force(np.array([share * tension, 0.0])), state, condense=False)
+        if not found.converged:
+            raise SystemExit(f"no equilibrium at {share * tension:g} N: {found.status.value}")
+        state = found.state
+    return (found.delta_e + problem.robot.rest_e).reshape(-1, 6)[:, :3]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["coverage", "rods"])
+    parser.add_argument("--trials", type=int, default=400)
+    parser.add_argument("--quick", action="store_true")
+    given = parser.parse_args()
+    if given.what == "coverage":
+        rows = coverages(4 if given.quick else given.trials)
+    else:
+        rows = rods((0.5,), (14.0,)) if given.quick else rods(TENSIONS, SIZES)
+    print(json.dumps(rows, indent=2))
+
+
+if __name__ == "__main__":
+    main()
