@@ -1,7 +1,8 @@
 """Elastomers by name: constants with their range of stretch and their source. A scene says `material: {name: ...}`.
 
-Fitted: by `cfem material fit examples/tensile/NAME.csv --up-to 3 --slack` to points of a published tensile test (a test
-repeats it). Published: the source's own constants. Makers state density."""
+Fitted: by `cfem material fit CURVE --up-to 3 --slack` to 19 points each of a published tensile test, whose database is
+under the Open Database License and so is no part of cfem. Published: the source's own constants. Makers state
+density."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +11,9 @@ from typing import Any
 
 _MARECHAL = (
     "tensile test of Marechal, Balland, Lindenroth, Petrou, Kontovounisios and Bello, Toward a Common Framework and "
-    "Database of Materials for Soft Robotics, Soft Robotics 8(3), 2021, doi 10.1089/soro.2019.0115"
+    "Database of Materials for Soft Robotics, Soft Robotics 8(3), 2021, doi 10.1089/soro.2019.0115. Contains "
+    "information from the Soft Robotics Materials Database, which is made available under the Open Database License "
+    "(ODbL) 1.0"
 )
 _CROSSHEAD = (
     "Its strain is the crosshead's over 33 mm of gauge, the shoulders of the dumbbell included: true stretches are "
