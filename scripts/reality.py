@@ -1,7 +1,8 @@
-"""One page of the measured robots: measured and computed shapes side by side, errors in mm, what the data support.
+"""One page of the measured robots: measured and computed shapes side by side, errors in mm beside the scatter of the
+repeats, what the data support.
 
-reality.py OUT ROBOT...: reads data/ROBOT/calibrated (and data/ROBOT/predicted where it is there), which `cfem
-calibrate-cases` and `cfem predict-cases` made."""
+reality.py OUT ROBOT...: reads data/ROBOT/calibrated (and data/ROBOT/predicted, where it holds cases that were not in
+the fit), which `cfem calibrate-cases` and `cfem predict-cases` made."""
 
 import base64
 import json
@@ -9,15 +10,21 @@ import sys
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from statistics import mean
 
 from cfem.cases.outcome import shown
 from cfem.report.page import Section, Summary, page
 from cfem.report.tables import Table, number
 
+TITLES = {
+    "measured-beam": "Silicone beam (ETH Zurich)",
+    "measured-tentacle": "Tentacle with two tendons (TU Delft)",
+}
+
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG inside the page."""
+    """A PNG inside the page, in a box that scrolls where the screen is narrow."""
 
     path: Path
     caption: str
@@ -25,46 +32,58 @@ class Picture:
     def html(self) -> str:
         data = base64.b64encode(self.path.read_bytes()).decode()
         caption = escape(self.caption)
-        image = f'<img alt="{caption}" style="max-width:100%" src="data:image/png;base64,{data}">'
-        return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
+        image = (
+            f'<img alt="{caption}" style="display:block;width:100%;min-width:720px" src="data:image/png;base64,{data}">'
+        )
+        return f'<figure><div class="scroll" tabindex="0">{image}</div><figcaption>{caption}</figcaption></figure>'
 
 
 def main() -> int:
     out, robots = Path(sys.argv[1]), sys.argv[2:]
     sections, lines = [], []
     for robot in robots:
-        folder = Path("data") / robot
+        folder, title = Path("data") / robot, TITLES.get(robot, robot)
         result = json.loads((folder / "calibrated" / "calibration.json").read_text(encoding="utf-8"))
-        kept = result["models"]["kept"]
-        repeats = result["repeats_mm"]
-        beside = (
-            "no repeats were measured" if repeats is None else f"repeats of a load differ by up to {repeats:.1f} mm"
-        )
-        said = f"{kept['in_fit_mm']:.1f} mm in the fit, {kept['left_out_mm']:.1f} mm for cases left out of it"
-        lines.append(f"{robot}: {said}; {beside}")
-        parts = [
-            Picture(folder / "calibrated" / "shapes.png", "Measured and computed, all cases in the fit"),
-            parameters(result),
-            errors(result),
-            models(result),
-        ]
+        lines.append(f"{title}: {outcome(result)}")
+        parts = []
+        if (folder / "calibrated" / "shapes.png").exists():
+            caption = "Each case as the calibration by the other cases predicts it, with 95 % intervals of the markers."
+            parts.append(Picture(folder / "calibrated" / "shapes.png", caption))
+        parts += [errors(result), parameters(result), models(result)]
+        untold = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in result["untold"]]
+        text = " ".join([f"{outcome(result)[0].upper()}{outcome(result)[1:]}.", *untold])
+        sections.append(Section(title, text, tuple(parts)))
         other = folder / "predicted" / "prediction.json"
-        text = f"Mean distance over markers. {beside.capitalize()}. " + " ".join(result["untold"])
-        sections.append(Section(robot, text, tuple(parts)))
         if other.exists():
             predicted = json.loads(other.read_text(encoding="utf-8"))
-            if "mean_mm" in predicted:
+            if "mean_mm" in predicted and not predicted["in_fit"]:
                 said = (
                     f"Error {predicted['mean_mm']:.1f} mm, mean over markers; "
                     f"{100 * predicted['coordinates_within']:.0f} % of coordinates within their 95 % intervals."
                 )
                 picture = Picture(folder / "predicted" / "shapes.png", "Predicted")
-                sections.append(Section(f"{robot}: the table that predict.yaml names", said, (picture,)))
+                sections.append(Section(f"{title}: cases that were not in the fit", said, (picture,)))
     out.mkdir(parents=True, exist_ok=True)
-    text = page("Measured robots", Summary("; ".join(lines) + "."), None, None, sections)
+    text = page("Measured robots", Summary(". ".join(lines) + "."), None, None, sections)
+    text = text.replace("<details id", "<details open id")
     (out / "report.html").write_text(text, encoding="utf-8")
     print(f"{out / 'report.html'}: {len(robots)} robots")
     return 0
+
+
+def outcome(result: dict) -> str:
+    """In one sentence."""
+    kept, repeats = result["models"]["kept"], result["repeats_mm"]
+    said = [f"a case that the fit has not seen is {kept['left_out_mm']:.1f} mm off (mean over markers)"]
+    coordinates, markers = result["left_out_within"]
+    if coordinates is not None:
+        said.append(f"{100 * markers:.0f} % of its markers lie within their 95 % radius")
+    said.append(f"cases in the fit are {kept['in_fit_mm']:.1f} mm off")
+    if repeats is None:
+        said.append("no load was measured twice")
+    else:
+        said.append(f"repeats of a load differ by up to {repeats:.1f} mm")
+    return "; ".join(said)
 
 
 def parameters(result: dict) -> Table:
@@ -77,17 +96,20 @@ def parameters(result: dict) -> Table:
 
 
 def errors(result: dict) -> Table:
-    markers = list(next(iter(result["errors_mm"].values())))
-    head = ("case", *(f"{name}, mm" for name in markers), *(f"{name} left out, mm" for name in markers))
-    rows = [
-        (case, *(number(fitted[m]) for m in markers), *(number(result["left_out_mm"][case][m]) for m in markers))
-        for case, fitted in result["errors_mm"].items()
-    ]
+    """Of each case that the fit has not seen, beside that in the fit and what repeats of its load differ by."""
+    markers = list(next(iter(result["left_out_mm"].values())))
+    repeats = result.get("repeats_by_case_mm", {})
+    head = ("error of an unseen case, mm", *markers, "mean", "in the fit", "its repeats differ by")
+    rows = []
+    for case, found in result["left_out_mm"].items():
+        means = [[e for e in each.values() if e is not None] for each in (found, result["errors_mm"][case])]
+        middle = [number(mean(each)) if each else "–" for each in means]
+        rows.append((case, *(number(found[m]) for m in markers), *middle, number(repeats.get(case))))
     return Table(head, rows)
 
 
 def models(result: dict) -> Table:
-    head = ("model", "finds", "in the fit, mm", "left out, mm", "AICc", "BIC")
+    head = ("model", "parameters found", "in the fit, mm", "unseen, mm", "AICc", "BIC")
     rows = [
         (
             name,

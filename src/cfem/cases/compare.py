@@ -6,6 +6,7 @@ import numpy as np
 from cfem.cases.fit import CaseFit, fit_cases
 from cfem.cases.intervals import LeftOut
 from cfem.cases.rig import Rig
+from cfem.cases.robots import Posed
 from cfem.cases.table import Cases
 from cfem.core.errors import NumericalError
 
@@ -17,6 +18,7 @@ def leave_one_out(rig: Rig, cases: Cases, whole: CaseFit) -> LeftOut:
     """At the scatter of the whole fit, each from its answer."""
     left, failed = np.full(cases.places.shape, np.nan), []
     covariance = np.full((*cases.places.shape, 3), np.nan)
+    posed: list[Posed | None] = [None] * len(cases)
     for i in range(len(cases)):
         others = np.arange(len(cases)) != i
         if not np.isfinite(cases.target[others]).any():
@@ -29,11 +31,11 @@ def leave_one_out(rig: Rig, cases: Cases, whole: CaseFit) -> LeftOut:
         except NumericalError:
             failed.append(cases.names[i])
             continue
-        left[i] = (seen.y - mine.target)[0]
+        left[i], posed[i] = (seen.y - mine.target)[0], seen.posed[0]
         slopes = np.concatenate([seen.by_z, seen.by_d], axis=3)[0]
         spread = np.einsum("kin,nm,kjm->kij", slopes, found.covariance, slopes)
         covariance[i] = spread + whole.scatter**2 * np.eye(3)
-    return LeftOut(left, covariance, tuple(failed))
+    return LeftOut(left, covariance, tuple(failed), tuple(posed))
 
 
 def criteria(found: CaseFit) -> dict[str, float]:

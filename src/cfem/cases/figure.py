@@ -1,42 +1,78 @@
 """Measured and computed shapes side by side."""
 
 import numpy as np
+from matplotlib.collections import PolyCollection
 
 from cfem.cases.robots import Posed
 from cfem.cases.table import Cases
 from cfem.mechanics.mesh import Mesh
-from cfem.report.style import FAINT, FE, INK, LEARNED, plt, png
+from cfem.report.style import FE, GRID, INK, LEARNED, plt, png
 
 _LARGEST = 12  # cases that are drawn
+_COLUMNS = 5
+_BODY = "#c3cbd3"
 
 
 def shapes_figure(
-    cases: Cases, posed: tuple[Posed, ...], computed: np.ndarray, half: np.ndarray, mesh: Mesh, title: str
+    cases: Cases,
+    posed: tuple[Posed | None, ...],
+    computed: np.ndarray,
+    half: np.ndarray,
+    mesh: Mesh,
+    title: str,
+    gravity: np.ndarray | None = None,
 ) -> bytes:
-    """PNG: a column a case, seen along y and along z; computed (m, k, 3) mm places or displacements; half (m, k, 3) mm
-    of the intervals."""
+    """PNG: two views of each case, gravity down. posed: None where there is no equilibrium; computed (m, k, 3) mm
+    places or displacements; half (m, k, 3) mm of the intervals; gravity (3,) its direction, none unless given."""
     count = min(len(cases), _LARGEST)
-    figure, axes = plt.subplots(2, count, figsize=(2.5 * count + 1, 5.6), squeeze=False, sharex="row", sharey=True)
+    columns, views = min(count, _COLUMNS), _views(mesh.X, gravity)
+    bands = -(-count // columns)
     start = 0.0 if cases.rest is None else cases.rest
     measured, found = cases.target + start, computed + start
-    surface = np.unique(mesh.facets)
+    width = 2.6 if views[0][1] == views[1][1] else 3.6
+    figure, axes = plt.subplots(2 * bands, columns, figsize=(width * columns, 2.9 * 2 * bands), squeeze=False)
+    for ax in axes.ravel():
+        ax.set_visible(False)
     for i in range(count):
-        for row, (axis, name) in enumerate(((2, "z"), (1, "y"))):
-            ax = axes[row, i]
-            nodes = posed[i].nodes[surface]
-            ax.plot(nodes[:, axis], -nodes[:, 0], ".", color=FAINT, markersize=1.5, zorder=1)
+        for row, (across, up, sign) in enumerate(views):
+            ax = axes[2 * (i // columns) + row, i % columns]
+            ax.set_visible(True)
+            _body(ax, mesh.X, mesh, (across, up, sign), GRID)
+            if posed[i] is not None:
+                _body(ax, posed[i].nodes, mesh, (across, up, sign), _BODY)
             ax.errorbar(
-                found[i, :, axis], -found[i, :, 0], half[i, :, 0], half[i, :, axis], "x", color=FE, markersize=6,
-                elinewidth=0.7, zorder=2, label="computed, with 95 % intervals",
+                found[i, :, across], sign * found[i, :, up], half[i, :, up], half[i, :, across], "x", color=FE,
+                markersize=6, elinewidth=1, zorder=3, label="computed, with 95 % intervals",
             )  # fmt: skip
-            ax.plot(measured[i, :, axis], -measured[i, :, 0], "o", color=LEARNED[0], markersize=4.5, label="measured")
-            ax.set_aspect("equal", adjustable="box")
-            if row == 0:
-                ax.set_title(cases.names[i], fontsize=9)
-            ax.set_xlabel(f"{name} (mm)", color=INK)
-            if i == 0:
-                ax.set_ylabel("-x (mm)", color=INK)
-    figure.suptitle(title, fontsize=10.5, x=0.01, ha="left")
+            ax.plot(
+                measured[i, :, across], sign * measured[i, :, up], "o", color=LEARNED[0], markersize=5, zorder=2,
+                label="measured",
+            )  # fmt: skip
+            ax.set_aspect("equal", adjustable="datalim")
+            ax.set_title(cases.names[i] if row == 0 else "", fontsize=10)
+            ax.set_xlabel(f"{'xyz'[across]} (mm)", color=INK)
+            ax.set_ylabel(f"{'' if sign > 0 else '-'}{'xyz'[up]} (mm)" if i % columns == 0 else "", color=INK)
+    figure.suptitle(title, fontsize=11, x=0.01, ha="left")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    handles.append(plt.Rectangle((0, 0), 1, 1, color=GRID))
+    figure.legend(handles, [*labels, "before the load"], loc="outside lower center", ncols=3)
     return png(figure)
+
+
+def _views(X: np.ndarray, gravity: np.ndarray | None) -> list[tuple[int, int, float]]:
+    """Of each view the axis to the right, the axis up, and its sign."""
+    along = int(np.ptp(X, axis=0).argmax())
+    others = [axis for axis in (2, 1, 0) if axis != along]
+    down = along if gravity is None or not np.any(gravity) else int(np.abs(gravity).argmax())
+    if down == along:
+        sign = -1.0 if gravity is None or not np.any(gravity) else -float(np.sign(gravity[along]))
+        return [(other, along, sign) for other in others]
+    third = next(axis for axis in others if axis != down)
+    return [(along, down, -float(np.sign(gravity[down]))), (along, third, 1.0)]
+
+
+def _body(ax, x: np.ndarray, mesh: Mesh, view: tuple[int, int, float], colour: str) -> None:
+    across, up, sign = view
+    corners = {3: 3, 6: 3, 4: 4}[mesh.facets.shape[1]]
+    flat = x[mesh.facets[:, :corners]][:, :, [across, up]] * [1.0, sign]
+    ax.add_collection(PolyCollection(flat, facecolors=colour, edgecolors=colour, linewidths=0.5, zorder=1))

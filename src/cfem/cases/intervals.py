@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f, t
 
+from cfem.cases.robots import Posed
+
 
 def half_and_radius(
     C: np.ndarray, inflation: float, degrees: float, confidence: float
@@ -46,11 +48,13 @@ def degrees_of_freedom(ratios: np.ndarray, most: float) -> float:
 @dataclass(frozen=True)
 class LeftOut:
     """Each case as the others predict it: residuals (m, k, 3) mm, nan where not measured; covariance (m, k, 3, 3) mm^2
-    of parameters and scatter together; failed: names of cases that the others could not be fitted without."""
+    of parameters and scatter together; failed: names of cases that the others could not be fitted without; posed: the
+    robot, None in those."""
 
     residuals: np.ndarray
     covariance: np.ndarray
     failed: tuple[str, ...]
+    posed: tuple[Posed | None, ...] = ()
 
     @property
     def distance(self) -> np.ndarray:

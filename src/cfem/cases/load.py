@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from cfem.cases.rig import Rig
 from cfem.cases.robots import CaseRobots
 from cfem.cases.spec import CasesSpec
@@ -35,6 +37,11 @@ class Lab:
     @property
     def markers(self) -> list[str]:
         return list(self.spec.markers)
+
+    @property
+    def down(self) -> np.ndarray | None:
+        """(3,) along gravity, None without."""
+        return None if self.scene.gravity is None else self.scene.gravity.acceleration
 
     def read(self, path: Path, measured: bool = True) -> Cases:
         """A table in the layout of the spec."""

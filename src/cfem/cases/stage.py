@@ -47,6 +47,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
 
     from cfem.cases.compare import criteria, leave_one_out, told
     from cfem.cases.fit import fit_cases
+    from cfem.cases.intervals import half_and_radius
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import FILE, estimates, read_calibrated, sentence, write_calibrated
     from cfem.cases.predict import predict
@@ -81,7 +82,9 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         what = f"left-out cases err {left.inflation:.1f} times as much as the fit says of itself"
         judged.append(poor(what + ": the model lacks something"))
     if spec.figure:
-        _draw(folder / FIGURE, lab.mesh, cases, fitted, "Measured and computed, all cases in the fit")
+        half, _ = half_and_radius(left.covariance, left.inflation, degrees, spec.confidence)
+        shapes = left.posed, left.residuals + cases.target, half
+        _draw(folder / FIGURE, lab, cases, shapes, "Each case, as the calibration by the other cases predicts it")
     headline = [sentence(name, one) for name, one in values.items()]
     headline += told(rig, found)
     headline.append(
@@ -97,8 +100,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     if len(compared) > 1:
         headline.append(f"of {len(compared)} models '{best}' predicts left-out cases best")
     scatter = repeats(cases)
-    if scatter is not None:
-        headline.append(f"repeats of a load differ by {scatter:.2g} mm (largest distance of a marker)")
+    if scatter:
+        headline.append(f"repeats of a load differ by {max(scatter.values()):.2g} mm (largest distance of a marker)")
     headline.append(
         f"{len(cases)} cases, {found.count} numbers, {sum(one['solves'] for one in compared.values())} equilibria, "
         f"{duration(time.process_time() - begin)} of CPU time"
@@ -113,7 +116,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         "errors_mm": _errors(cases, lab.markers, fitted.distance),
         "left_out_mm": _errors(cases, lab.markers, left.distance),
         "left_out_within": [share if np.isfinite(share) else None for share in (inside, near)],
-        "repeats_mm": scatter,
+        "repeats_mm": max(scatter.values()) if scatter else None,
+        "repeats_by_case_mm": scatter,
         "models": compared,
         "best": best,
         "offsets_mm": _offsets(found.d, lab.markers, rig),
@@ -155,9 +159,9 @@ def _offsets(d: np.ndarray, markers: Sequence[str], rig: Any) -> dict[str, dict[
     }
 
 
-def _draw(path: Path, mesh: Any, cases: Any, found: Any, title: str) -> None:
+def _draw(path: Path, lab: Any, cases: Any, shapes: tuple, title: str) -> None:
     try:
         from cfem.cases.figure import shapes_figure
     except ImportError:
         return  # matplotlib comes with cfem[report]
-    write_whole(path, shapes_figure(cases, found.posed, found.y, found.half, mesh, title))
+    write_whole(path, shapes_figure(cases, *shapes, lab.mesh, title, lab.down))

@@ -33,12 +33,13 @@ def write_predictions(
     write_whole(path, text.getvalue().encode())
 
 
-def repeats(cases: Cases) -> float | None:
-    """mm: largest distance of a marker between two cases of the same forces, None where there are no two."""
-    largest = []
+def repeats(cases: Cases) -> dict[str, float]:
+    """mm, of each case that has others of the same forces: largest distance of a marker from where it is in these."""
+    largest: dict[str, float] = {}
     for i in range(len(cases)):
-        for j in range(i):
-            if np.allclose(cases.forces[i], cases.forces[j]) and cases.ways[i] == cases.ways[j]:
-                apart = np.linalg.norm(cases.target[i] - cases.target[j], axis=1)
-                largest.append(np.nanmax(apart) if np.isfinite(apart).any() else 0.0)
-    return float(max(largest)) if largest else None
+        for j in range(len(cases)):
+            alike = np.allclose(cases.forces[i], cases.forces[j]) and cases.ways[i] == cases.ways[j]
+            apart = np.linalg.norm(cases.target[i] - cases.target[j], axis=1)
+            if i != j and alike and np.isfinite(apart).any():
+                largest[cases.names[i]] = max(largest.get(cases.names[i], 0.0), float(np.nanmax(apart)))
+    return largest

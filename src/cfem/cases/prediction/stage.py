@@ -64,6 +64,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     if spec.figure:
         _draw(folder / FIGURE, lab, cases, found)
     measured = np.isfinite(found.distance)
+    known_before = _in_fit(lab, path.parent, cases)
     if len(found.failed) == len(cases):
         raise NumericalError(f"no case has an equilibrium; the first: {next(iter(found.failed.values()))}")
     half = float(np.nanmedian(found.half))
@@ -72,7 +73,13 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     if failed:
         name, why = next(iter(failed.items()))
         headline.insert(0, f"{len(failed)} of {len(cases)} cases have no equilibrium; the first, {name}: {why}")
+    if known_before:
+        headline.insert(
+            0,
+            f"{known_before} of {len(cases)} cases are of the calibration: their errors are not those of predictions",
+        )
     results: dict[str, Any] = {"headline": headline, "cases": len(cases), "median_half_mm": half, "failed": failed}
+    results["in_fit"] = known_before
     if measured.any():
         coordinates, markers = found.covered()
         by_marker = {name: _mean(found.distance[:, j]) for j, name in enumerate(lab.markers)}
@@ -85,8 +92,10 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
             f"{100 * markers:.0f} % of markers within their {percent} radius",
         ]
         scatter = repeats(cases)
-        if scatter is not None:
-            headline.append(f"repeats of a load differ by {scatter:.2g} mm (largest distance of a marker)")
+        if scatter:
+            headline.append(
+                f"repeats of a load differ by {max(scatter.values()):.2g} mm (largest distance of a marker)"
+            )
         results |= {
             "mean_mm": mean,
             "largest_mm": worst,
@@ -94,10 +103,20 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
             "by_case_mm": by_case,
             "coordinates_within": coordinates,
             "markers_within": markers,
-            "repeats_mm": scatter,
+            "repeats_mm": max(scatter.values()) if scatter else None,
         }
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
+
+
+def _in_fit(lab: Any, base: Path, cases: Any) -> int:
+    """How many of the cases the calibration was made from, as far as its table is still there."""
+    path = base / lab.spec.measurements
+    if not path.exists():
+        return 0
+    given = lab.read(path)
+    places = [given.places[i].tobytes() for i in range(len(given))]
+    return sum(np.isfinite(one).any() and one.tobytes() in places for one in cases.places)
 
 
 def _mean(distance: np.ndarray) -> float | None:
@@ -109,5 +128,5 @@ def _draw(path: Path, lab: Any, cases: Any, found: Any) -> None:
         from cfem.cases.figure import shapes_figure
     except ImportError:
         return  # matplotlib comes with cfem[report]
-    title = "Predicted, none of these cases in the fit"
-    write_whole(path, shapes_figure(cases, found.posed, found.y, found.half, lab.mesh, title))
+    posed = tuple(None if i in found.failed else one for i, one in enumerate(found.posed))
+    write_whole(path, shapes_figure(cases, posed, found.y, found.half, lab.mesh, "Predicted", lab.down))
