@@ -87,4 +87,5 @@ BAD = {
 @pytest.mark.parametrize("words, code, part", BAD.values(), ids=BAD.keys())
 def test_bad_input_is_one_sentence(words, code, part):
     done = cfem("material", *words)
-    assert done.exit_code == code and part in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    said = [line for line in done.stderr.strip().splitlines() if "so far" not in line]  # progress of a busy machine
+    assert done.exit_code == code and part in done.stderr and len(said) == 1
