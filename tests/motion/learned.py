@@ -64,7 +64,7 @@ def dataset():
     W = np.array([one.condensed.W for one in found])
     own = {name: np.array([getattr(one.inertia, name) for one in found]) for name in ("V", "V2", "V3", "loss")}
     viscosity = [{"relaxation": TAU, "prony": []}]
-    moving = SimpleNamespace(rows=robot.rows, W=W, dV=None, viscosity=viscosity, **own)
+    moving = SimpleNamespace(rows=robot.rows, W=W, dV=None, viscosity=viscosity, inner_M=None, **own)
     none = dict.fromkeys(("dW", "dC", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
     p = np.zeros((len(found), 0))
     return States(rows=robot.rows, W=W, moving=moving, p=p, n_c=0, meta={"parameters": []}, **stacked, **none)

@@ -106,3 +106,22 @@ def test_it_does_not_go_with_contact():
         load_spec(
             Path(__file__).parents[2] / "pipelines" / "finger-button" / "sample.yaml", SampleSpec, ["dynamics=true"]
         )
+
+
+def test_a_robot_of_sections_in_a_row_has_inner_motions_instead(tmp_path):
+    pipeline = shutil.copytree(PIPELINE.parent / "stiff-flop", tmp_path / "pipelines" / "stiff-flop")
+    scene = pipeline / "scene.yaml"
+    heavy = "poisson: 0.15, density: 1070 kg/m^3, viscosity: {relaxation: 3 ms}}"
+    scene.write_text(scene.read_text().replace("poisson: 0.15}", heavy).replace("size: 2.75 mm", "size: 11 mm"))
+    mesh_stage.run(scene, [], None, QUIET)
+    small = ["splits.train.rows=4", "splits.test.rows=2", "skeleton=3", "skin=null", "third_order=false"]
+    run(pipeline / "sample.yaml", [*small, "dynamics=true"], None, QUIET, workers=1)
+    path = tmp_path / "data" / "stiff-flop" / "samples" / "test.parquet"
+    moving = read_dataset(path).moving
+    k = moving.inner_K.shape[1]
+    assert moving.V2 is None and k >= 4
+    assert moving.inner_M.shape == (2, 6 + k, 6 + k) and moving.inner_loss.shape == (2, 2, 6 + k, 6 + k)
+    assert moving.inner_e.shape == (2, 3, k)
+    assert (np.linalg.eigvalsh(moving.inner_M) > 0).all()
+    text = describe(path)
+    assert "N mm s^2/mm^3/mm^3" in text and "inner_loss" in text

@@ -19,7 +19,7 @@ class ViscosityCard(Data):
 class DatasetCard(Data):
     """robot: what the scene said of it. plan: what sample.yaml says of the draws.
     compliance: at rest, of all rows that carry a multiplier. skin: SHA-256 of the file of its modes. viscosity: of each
-    viscous material, where the rows can move."""
+    viscous material, where the rows can move. inner: the number of inner motions."""
 
     scene: Name
     robot: dict[str, Any] | None = None
@@ -34,6 +34,7 @@ class DatasetCard(Data):
     compliance: list[list[float]] | None = None
     skin: str | None = None
     viscosity: list[ViscosityCard] | None = Field(None, max_length=1000)
+    inner: int = Field(0, ge=0, le=1000)
 
     @model_validator(mode="after")
     def _sizes(self) -> "DatasetCard":

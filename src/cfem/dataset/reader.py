@@ -108,17 +108,22 @@ class WithSkin:
 @dataclass(frozen=True)
 class Moving:
     """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.inertia` says of which.
-    rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; dV (m, n_a, n, n), None where
+    rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; inner_K, inner_M, inner_loss,
+    inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them, where the robot has such; dV (m, n_a, n, n), None where
     the dataset has none; viscosity: of each of these materials, its relaxation and prony."""
 
     rows: Rows
     W: np.ndarray
     V: np.ndarray
-    V2: np.ndarray
-    V3: np.ndarray
-    loss: np.ndarray
+    V2: np.ndarray | None
+    V3: np.ndarray | None
+    loss: np.ndarray | None
     dV: np.ndarray | None
     viscosity: list[dict[str, Any]]
+    inner_K: np.ndarray | None = None
+    inner_M: np.ndarray | None = None
+    inner_loss: np.ndarray | None = None
+    inner_e: np.ndarray | None = None
 
     def take(self, index: np.ndarray | slice) -> "Moving":
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -206,13 +211,20 @@ def _whole(
 
 def _moving(good: pa.Table, meta: dict[str, Any], rows: Rows, W: np.ndarray) -> Moving:
     has, m = set(good.column_names), len(good)
-    V, V2, V3 = (unpack_upper(column_array(good, name)) for name in ("V", "V2", "V3"))
-    viscosity, n = meta["viscosity"], 2 * rows.n
-    loss = np.zeros((m, len(viscosity), n, n))
-    if viscosity:
-        loss = unpack_upper(column_array(good, "loss").reshape(m, len(viscosity), n * (n + 1) // 2))
+    V, viscosity, n = unpack_upper(column_array(good, "V")), meta["viscosity"], 2 * rows.n
     dV = unpack_upper(column_array(good, "dV").reshape(m, rows.n_a, -1)) if "dV" in has else None
-    return Moving(rows, W, V, V2, V3, loss, dV, viscosity)
+
+    def forms(name: str, n: int) -> np.ndarray:
+        if not viscosity:
+            return np.zeros((m, 0, n, n))
+        return unpack_upper(column_array(good, name).reshape(m, len(viscosity), n * (n + 1) // 2))
+
+    if "inner_M" not in has:
+        V2, V3 = (unpack_upper(column_array(good, name)) for name in ("V2", "V3"))
+        return Moving(rows, W, V, V2, V3, forms("loss", n), dV, viscosity)
+    K, M = (unpack_upper(column_array(good, name)) for name in ("inner_K", "inner_M"))
+    e = column_array(good, "inner_e").reshape(m, rows.n_e, -1)
+    return Moving(rows, W, V, None, None, None, dV, viscosity, K, M, forms("inner_loss", M.shape[1]), e)
 
 
 def _by_p(good: pa.Table, name: str, p: np.ndarray) -> np.ndarray | None:
@@ -236,7 +248,7 @@ def read_table(path: Path) -> pa.Table:
     card = checked(DatasetCard, meta, f"{path}: metadata", _AGAIN)
     there = set(file.schema_arrow.names)
     units = [tuple(pair) for pair in card.row_units]
-    moving = {"viscosity": meta["viscosity"]} if card.viscosity is not None else {}
+    moving = {"viscosity": meta["viscosity"], "inner": card.inner} if card.viscosity is not None else {}
     expected = schema(rows_of(meta), moving, parameters_of(meta), "dW" in there, units, "dC" in there)
     for field in expected:
         if field.name not in there:

@@ -54,6 +54,10 @@ COLUMNS = (
     Column("V2", _F, "mm/N s^4", "upper triangle", state=True),
     Column("V3", _F, "mm/N s^6", "upper triangle", state=True),
     Column("loss", _F, "", "viscous x twice the rows", state=True),
+    Column("inner_K", _F, "N mm", "inner upper triangle", state=True),
+    Column("inner_M", _F, "", "moving upper triangle", state=True),
+    Column("inner_loss", _F, "", "viscous x moving upper triangle", state=True),
+    Column("inner_e", _F, "mm", "effectors x inner", state=True),
     Column("dV", _F, "mm/N^2 s^2", "active x upper triangle", state=True),
     Column("dpsi_dp", _F, "N mm", "parameters", state=True),
     Column("dlambda_dp", _F, "N", "actuators x parameters", state=True),
@@ -70,7 +74,8 @@ COLUMNS = (
     Column("seconds", _F, "s"),
 )
 BY_PARAMETERS = frozenset(("p", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))  # all or none
-MOVING = frozenset(("V", "V2", "V3"))  # all or none
+MOVING = frozenset(("V2", "V3"))  # beside V, unless there are inner motions
+INNER = frozenset(("inner_K", "inner_M", "inner_e"))
 OF_SKIN = frozenset(("delta_s", "skin_rms", "skin_max"))  # all or none
 
 
@@ -86,9 +91,10 @@ def schema(
     whether it has dW; loads: whether it has dC; row_units: of each row's displacement and multiplier, mm and N unless
     given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the format's version, the names and
     units of the rows, the parameters and the unit of each column. Where it has "viscosity", that of each viscous
-    material, there are the columns of motion."""
+    material, there are the columns of motion; "inner" is the number of inner motions."""
     varied = sampled(parameters)
-    triangle = rows.n * (rows.n + 1) // 2
+    triangle, k = rows.n * (rows.n + 1) // 2, meta.get("inner") or 0
+    moved = (rows.n_a + k) * (rows.n_a + k + 1) // 2
     sizes = {
         "plan": rows.n_a + rows.n_c + len(varied),
         "parameters": len(varied),
@@ -100,6 +106,10 @@ def schema(
         "rows": rows.n,
         "upper triangle": triangle,
         "active x upper triangle": (rows.n_a + rows.n_c) * triangle,
+        "inner upper triangle": k * (k + 1) // 2,
+        "moving upper triangle": moved,
+        "viscous x moving upper triangle": len(meta.get("viscosity") or ()) * moved,
+        "effectors x inner": rows.n_e * k,
         "viscous x twice the rows": len(meta.get("viscosity") or ()) * rows.n * (2 * rows.n + 1),
         "actuators x parameters": rows.n_a * len(varied),
         "effectors x parameters": rows.n_e * len(varied),
@@ -107,7 +117,9 @@ def schema(
     }
     there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads}
     moving = meta.get("viscosity") is not None
-    there |= dict.fromkeys(MOVING, moving) | {"loss": bool(meta.get("viscosity")), "dV": moving and third_order}
+    there |= dict.fromkeys(MOVING, moving and not k) | dict.fromkeys(INNER, k > 0)
+    there |= {"V": moving, "dV": moving and third_order}
+    there |= {"loss": bool(meta.get("viscosity")) and not k, "inner_loss": bool(meta.get("viscosity")) and k > 0}
     there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
     there |= dict.fromkeys(OF_SKIN, rows.n_s > 0) | {"ddelta_s_dp": bool(varied) and rows.n_s > 0}
     columns = [column for column in COLUMNS if there.get(column.name, True)]
@@ -123,7 +135,7 @@ def schema(
         "rows": asdict(rows),
         "row_units": [list(pair) for pair in row_units],
         "parameters": to_json(parameters),
-        "units": _units(columns, rows, row_units, [one.unit for one in varied], len(meta.get("viscosity") or ())),
+        "units": _units(columns, rows, row_units, [one.unit for one in varied], len(meta.get("viscosity") or ()), k),
     }
     return pa.schema(fields, metadata={KEY: json.dumps({**meta, **own}, sort_keys=True, allow_nan=False).encode()})
 
@@ -157,6 +169,7 @@ def _units(
     row_units: Sequence[tuple[str, str]],
     parameters: Sequence[str],
     viscous: int = 0,
+    inner: int = 0,
 ) -> dict[str, str | list[str]]:
     """Of each column with one: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has
     the displacement unit of row i over the multiplier unit of row j."""
@@ -188,7 +201,13 @@ def _units(
             units["dC"] = common(
                 [f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(multiplier[k])}" for i, j, k in factors]
             )
-    if viscous:
+    if inner:
+        moving = [*(f"/{_factor(unit)}" for unit in displacement[rows.a]), *[""] * inner]
+        pairs = [moving[i] + moving[j] for i in range(len(moving)) for j in range(i, len(moving))]
+        units["inner_M"] = [f"N mm s^2{each}" for each in pairs]
+        if viscous:
+            units["inner_loss"] = [f"N mm{each}" for each in pairs] * viscous
+    elif viscous:
         both = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
         pairs = [(one, other) for i, one in enumerate(both) for other in both[i:]]
         each = [

@@ -6,7 +6,9 @@ With B = H^T (all rows as columns) and Z = A^-1 B, the dynamic compliance at ang
 
 On the motions (Z, Y) stiffness is [[W, V], [V, V2]] and mass [[V, V2], [V2, V3]]: a Galerkin model whose lowest
 frequencies are from above, exact to the fourth moment (Craig, Int. J. Numer. Methods Eng. 1968; Bai, Appl. Numer. Math.
-43, 2002). Y costs as many triangular solves as Z, and no factorisation."""
+43, 2002). Y costs as many triangular solves as Z, and no factorisation.
+
+A robot of sections in a row has inner motions instead (inner.py), which cost a few solves, and V alone of the rows."""
 
 from dataclasses import dataclass
 
@@ -26,13 +28,26 @@ class Inertia:
     """V, V2, V3: (n, n) symmetric, of rows e, a, c; an entry has the unit of W's times s^2, s^4, s^6.
     loss: (k, 2 n, 2 n), for each viscous material the stiffness that resists shear, on the motions (Z, Y): times
     Viscosity.modulus it is storage and loss. dV: (n_active, n, n) dV/dlambda along the equilibrium path, None where it
-    was not asked for."""
+    was not asked for. V2, V3, loss: None where there are inner motions."""
 
     V: np.ndarray
-    V2: np.ndarray
-    V3: np.ndarray
-    loss: np.ndarray
+    V2: np.ndarray | None
+    V3: np.ndarray | None
+    loss: np.ndarray | None
     dV: np.ndarray | None = None
+    inner: "Inner | None" = None
+
+
+@dataclass(frozen=True)
+class Inner:
+    """Quasi-static motions of the actuators, a unit of displacement each, and k inner motions that leave the actuators
+    alone. K (k, k) N mm: stiffness of the latter, M (n_a + k, n_a + k) mass of both, loss (j, n_a + k, n_a + k) of each
+    viscous material, as in `Inertia`; e (n_e, k) mm: how the inner ones move the effectors."""
+
+    K: np.ndarray
+    M: np.ndarray
+    loss: np.ndarray
+    e: np.ndarray
 
 
 def mass_of(robot: Robot) -> sp.csr_array:
@@ -46,15 +61,41 @@ def mass_of(robot: Robot) -> sp.csr_array:
 
 
 def inertia(
-    problem: Problem, mass: sp.csr_array, at: Evaluation, condensation: Condensation
-) -> tuple[Inertia, np.ndarray]:
-    """Of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n). mass: of `mass_of`."""
+    problem: Problem,
+    mass: sp.csr_array,
+    at: Evaluation,
+    condensation: Condensation,
+    stresses: np.ndarray | None = None,
+    derivatives: bool = False,
+) -> tuple[Inertia, np.ndarray | None]:
+    """Of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing needs it.
+    mass: of `mass_of`; stresses: of `inner.rod_stresses`, for inner motions; derivatives: whether dV will be asked
+    for."""
     Z = condensation.Z
-    heavy = times_mass(problem, mass, at.x, Z)
-    Y = refined(problem, condensation.data, condensation.factor, heavy)[0]
-    V, V2, V3 = Z.T @ heavy, Y.T @ heavy, Y.T @ times_mass(problem, mass, at.x, Y)
-    loss = loss_forms(problem, at, np.hstack([Z, Y]))
-    return Inertia(*((each + each.T) / 2 for each in (V, V2, V3)), loss), Y
+    heavy, Y, symmetric = times_mass(problem, mass, at.x, Z), None, lambda each: (each + each.T) / 2
+    if stresses is None or derivatives:
+        Y = refined(problem, condensation.data, condensation.factor, heavy)[0]
+    V = symmetric(Z.T @ heavy)
+    if stresses is not None:
+        return Inertia(V, None, None, None, inner=inner_motions(problem, mass, at, condensation, stresses)), Y
+    V2, V3 = Y.T @ heavy, Y.T @ times_mass(problem, mass, at.x, Y)
+    return Inertia(V, symmetric(V2), symmetric(V3), loss_forms(problem, at, np.hstack([Z, Y]))), Y
+
+
+def inner_motions(
+    problem: Problem, mass: sp.csr_array, at: Evaluation, condensation: Condensation, stresses: np.ndarray
+) -> Inner:
+    """With the factor at hand; stresses: (m, 6, k) of the rod's elements."""
+    rows, W = problem.robot.rows, condensation.condensed.W
+    H = at.H[:, : rows.n_a]
+    X = condensation.Z[:, rows.a] @ np.linalg.inv(W[rows.a, rows.a])
+    pulls = problem.rod_forces(at, stresses)
+    G = refined(problem, condensation.data, condensation.factor, pulls)[0]
+    G = G - X @ (H.T @ G)
+    both = np.hstack([X, G])
+    M, K = both.T @ times_mass(problem, mass, at.x, both), pulls.T @ G
+    e = problem.gradients(problem.robot.effectors, at.x).T @ G
+    return Inner((K + K.T) / 2, (M + M.T) / 2, loss_forms(problem, at, both), e)
 
 
 def times_mass(problem: Problem, mass: sp.csr_array, x: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -215,6 +215,15 @@ class Problem:
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
         return np.tensordot(mine, blocks @ mine, axes=((0, 1), (0, 1)))
 
+    def rod_strains(self, at: Evaluation, q: np.ndarray) -> np.ndarray:
+        """(m, 6, k) mm and rad: how changes q (n_dof, k) of the unknowns strain the rod's elements."""
+        mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
+        return at.response.beam.gradient @ mine
+
+    def rod_forces(self, at: Evaluation, stress: np.ndarray) -> np.ndarray:
+        """(n_dof, k) N on the unknowns, of stresses (m, 6, k) of the rod's elements, N and N mm."""
+        return self._on_unknowns(at.response.beam.gradient.swapaxes(1, 2) @ stress)
+
     def factor(self, at: Evaluation, lam: np.ndarray, cost: Cost, before: Evaluation | None = None) -> Tangent:
         """Raises SingularMatrixError."""
         data, dtheta = self.stiffness(at, lam, before)

@@ -54,6 +54,7 @@ def solve(
     pushed: Watched | None = None,
     keep: bool = False,
     loads: bool = False,
+    stresses: np.ndarray | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
@@ -62,7 +63,8 @@ def solve(
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
     the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
     rows, by the factor at hand; keep: and what further derivatives start from; loads: and, with third_order, how the
-    effectors' compliance changes with loads on them.
+    effectors' compliance changes with loads on them; stresses: with mass, of the inner motions of a robot of sections in
+    a row (inner.py).
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), Cost()
@@ -88,7 +90,7 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, only(actuation, taut), near, last.state, settings, cost, slack)
-    wanted = (condense, third_order, sides, mass, pushed, keep, loads)
+    wanted = (condense, third_order, sides, mass, pushed, keep, loads, stresses)
     return _answer(problem, path, only(actuation, taut), settings, cost, begin, *wanted)
 
 
@@ -199,6 +201,7 @@ def _answer(
     pushed: Watched | None = None,
     keep: bool = False,
     loads: bool = False,
+    stresses: np.ndarray | None = None,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
@@ -220,7 +223,7 @@ def _answer(
             else:
                 Y = None
                 if mass is not None:
-                    moves, Y = inertia(problem, mass, result.at, found)
+                    moves, Y = inertia(problem, mass, result.at, found, stresses, third_order)
                 if third_order:
                     dW, dV = compliance_derivatives(problem, result.at, result.lam, found.Z, Y, mass)
                     moves = None if moves is None else replace(moves, dV=dV)

@@ -1,14 +1,14 @@
-"""A condensed model that moves: the energy model with learned mass, viscosity and inner coordinates.
+"""A condensed model that moves: the energy model with learned mass, viscosity and inner motions.
 
-q = (delta_a, xi, zeta): the actuators' displacements; how far the watched rows are from their quasi-static place for
-delta_a; amplitudes of motions that leave all rows alone. The effectors are at e(delta_a) + xi_e, and
+q = (delta_a, eta): the actuators' displacements, and amplitudes of motions that leave the actuators alone, scaled so
+that all of them are alike stiff. The effectors are at e(delta_a) + H eta, and
 
-    U = Psi(delta_a) + xi . C^-1 xi / 2 + zeta . K zeta / 2        T = dq/dt . M dq/dt / 2
+    U = Psi(delta_a) + kappa eta . eta / 2        T = dq/dt . M dq/dt / 2
 
-C, M, K and the loss forms F of each viscous material are functions of delta_a. They are learned in the coordinates
-eta of forces on the rows, xi = C eta + H zeta, in which all entries are smooth and small where the robot is stiff. They
-are made positive over the states that the model has learned from. What is left out: how the motions of xi and zeta turn
-as delta_a moves, in T."""
+(constraint modes and inner motions as of Craig and Bampton, AIAA J. 6, 1968, at every state instead of one). H, the
+mass M and the loss forms F of each viscous material are functions of delta_a. M and F are squares of symmetric learned
+matrices: they are positive at every state by construction. What is left out: how the inner motions turn as delta_a
+moves, in T; and what stiffer inner motions would add to the effectors' compliance."""
 
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -26,7 +26,7 @@ from cfem.predict.series import input_derivatives
 
 @dataclass(frozen=True)
 class Loss:
-    """Of a viscous material: relaxation s, prony: (share, s) of each term."""
+    """Of viscous material: relaxation s, prony: (share, s) of each term."""
 
     relaxation: float
     prony: tuple[tuple[float, float], ...]
@@ -43,8 +43,8 @@ class Loss:
 @dataclass(frozen=True)
 class Place:
     """All at one delta_a. pull (n_a,): grad Psi; stiff (n_a, n_a): its Hessian; e (n_e,) mm; J (n_e, n_a);
-    M (n_q, n_q); inner (n_r, n_r): stiffness of xi and zeta; F (k, n_q, n_q); dM (n_a, n_q, n_q), d_inner
-    (n_a, n_r, n_r): derivatives by delta_a."""
+    M (n_q, n_q); inner (n_r, n_r): stiffness of eta, the same everywhere; F (k, n_q, n_q); dM (n_a, n_q, n_q):
+    derivatives by delta_a; H (n_e, n_r): motion of the effectors by eta; dH (n_a, n_e, n_r)."""
 
     pull: np.ndarray
     stiff: np.ndarray
@@ -54,7 +54,8 @@ class Place:
     inner: np.ndarray
     F: np.ndarray
     dM: np.ndarray
-    d_inner: np.ndarray
+    H: np.ndarray
+    dH: np.ndarray
 
     @property
     def K(self) -> np.ndarray:
@@ -66,18 +67,22 @@ class Place:
 
     @property
     def effectors_by_q(self) -> np.ndarray:
-        """(n_e, n_q)."""
-        out = np.zeros((len(self.e), len(self.M)))
-        n_a = self.J.shape[1]
-        out[:, :n_a] = self.J
-        out[:, n_a : n_a + len(out)] = np.eye(len(out))
-        return out
+        """(n_e, n_q) where eta is none."""
+        return np.concatenate([self.J, self.H], axis=1)
+
+    def effectors(self, eta: np.ndarray) -> np.ndarray:
+        """(n_e,) mm from rest, of inner motions eta (n_r,)."""
+        return self.e + self.H @ eta
+
+    def slopes(self, eta: np.ndarray) -> np.ndarray:
+        """(n_e, n_q): of `effectors` by q."""
+        return np.concatenate([self.J + (self.dH @ eta).T, self.H], axis=1)
 
 
 class MotionModel:
     """static: the energy model (cfem.predict.potential.PotentialPredictor) of form displacement; arrays: of motion.npz:
-    to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale (n_q,) of q,
-    in whose shares all is learned, watched: the number of rows that xi is of; viscosity: of each viscous material."""
+    to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale (n_q,): the
+    unit of each of q in which M and F are learned, stiffness: kappa, N mm; viscosity: of the material of each loss form."""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
         if static.form != "displacement" or static.parameters or not hasattr(static, "parts"):
@@ -86,20 +91,21 @@ class MotionModel:
             )
         self.static, self.rows = static, static.rows
         self.losses = tuple(Loss(one["relaxation"], tuple(map(tuple, one["prony"]))) for one in viscosity)
-        n_a = self.rows.n_a
-        self.n_a, self.n_q = n_a, len(take(arrays, "scale", (None,)))
-        self.n_r, self.n_w = self.n_q - n_a, int(take(arrays, "watched", (), "iu"))
+        n_a, n_e = self.rows.n_a, self.rows.n_e
+        self.scale = take(arrays, "scale", (None,))
+        self.n_a, self.n_q = n_a, len(self.scale)
+        self.n_r, self.stiffness = self.n_q - n_a, float(take(arrays, "stiffness", ()))
         indices = take(arrays, "indices", (None, n_a), "iu")
-        self._layout = layout(self.n_q, self.n_r, len(self.losses))
-        self._to_box_T = np.ascontiguousarray(take(arrays, "to_box", (n_a, n_a)).T)
-        self._offset = take(arrays, "offset", (n_a,))
-        outputs = next(reversed(self._layout.values())).stop
-        self._series_T = np.ascontiguousarray(take(arrays, "series", (outputs, len(indices))).T)
-        self._basis = Basis(indices)
-        self._slopes = hstack(input_derivatives(indices, self._to_box_T.T, n_a), format="csc").T.tocsr()
-        self.scale = take(arrays, "scale", (self.n_q,))
-        self._size = np.outer(self.scale, self.scale)
-        self._unpack_q, self._unpack_r = unpacking(self.n_q), unpacking(self.n_r)
+        where = layout(self.n_q, self.n_r, n_e, len(self.losses))
+        to_box = take(arrays, "to_box", (n_a, n_a))
+        self._to_box_T, self._offset = np.ascontiguousarray(to_box.T), take(arrays, "offset", (n_a,))
+        series = take(arrays, "series", (next(reversed(where.values())).stop, len(indices)))
+        self._basis, self._moving = Basis(indices), where["H"].stop
+        self._series_T = np.ascontiguousarray(series.T)
+        self._slopes = hstack(input_derivatives(indices, to_box, n_a), format="csc").T.tocsr()
+        self._where, self._unpack = where, unpacking(self.n_q)
+        self._inner = self.stiffness * np.eye(self.n_r)
+        self._inner.flags.writeable = False
 
     @property
     def rest_e(self) -> np.ndarray:
@@ -110,46 +116,32 @@ class MotionModel:
         """Everything at delta_a (n_a,) mm."""
         part = self.static.parts(delta_a, delta_a[:0])
         phi = self._basis(delta_a @ self._to_box_T + self._offset)
-        n_a, terms, where = self.n_a, len(phi), self._layout
-        rows = np.empty((1 + n_a, terms))
-        rows[0], rows[1:] = phi, (self._slopes @ phi).reshape(n_a, terms)
-        smooth = where["K"].stop
-        out = rows @ self._series_T[:, :smooth]
-        M = out[:, where["M"]][:, self._unpack_q] / self._size
-        inner = out[:, where["K"]][:, self._unpack_r] / self._size[n_a:, n_a:]
-        F = np.zeros((len(self.losses), self.n_q, self.n_q))
-        for index in range(len(self.losses)):
-            F[index] = (phi @ self._series_T[:, where[f"F{index}"]])[self._unpack_q] / self._size
-        G, dG = self._to_forces(inner)
-        inner, d_inner = _turned(inner, G[n_a:, n_a:], dG[:, n_a:, n_a:])
-        M, dM = _turned(M, G, dG)
-        e, J = part["effector"], part["effector_gradient"]
-        return Place(part["gradient"], part["hessian"], e, J, M, inner, G.T @ F @ G, dM, d_inner)
-
-    def _to_forces(self, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n_q, n_q) eta by xi: eta = C^-1 (xi - H zeta), and its derivatives (n_a, n_q, n_q); inner (1 + n_a, n_r,
-        n_r): C and H and their derivatives, in the coordinates of forces."""
-        n_a, r = self.n_a, slice(self.n_a, self.n_a + self.n_w)
-        C, H = inner[:, : self.n_w, : self.n_w], inner[:, : self.n_w, self.n_w :]
-        inverse = np.linalg.inv(C[0])
-        G, dG = np.eye(self.n_q), np.zeros((n_a, self.n_q, self.n_q))
-        G[r, r], G[r, r.stop :] = inverse, -inverse @ H[0]
-        d_inverse = -inverse @ C[1:] @ inverse
-        dG[:, r, r], dG[:, r, r.stop :] = d_inverse, -d_inverse @ H[0] - inverse @ H[1:]
-        return G, dG
+        n_a, n_e, moving, where = self.n_a, self.rows.n_e, self._moving, self._where
+        terms = np.empty((1 + n_a, len(phi)))
+        terms[0], terms[1:] = phi, (self._slopes @ phi).reshape(n_a, -1)
+        rows = terms @ self._series_T[:, :moving]
+        roots = rows[:, where["M"]][:, self._unpack] / self.scale
+        H = rows[:, where["H"]].reshape(1 + n_a, n_e, self.n_r)
+        half = roots[1:].swapaxes(1, 2) @ roots[0]
+        losses = (phi @ self._series_T[:, moving:]).reshape(len(self.losses), -1)[:, self._unpack] / self.scale
+        return Place(
+            pull=part["gradient"],
+            stiff=part["hessian"],
+            e=part["effector"],
+            J=part["effector_gradient"],
+            M=roots[0].T @ roots[0],
+            inner=self._inner,
+            F=losses.swapaxes(1, 2) @ losses,
+            dM=half + half.swapaxes(1, 2),
+            H=H[0],
+            dH=H[1:],
+        )
 
 
-def _turned(matrix: np.ndarray, G: np.ndarray, dG: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """G^T A G and its derivatives, of A and its derivatives (1 + n_a, n, n)."""
-    half = matrix[0] @ G
-    mixed = dG.swapaxes(1, 2) @ half
-    return G.T @ half, G.T @ matrix[1:] @ G + mixed + mixed.swapaxes(1, 2)
-
-
-def layout(n_q: int, n_r: int, losses: int) -> dict[str, slice]:
-    """Where the outputs of the series hold each part, in shares of the scale of q: M and K of the inner coordinates, C
-    and H its first rows, and each loss form, as their upper triangles."""
-    sizes = {"M": n_q * (n_q + 1) // 2, "K": n_r * (n_r + 1) // 2}
-    sizes |= {f"F{index}": n_q * (n_q + 1) // 2 for index in range(losses)}
+def layout(n_q: int, n_r: int, n_e: int, losses: int) -> dict[str, slice]:
+    """Where the outputs of the series hold each part: the upper triangle of the root of M, H row by row, and the upper
+    triangle of the root of each loss form."""
+    triangle = n_q * (n_q + 1) // 2
+    sizes = {"M": triangle, "H": n_e * n_r} | {f"F{index}": triangle for index in range(losses)}
     ends = [0, *accumulate(sizes.values())]
     return {name: slice(*pair) for name, pair in zip(sizes, pairwise(ends), strict=True)}

@@ -83,7 +83,7 @@ def _note(run: Run, model: MotionModel, motion: Motion) -> None:
     place = model.at(delta_a)
     if run.left is None and not model.static.domain.holds(delta_a, place.pull):
         run.left = motion.t
-    delta_e = place.e + motion.q[model.n_a : model.n_a + len(place.e)]
+    delta_e = place.effectors(motion.q[model.n_a :])
     if not np.abs(delta_e).max() <= _FAR * model.static.length:
         where = "" if run.left is None else f", after it left the states that it has learned from at {run.left:g} s"
         raise NumericalError(

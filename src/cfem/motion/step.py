@@ -47,9 +47,8 @@ def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = N
     place, n_a = model.at(delta_a), model.n_a
     q, lam = np.concatenate([delta_a, np.zeros(model.n_r)]), place.pull.copy()
     if payload is not None:
-        J = payload.rows_of(place.effectors_by_q)
-        q[n_a:] = np.linalg.solve(place.inner, J[:, n_a:].T @ payload.weight)
-        lam = lam + _by_inner(place, q[n_a:]) - (J.T @ payload.weight)[:n_a]
+        q[n_a:] = np.linalg.solve(place.inner, payload.rows_of(place.H).T @ payload.weight)
+        lam = lam - (payload.rows_of(place.slopes(q[n_a:])).T @ payload.weight)[:n_a]
     terms = sum(len(one.prony) for one in model.losses)
     none = np.zeros(model.n_q)
     return Motion(0.0, q, none, none, np.zeros((terms, model.n_q)), lam)
@@ -57,9 +56,7 @@ def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = N
 
 def effectors(model: MotionModel, motion: Motion) -> np.ndarray:
     """(n_e,) mm from rest."""
-    n_a = model.n_a
-    e = model.at(motion.q[:n_a]).e
-    return e + motion.q[n_a : n_a + len(e)]
+    return model.at(motion.q[: model.n_a]).effectors(motion.q[model.n_a :])
 
 
 def energy(model: MotionModel, motion: Motion, payload: Payload | None = None) -> float:
@@ -69,9 +66,9 @@ def energy(model: MotionModel, motion: Motion, payload: Payload | None = None) -
     M = place.M
     stored = float(model.static.parts(motion.q[:n_a], motion.q[:0])["energy"][0]) + float(eta @ place.inner @ eta) / 2
     if payload is not None:
-        J = payload.rows_of(place.effectors_by_q)
+        J = payload.rows_of(place.slopes(eta))
         M = M + payload.mass * J.T @ J
-        stored -= float(payload.weight @ payload.rows_of(place.e + eta[: len(place.e)]))
+        stored -= float(payload.weight @ payload.rows_of(place.effectors(eta)))
     return stored + float(motion.p @ np.linalg.solve(M, motion.p)) / 2
 
 
@@ -109,24 +106,22 @@ def _terms(
     model: MotionModel, motion: Motion, command: Command, v: np.ndarray, dt: float, payload: Payload | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """dL/dq + Q (n_q,) at the middle of the step, but for the forces that hold actuators; M; and the slope by v of
-    M v - dt/2 Q but for M, second derivatives of M and K left out."""
+    M v - dt/2 Q but for M, second derivatives of M left out."""
     n_a = model.n_a
     middle = motion.q + dt / 2 * v
     place, eta = model.at(middle[:n_a]), middle[n_a:]
     M, K = place.M, place.K
-    by_turn, by_inner = place.dM @ v, place.d_inner @ eta  # (n_a, n_q) and (n_a, n_r)
+    by_turn = place.dM @ v  # (n_a, n_q)
     force = np.empty(model.n_q)
-    force[:n_a] = by_turn @ v / 2 - place.pull - by_inner @ eta / 2
-    force[n_a:] = -K[n_a:, n_a:] @ eta
+    force[:n_a] = by_turn @ v / 2 - place.pull
+    force[n_a:] = -place.inner @ eta
     if command.force is not None:
         force[:n_a] += command.force
     if command.push is not None:
-        force += place.effectors_by_q.T @ command.push
+        force += place.slopes(eta).T @ command.push
     slope = dt**2 / 4 * K
     slope[:, :n_a] += dt / 2 * by_turn.T
     slope[:n_a] -= dt / 2 * by_turn
-    slope[:n_a, n_a:] += dt**2 / 4 * by_inner
-    slope[n_a:, :n_a] += dt**2 / 4 * by_inner.T
     term = 0
     for loss, F in zip(model.losses, place.F, strict=True):
         by_rate, history = loss.relaxation, np.zeros(model.n_q)
@@ -138,18 +133,13 @@ def _terms(
         force -= F @ (by_rate * v + history)
         slope = slope + dt / 2 * by_rate * F
     if payload is not None:
-        J = payload.rows_of(place.effectors_by_q)
-        ahead = middle + _DIFFERENCE * v / max(float(np.abs(v).max()), 1e-12)
-        there = payload.rows_of(model.at(ahead[:n_a]).effectors_by_q)
-        turning = (there - J) * (max(float(np.abs(v).max()), 1e-12) / _DIFFERENCE)
+        J, speed = payload.rows_of(place.slopes(eta)), max(float(np.abs(v).max()), 1e-12)
+        ahead = middle + _DIFFERENCE / speed * v
+        there = payload.rows_of(model.at(ahead[:n_a]).slopes(ahead[n_a:]))
+        turning = (there - J) * (speed / _DIFFERENCE)
         M = M + payload.mass * J.T @ J
         force += payload.mass * turning.T @ (J @ v) + J.T @ payload.weight
     return force, M, slope
-
-
-def _by_inner(place: Place, eta: np.ndarray) -> np.ndarray:
-    """(n_a,) slope of eta . K eta / 2 by delta_a."""
-    return (place.d_inner @ eta) @ eta / 2
 
 
 def _remembered(model: MotionModel, motion: Motion, v: np.ndarray, dt: float) -> np.ndarray:

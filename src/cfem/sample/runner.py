@@ -132,6 +132,7 @@ def make_job(
     }
     if facts.viscosity is not None:
         meta["viscosity"] = [plain(vars(one)) for one in facts.viscosity]
+        meta["inner"] = facts.inner
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
     return Job(

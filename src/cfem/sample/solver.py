@@ -34,7 +34,7 @@ class Facts:
     where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
     best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
     scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
-    for."""
+    for; inner: the number of inner motions whose mass is recorded."""
 
     scene: str
     rows: Rows
@@ -50,6 +50,7 @@ class Facts:
     robot: Mapping[str, Any] | None = None
     surface: Surface | None = None
     viscosity: tuple[Viscosity, ...] | None = None
+    inner: int = 0
 
 
 class Solver(Protocol):
@@ -91,6 +92,7 @@ class FiniteElements:
         from cfem.equilibrium.actuation import force
         from cfem.equilibrium.held_patch import contact_points, patch_of
         from cfem.equilibrium.inertia import mass_of
+        from cfem.equilibrium.inner import rod_stresses
         from cfem.equilibrium.newton import Settings
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
@@ -110,6 +112,9 @@ class FiniteElements:
             patch = patch_of(contact_points(problem), self.turns)
             at_rest = onto_patch(rest.condensed, patch, np.zeros(patch.n))
             compliance = at_rest.W[at_rest.rows.active, at_rest.rows.active]
+        mass, stresses = mass_of(robot) if self.dynamics else None, None
+        if mass is not None and robot.body.beam is not None and not self.parameters:
+            stresses = rod_stresses(problem, mass)
         facts = Facts(
             robot.name,
             replace(robot.rows, contacts=patch.names if patch else ()),
@@ -125,14 +130,15 @@ class FiniteElements:
             robot_of(self.scene),
             outer_surface(robot.X, robot.body.mesh.facets),
             tuple(one for one in robot.viscosity if not one.none) if self.dynamics else None,
+            0 if stresses is None else stresses.shape[2],
         )
-        mass = mass_of(robot) if self.dynamics else None
-        return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads, mass)
+        return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads, mass, stresses)
 
 
 @dataclass(frozen=True)
 class _FiniteElementSolver:
-    """problem: of the scene's own robot; mass: its own, None where no dynamics are asked for; skin: watched too, None
+    """problem: of the scene's own robot; mass: its own, None where no dynamics are asked for; stresses: of
+    its inner motions, None where it has none; skin: watched too, None
     where it is not; pushed: see `Solver.roughly`."""
 
     facts: Facts
@@ -142,6 +148,7 @@ class _FiniteElementSolver:
     third_order: bool
     loads: bool
     mass: Any = None
+    stresses: Any = None
     skin: Skin | None = None
     pushed: Skin | None = None
 
@@ -180,6 +187,7 @@ class _FiniteElementSolver:
             sides=sides,
             pushed=None if self.pushed is None else SkinRows(self.pushed, problem.robot.X),
             mass=mass,
+            stresses=self.stresses,
         )
         return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
 

@@ -113,12 +113,12 @@ def moves(training: Any, model: ModelSpec) -> bool:
 
 
 def add_motion(folder: Path, training: Any) -> dict[str, Any]:
-    """Writes motion.npz; facts of the fit, and the viscosity of the materials."""
+    """Writes motion.npz; facts of the fit."""
     from cfem.surrogate.motion import fit_motion
 
     arrays, facts = fit_motion(training)
     write_npz(folder / "motion.npz", arrays)
-    return {**facts, "viscosity": training.moving.viscosity}
+    return facts
 
 
 def add_skin(

@@ -1,0 +1,119 @@
+"""Inner motions of sampled states: what moves while the actuators stand still, chosen alike at all states.
+
+Of a robot of sections in a row the samples have them. Of others they are chosen here from the motions (Z, Y) of the
+rows (cfem.equilibrium.inertia): those that answer the inertia of the actuators' motions, and forces and inertia at the
+effectors, with the actuators held, filtered once more by A^-1 M, so that the lowest vibrations prevail. At each state
+they are made orthonormal in the stiffness, by the nearest such basis to constant combinations of them (Loewdin, J.
+Chem. Phys. 18, 1950): a smooth choice, as vibrations themselves are not, whose frequencies cross. The combinations are
+those that are nearest to orthonormal over all states, the strongest first."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+MOST = 6  # inner motions of a solid
+WEAK = 1e-5  # least singular value of the combinations, at all states
+RIDGE = 0.1  # of a field's mean square: how much weaker fields follow the stronger ones
+ROUNDS = 100
+INDEPENDENT = 1e-9  # of the largest eigenvalue of the scaled stiffness of (Z, Y)
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """m states, k inner motions of stiffness 1 N mm each, independent of each other in it. M (m, n, n), n = n_a + k:
+    mass of the actuators' quasi-static motions and these; loss (m, j, n, n) of each material; e (m, n_e, k) mm."""
+
+    M: np.ndarray
+    loss: np.ndarray
+    e: np.ndarray
+
+
+def inner_motions(moving: Any) -> Chosen:
+    """moving: of cfem.dataset.reader.Dataset."""
+    if moving.inner_M is None:
+        return _of_rows(moving)
+    n_a = moving.rows.n_a
+    values, vectors = np.linalg.eigh(moving.inner_K)
+    root = (vectors / np.sqrt(values)[:, None]) @ vectors.swapaxes(1, 2)
+    T = np.zeros_like(moving.inner_M)
+    T[:, :n_a, :n_a], T[:, n_a:, n_a:] = np.eye(n_a), root
+    return Chosen(T @ moving.inner_M @ T, T[:, None] @ moving.inner_loss @ T[:, None], moving.inner_e @ root)
+
+
+@dataclass(frozen=True)
+class _State:
+    """Of one state, in vibrations of the rows' motions with the actuators held, p of them, of unit mass: squares (p,)
+    1/s^2; fields (p, f) of all that may be chosen from; M, loss, e as in `Chosen`, with all p."""
+
+    squares: np.ndarray
+    fields: np.ndarray
+    M: np.ndarray
+    loss: np.ndarray
+    e: np.ndarray
+
+
+def _of_rows(moving: Any) -> Chosen:
+    states = [_state(moving, index) for index in range(len(moving.W))]
+    n_a = moving.rows.n_a
+    p = min(len(one.squares) for one in states)
+    squares = np.array([one.squares[:p] for one in states])
+    fields = np.array([one.fields[:p] for one in states])
+    # in units of the stiffness, filtered by A^-1 M
+    fields = fields * (squares.mean(axis=0)[0] / np.sqrt(squares))[:, :, None]
+    Q = _alike(fields) / np.sqrt(squares)[:, :, None]
+    T = np.zeros((len(states), n_a + p, n_a + Q.shape[2]))
+    T[:, :n_a, :n_a], T[:, n_a:, n_a:] = np.eye(n_a), Q
+    own = slice(0, n_a + p)
+    M = T.swapaxes(1, 2) @ np.array([one.M[own, own] for one in states]) @ T
+    loss = T.swapaxes(1, 2)[:, None] @ np.array([one.loss[:, own, own] for one in states]) @ T[:, None]
+    return Chosen(M, loss, np.array([one.e[:, :p] for one in states]) @ Q)
+
+
+def _state(moving: Any, index: int) -> _State:
+    rows, n = moving.rows, moving.rows.n
+    W, V, V2, V3 = (getattr(moving, name)[index] for name in ("W", "V", "V2", "V3"))
+    a, e = np.arange(n)[rows.a], np.arange(n)[rows.e]
+    K, M, by_rows = np.block([[W, V], [V, V2]]), np.block([[V, V2], [V2, V3]]), np.hstack([W, V])
+    size = 1 / np.sqrt(np.diag(K))
+    K, M, F, by_rows = K * np.outer(size, size), M * np.outer(size, size), moving.loss[index], by_rows * size
+    F = F * np.outer(size, size)
+    K_aa = np.linalg.inv(W[np.ix_(a, a)])
+    X = np.zeros((2 * n, len(a)))
+    X[a] = K_aa
+    X /= size[:, None]
+    locked = np.linalg.svd(by_rows[a] / np.linalg.norm(by_rows[a], axis=1)[:, None])[2][len(a) :].T
+    values, vectors = np.linalg.eigh(locked.T @ K @ locked)
+    kept = values > INDEPENDENT * values[-1]
+    basis = locked @ (vectors[:, kept] / np.sqrt(values[kept]))
+    inverse, shapes = np.linalg.eigh(basis.T @ M @ basis)
+    inverse, shapes = inverse[::-1], basis @ shapes[:, ::-1]
+    positive = inverse > 1e-12 * inverse[0]
+    inverse, shapes = inverse[positive], shapes[:, positive] / np.sqrt(inverse[positive])
+    amplitudes = (shapes.T @ K / size) * inverse[:, None]  # of (Z, Y), the actuators held
+    fields = np.hstack([amplitudes[:, n + a] @ K_aa, amplitudes[:, e], amplitudes[:, n + e]])
+    both = np.hstack([X, shapes])
+    return _State(1 / inverse, fields, both.T @ M @ both, both.T @ F @ both, by_rows[e] @ shapes)
+
+
+def _alike(fields: np.ndarray) -> np.ndarray:
+    """(m, p, k) orthonormal at each state, from fields (m, p, f) there: k is as large as all states allow."""
+    fields = fields / np.sqrt((fields**2).sum(axis=1).mean(axis=0))
+    gram = (fields.swapaxes(1, 2) @ fields).mean(axis=0)
+    values, vectors = np.linalg.eigh(gram)
+    ridge = RIDGE * np.eye(len(gram))
+    for k in range(min(MOST, *fields.shape[1:]), 0, -1):
+        combined = vectors[:, ::-1][:, :k] / np.sqrt(np.maximum(values[::-1][:k], 1e-300))
+        for _ in range(ROUNDS):
+            nearest, least = _orthonormal(fields @ combined)
+            combined = np.linalg.solve(gram + ridge, (fields.swapaxes(1, 2) @ nearest).mean(axis=0))
+        nearest, least = _orthonormal(fields @ combined)
+        if least > WEAK or k == 1:
+            return nearest
+    raise AssertionError("no field")
+
+
+def _orthonormal(P: np.ndarray) -> tuple[np.ndarray, float]:
+    """The nearest orthonormal columns to those of P (m, p, k), and its least singular value over the largest."""
+    U, s, Vt = np.linalg.svd(P, full_matrices=False)
+    return U @ Vt, float((s[:, -1] / s[:, 0]).min())
