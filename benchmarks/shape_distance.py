@@ -89,7 +89,7 @@ def beside(make, nodes: np.ndarray, triangles: np.ndarray, rng: np.random.Genera
     if isinstance(make(pose), Plane):  # whose outside is to be where the surface is
         turn, _ = Rotation.align_vectors([direction], [[0, 0, 1]])
         pose, direction = {**pose, "R": turn.as_matrix()}, -direction
-    for _ in range(40):
+    for _ in range(24):
         middle = (near + far) / 2
         moved = make({**pose, "t": pose["t"] + middle * direction})
         near, far = (middle, far) if moved.distance(nodes).min() < wanted else (near, middle)
