@@ -37,6 +37,7 @@ def meta(rows, rest, length, softer=None):
     n_a = len(rows["actuators"])
     found = {
         "kind": "spectral",
+        "scene": "row",
         "form": "displacement",
         "rows": rows,
         "row_units": [["mm", "N"]] * (len(rows["effectors"]) + n_a),
@@ -136,3 +137,9 @@ def test_forces_are_one_for_each_module(forces):
 def test_the_series_here_is_definite():
     packed = series()["series"][layout(2, 6)["effector_compliance"], 0]
     assert np.linalg.eigvalsh(packed[unpacking(6)])[0] > 0
+
+
+@pytest.mark.parametrize("forces", [None, FORCES])
+def test_without_the_skin_of_a_module_there_is_no_shape(forces):
+    with pytest.raises(InputError, match=r"has no skin.*train the module's model on samples with `skin"):
+        chain(forces).shape(DELTA)

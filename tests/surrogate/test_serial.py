@@ -6,14 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.obstacle import Sphere
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.stage import Options
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.export.stage import run as export
 from cfem.plant.fem_plant import pushed
+from cfem.predict.clearance import clearance
 from cfem.predict.load import load_model
 from cfem.predict.loaded import loaded
 from cfem.predict.serial import cross, left_jacobian
@@ -108,6 +113,61 @@ def test_two_modules_under_a_force_at_the_tip_are_the_whole_trunk(project):
         assert found.rows == model.rows
 
 
+def nodes_in(robot, rest):
+    """Numbers in the mesh of the robot of points (m, 3) at rest."""
+    distance, nodes = cKDTree(robot.X).query(rest)
+    assert distance.max() < 1e-9
+    return nodes
+
+
+def test_its_surface_is_that_of_the_whole_trunk(project):
+    """Of one piece, without the faces between the modules; the skin of one module is off by a hundredth of a mm."""
+    model, problem = load_model(project / "models" / WHOLE / "serial"), problem_of(project, WHOLE)
+    nodes = nodes_in(problem.robot, model.surface.rest)
+    assert set(nodes) == set(np.unique(problem.robot.facets))
+    said = json.loads((project / "models" / WHOLE / "serial" / "manifest.json").read_text())["results"]
+    deltas = []
+    for pressures in 0.2 * np.random.default_rng(0).random((3, 6)):
+        solved = solve(problem, force(pressures))
+        deltas.append(solved.delta_a)
+        apart = np.linalg.norm(model.shape(solved.delta_a) - solved.state.x[nodes], axis=1)
+        assert apart.max() < 0.001 * model.length
+        ClosedSurface(model.shape(solved.delta_a), model.facets)
+    np.testing.assert_allclose(model.shape(deltas)[2], model.shape(deltas[2]), atol=1e-12)
+    np.testing.assert_allclose(model.shape(np.zeros(6)), model.surface.rest, atol=0.02)
+    assert said["skin"]["nodes"] == len(nodes) and said["skin"]["largest_mm"] < 0.001 * model.length
+    assert any(line.startswith(f"skin: {len(nodes)} surface nodes to ") for line in said["headline"])
+    with pytest.raises(InputError, match="no rows of a skin of the whole"):
+        model.whole(deltas[0])
+
+
+def test_its_surface_under_a_force_at_the_tip_is_that_of_the_whole_trunk(project):
+    model, problem = load_model(project / "models" / WHOLE / "serial"), problem_of(project, WHOLE)
+    nodes, push = nodes_in(problem.robot, model.surface.rest), np.array([0.5e-3, 1.5e-3, -1e-3])
+    at = solve(problem, force(np.full(6, 0.1))).delta_a
+    solved = solve(Problem(pushed(problem.robot, push)), displacement(at), slack=False)
+    under = loaded(model, push).shape(at)
+    moved = np.linalg.norm(under - model.shape(at), axis=1).max()
+    off = np.linalg.norm(under - solved.state.x[nodes], axis=1).max()
+    assert moved > 0.5 and off < 0.05 * moved
+
+
+@pytest.mark.parametrize("push", [None, np.array([0.0, 1e-3, 0.0])])
+def test_the_gradients_of_its_surface_and_clearance_are_those_of_differences(project, push):
+    model = load_model(project / "models" / WHOLE / "serial")
+    model = model if push is None else loaded(model, push)
+    at, h = np.array([10.0, 4.0, 7.0, 3.0, 12.0, 6.0]), 1e-3
+    nodes = np.arange(0, len(model.surface.rest), 5)
+    gradient = model.surface_gradient(at, nodes)
+    obstacle = Sphere(10.0, t=model.shape(at)[-1] + [15.0, 10.0, 5.0])
+    slope = clearance(model, at, obstacle, tolerance=1e-8).gradient
+    for number, step in enumerate(h * np.eye(6)):
+        difference = (model.shape(at + step)[nodes] - model.shape(at - step)[nodes]) / (2 * h)
+        np.testing.assert_allclose(gradient[:, :, number], difference, atol=1e-6)
+        sides = [clearance(model, at + side * step, obstacle, tolerance=1e-8).distance for side in (1, -1)]
+        assert slope[number] == pytest.approx((sides[0] - sides[1]) / (2 * h), abs=1e-4)
+
+
 def test_the_estimated_error_bounds_that_of_loads(project):
     model = load_model(project / "models" / WHOLE / "serial")
     assert loaded(model, np.array([0, 2e-3, 0])).meta["wrench_error"] < 0.005
@@ -155,3 +215,14 @@ def test_the_left_jacobian_takes_rotation_vectors_to_spins():
     np.testing.assert_allclose((J @ d[:, :, None])[:, :, 0], spin, atol=1e-8)
     turned = Rotation.from_rotvec(phi).as_matrix()
     np.testing.assert_allclose(np.eye(3) + cross(phi) @ J, turned, atol=1e-13)
+
+
+def test_an_exported_row_has_its_shape_in_python(project, tmp_path):
+    trained = project / "models" / WHOLE / "serial"
+    spec = tmp_path / "export.yaml"
+    spec.write_text(f"model: {trained}\nout: {tmp_path / 'out'}\nformats: [arrays]\n")
+    export(spec, [], None, QUIET)
+    at = np.array([10.0, 4.0, 7.0, 3.0, 12.0, 6.0])
+    np.testing.assert_array_equal(load_model(tmp_path / "out").shape(at), load_model(trained).shape(at))
+    with pytest.raises(InputError, match="modules in a row, whose shape is known to Python alone"):
+        export(spec, ["shape=true"], tmp_path / "other", QUIET)

@@ -18,7 +18,8 @@ from cfem.core.stage import Options, Stage, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.skin import write_skin
 from cfem.export.spec import ExportSpec
-from cfem.predict.load import VECTORS, build, has_skin, read_arrays, read_meta, read_model, read_vectors
+from cfem.predict import serial_skin
+from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
 from cfem.predict.load_spec import forces_of
 from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.loaded_skin import loaded_skin
@@ -130,6 +131,11 @@ def work(
         if spec.loads:
             skin = loaded_skin(build(meta, arrays), skin, meta["wrench"])
         parity |= write_skin(folder, spec, meta, arrays, skin, vectors)
+    elif has_file(model_folder, serial_skin.FILE):
+        if spec.shape:
+            what = "is of modules in a row, whose shape is known to Python alone (`model.shape`)"
+            raise InputError(what, where=str(spec.model), do="leave `shape` out, or export a model of the whole robot")
+        write_npz(folder / serial_skin.FILE, read_arrays(model_folder, serial_skin.FILE))
     elif spec.shape:
         what = "has no skin, and so no shape"
         raise InputError(what, where=str(spec.model), do="sample it with `skin: {}` in sample.yaml, and train again")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from cfem.contact.clearance import TOLERANCE, Nearest, nearest_of_surface
 from cfem.contact.obstacle import Obstacle
 from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,17 @@ def clearance(
     of the scene, to `tolerance` mm (`nearest_of_surface`). InputError as `Predictor.shape`."""
     delta_a = np.asarray(delta_a, float)
     found = nearest_of_surface(model.shape(delta_a, p), model.facets, obstacle, tolerance)
-    corners = model.facets[found.triangle]
-    moved = np.einsum("c,kci,i->k", found.shares, model.skin.modes[:, corners], found.normal)
-    return Clearance(**vars(found), gradient=moved @ row_gradient(model, delta_a, p))
+    moved = surface_gradient(model, delta_a, model.facets[found.triangle], p)
+    return Clearance(**vars(found), gradient=np.einsum("c,cin,i->n", found.shares, moved, found.normal))
+
+
+def surface_gradient(
+    model: Predictor, delta_a: np.ndarray, nodes: np.ndarray, p: ArrayLike | None = None
+) -> np.ndarray:
+    """(c, 3, n_a): how surface nodes (c,) move with the displacements of the actuators, no contact held."""
+    if isinstance(model, SerialPredictor):
+        return model.surface_gradient(delta_a, nodes)
+    return np.einsum("kci,kn->cin", model.skin.modes[:, nodes], row_gradient(model, delta_a, p))
 
 
 def row_gradient(model: Predictor, delta_a: np.ndarray, p: ArrayLike | None = None) -> np.ndarray:

@@ -12,7 +12,7 @@ from cfem.core.files import read_json
 from cfem.core.optional import demand
 from cfem.core.reading import checked, read_npz, take
 from cfem.core.stage import artefact_file, read_manifest
-from cfem.predict import energy_net, mlp, serial, spectral  # noqa: F401  (each joins KINDS)
+from cfem.predict import energy_net, mlp, serial, serial_skin, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
 from cfem.predict.protocol import Predictor, build
 from cfem.predict.skin import FILE, LearnedSkin
@@ -39,11 +39,15 @@ def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
 def with_skin(predictor: Predictor, folder: Path) -> Predictor:
     """The predictor, which reads the skin of the folder when somebody asks for it."""
 
+    of, name = predictor, FILE
+    if isinstance(predictor, serial.SerialPredictor):
+        of, name = predictor.module, serial_skin.FILE
+
     def read() -> LearnedSkin | None:
-        if not has_skin(folder):
+        if not has_file(folder, name):
             return None
-        with _blaming(folder / FILE):
-            return skin_of(predictor, read_arrays(folder, FILE))
+        with _blaming(folder / name):
+            return skin_of(of, read_arrays(folder, name))
 
     predictor.skin_source = read
     return predictor
@@ -51,7 +55,12 @@ def with_skin(predictor: Predictor, folder: Path) -> Predictor:
 
 def has_skin(folder: Path) -> bool:
     """Whether the model of a folder has one."""
-    return FILE in read_manifest(folder)["files"]
+    return has_file(folder, FILE)
+
+
+def has_file(folder: Path, name: str) -> bool:
+    """Whether the manifest of a model folder names this file."""
+    return name in read_manifest(folder)["files"]
 
 
 def skin_of(predictor: Predictor, arrays: dict[str, np.ndarray]) -> LearnedSkin:

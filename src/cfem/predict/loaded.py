@@ -77,7 +77,8 @@ def loaded(model: Predictor, wrench: np.ndarray) -> Predictor:
     found.meta = {**found.meta, "wrench": wrench.tolist(), "wrench_error": error}
     found.domain = _domain(model, found)
     found.meta["domain"] = found.domain.to_json()
-    found.skin_source = lambda: skin_under(model, wrench)
+    serial = isinstance(model, SerialPredictor)  # whose modules bear the wrench each for itself
+    found.skin_source = model.skin_source if serial else lambda: skin_under(model, wrench)
     return found
 
 

@@ -14,6 +14,7 @@ B = dy/de of the tip, the condensed row of modules has (implicit differentiation
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.condensed.pose import turn
 from cfem.core.errors import InputError, NumericalError
@@ -23,6 +24,7 @@ from cfem.predict.wrench_series import Loaded, WrenchSeries
 
 POSE = 6
 ITERATIONS = 50
+STEP = 1e-5  # of the reach: by which shapes are differenced
 STATES = 16  # at which the error is estimated
 FARTHEST = 4.0  # lengths and radians: no pose of a module is farther away
 TOLERANCE = 1e-11  # of the length and of a radian: largest Newton step of a converged row
@@ -91,6 +93,32 @@ class LoadedSerialPredictor(SerialPredictor):
             first, second = np.linalg.norm(bent - rest), np.linalg.norm(here - bent)
             worst = max(worst, first**2 / self.length if linear is self else second**2 / max(first, 1e-300))
         return float(worst)
+
+    def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
+        """As that of the unloaded row; the modules' own surfaces to first order in the wrenches at their ends."""
+        delta, whole = np.asarray(delta_a, float), self.surface
+        found = [self._shape(one) for one in delta.reshape(-1, delta.shape[-1])]
+        return np.array(found).reshape(*delta.shape[:-1], *whole.rest.shape)
+
+    def _shape(self, delta: np.ndarray) -> np.ndarray:
+        each = delta.reshape(len(self._softer), -1)
+        modules = [self._series.at(one) for one in each]
+        row, parts = self._settle([one.e[0] for one in modules], modules)
+        e, skin, none = np.array([one.e for one in parts]), self.surface.module, np.zeros(0)
+        w = np.einsum("kj,kjn->n", self.forces, row.B).reshape(e.shape)
+        loads = zip(each, self._softer[:, None] * w, strict=True)
+        rows = np.array([skin.rows(one, none) + load @ skin.compliance(one, none)[0] for one, load in loads])
+        turns = np.array([turn(one)[0] for one in e[:, 3:]])
+        P, R = self._frames(e[:, :3], turns)
+        return self.surface.surface(rows, P[:-1], R)
+
+    def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
+        """By central differences of `shape`."""
+        delta, found = np.asarray(delta_a, float), []
+        for step in np.diag(STEP * np.abs(self.reach).max(axis=1)):
+            ahead, behind = (self.shape(delta + side * step)[nodes] for side in (1, -1))
+            found.append((ahead - behind) / (2 * step.max()))
+        return np.stack(found, axis=-1)
 
     def tip(self, delta: np.ndarray) -> np.ndarray:
         """(3,) mm, at displacements (n_a,)."""

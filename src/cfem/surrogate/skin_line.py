@@ -8,9 +8,9 @@ from cfem.core.shown import length
 def skin_line(skin: dict[str, Any]) -> str:
     """Of the results' "skin": the errors with all modes, and with fewer."""
     share, count, largest = skin["largest_percent_of_length"], skin["modes"], length(skin["largest_mm"])
-    few = sorted({max(1, count // 4), max(1, count // 2)} - {count})
+    few = sorted({max(1, count // 4), max(1, count // 2)} - {count}) if "front" in skin else []
     fewer = "".join(f"; with {one} modes {length(skin['front']['largest_mm'][one])}" for one in few)
     return (
         f"skin: {skin['nodes']} surface nodes to {largest} at most, {share:.2g} % of the length, "
-        f"rms {length(skin['rms_mm'])}, with {count} modes{fewer}"
+        f"rms {length(skin['rms_mm'])}, with {count} modes{fewer or skin.get('of', '')}"
     )

@@ -99,7 +99,12 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     s, p = model_inputs(predictor, test)
     W, delta_free = predictor.evaluate(s, p)
     write_npz(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
-    if spec.skin and training.whole is not None and not isinstance(spec.model, SerialSpec):
+    if spec.skin and isinstance(spec.model, SerialSpec):
+        from cfem.surrogate.serial_skin import add_serial_skin
+
+        found = add_serial_skin(folder, predictor, spec.model.module, test, dataset_folder)
+        results |= {} if found is None else {"skin": found}
+    elif spec.skin and training.whole is not None:
         results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
     results["judgement"] = judged(results)
     results["headline"] = headline(results)
