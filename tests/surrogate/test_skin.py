@@ -129,3 +129,49 @@ def test_samples_of_another_skin_than_their_file_are_refused(bar, tmp_path, stat
     other = replace(train, whole=replace(train.whole, sha256="0" * 64))
     with pytest.raises(InputError, match="another skin than its file holds"):
         stage.add_skin(tmp_path, None, {}, other, test, bar / "data" / "bar" / "samples")
+
+
+KINDS = {
+    "mlp": ("{kind: mlp, width: 16, depth: 1, epochs: 5}", 5e-3),
+    "energy_net": ("{kind: energy_net, width: 12, depth: 1, iterations: 30}", 5e-3),
+    "spectral of forces": ("{kind: spectral, form: force}", 5e-3),
+    "energy_net of forces": ("{kind: energy_net, form: force, width: 12, depth: 1, iterations: 60}", 0.1),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_models_of_every_kind_have_the_shape_of_finite_elements(bar, states, skin, tmp_path, name):
+    """The skin is learned beside the model; a model of forces is first asked which forces hold the displacements."""
+    model, within = KINDS[name]
+    cfem.run_stage(
+        "train", bar / "pipelines" / "bar" / "train.yaml", out=tmp_path / "one", overrides=[f"model={model}"]
+    )
+    found, test = cfem.load_model(tmp_path / "one"), states["test"]
+    assert found.shape(test.delta_a).shape == (len(test), *skin.rest.shape)
+    true = skin.rest + skin.displacements(test.whole.delta_s)
+    apart = np.linalg.norm(found.shape(test.delta_a) - true, axis=2)
+    assert apart.max() < within + 2 * test.whole.left[:, 1].max()
+
+
+def test_the_shape_of_other_materials_is_theirs_and_of_other_bodies_refused(bar, tmp_path):
+    """A sampled Poisson's ratio, and Young's modulus, which is exact; a geometry that moves the nodes has no shape."""
+    specs = bar / "pipelines" / "bar"
+    asked = "parameters={poisson: {key: material.poisson, range: [0.30, 0.45]}}"
+    sample = [asked, "splits={train: {rows: 24, method: random, seed: 1}, test: {rows: 4, method: random, seed: 2}}"]
+    cfem.run_stage("sample", specs / "sample.yaml", out=tmp_path / "samples", overrides=sample, workers=1)
+    cfem.run_stage("train", specs / "train.yaml", out=tmp_path / "model", overrides=[f"dataset={tmp_path / 'samples'}"])
+    model = cfem.load_model(tmp_path / "model")
+    names = [one.name for one in model.parameters]
+    for poisson in (0.31, 0.44):
+        robot = cfem.load_robot(
+            specs / "scene.yaml", bar / "data" / "bar" / "mesh", overrides=[f"material.poisson={poisson}"]
+        )
+        true = cfem.solve(robot, displacement=[4.0]).state.x[model.skin.nodes]
+        p = np.array([poisson if name == "poisson" else one.reference for name, one in zip(names, model.parameters)])
+        apart = np.linalg.norm(model.shape([4.0], p) - true, axis=1).max()
+        other = np.linalg.norm(model.shape([4.0], np.where(p == poisson, 0.75 - poisson, p)) - true, axis=1).max()
+        assert apart < 5e-3 and other > 3 * apart
+    moved = replace(model.parameters[0], key="geometry.length")
+    model.parameters = (moved, *model.parameters[1:])
+    with pytest.raises(InputError, match="the shape of other designs is not known"):
+        model.shape([4.0], p)

@@ -1,7 +1,7 @@
 """Condensation: W = H A^-1 H^T of all rows at an equilibrium, from a factor that may be of a state nearby.
 
-With B = H^T (all rows as columns) and Z an approximation of A^-1 B, W = B^T Z + Z^T (B - A Z) errs by the square of
-Z's error. Z comes from the nearby factor, refined against the true A until its residual is below 1e-7."""
+With B = H^T (all rows as columns) and Z an approximation of A^-1 B, the error of W = B^T Z + Z^T (B - A Z) is the
+square of Z's error. Z comes from the nearby factor, refined against the true A until its residual is below 1e-7."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.factorization import Factor
 
 ENOUGH = 1e-7
-EXACT = 1e-11  # for what errs by Z's error itself
+EXACT = 1e-11  # for what has the error of Z itself
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def condense(
     problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, cost: Cost, others: np.ndarray
 ) -> Condensation:
     """At an equilibrium; others: (n_dof, k) further right-hand sides. Raises SingularMatrixError where A has to be
-    factored anew and is singular."""
+    factorised again and is singular."""
     robot, n = problem.robot, problem.robot.rows.n
     B = np.hstack([problem.gradients(robot.watched, at.x), at.H, others])
     data, _ = problem.stiffness(at, lam)

@@ -3,7 +3,7 @@
 With A dx = -R + H C^T dmu and C (delta + H^T dx) = target, the border is eliminated: S = C H^T A^-1 H C^T is m x m.
 The correction at the new point, by the same factor, is the next chord step for nothing, and its ratio to the one before
 says how fast the chord converges (Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1): below `slow`
-the factor serves on; above, the tangent is factored anew.
+the factor serves on; above, the tangent is factorised again.
 
 A fresh tangent takes the stress in its geometric part from the linearisation that led there (solid.stress_lag). Full
 steps then converge over large rotations of stiff parts, where a line search would creep: it judges by residuals that
@@ -27,7 +27,7 @@ _DEPENDENT = 1e13
 class Settings:
     """tolerance:      of the relative residual, where rounding lets it be reached
     max_iterations: of one load step
-    slow:           contraction above which the tangent is factored anew (0.4: fewest seconds on the finger)
+    slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before
     smallest_step:  fraction of the load reached so far at which continuation gives up
     first_step:     fraction that a cold start tries first"""
@@ -147,7 +147,7 @@ def newton(
 
 
 def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: Cost) -> NewtonResult:
-    """The result with `beyond` of its own state, factored anew where the last factor leaves a doubt."""
+    """The result with `beyond` of its own state, factorised again where the last factor leaves a doubt."""
     if result.beyond <= 0:
         return result
     try:

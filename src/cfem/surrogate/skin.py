@@ -90,15 +90,17 @@ def _part(observed: Observations, components: np.ndarray) -> Observations:
 
 def judge(skin: LearnedSkin, whole: Any, s: np.ndarray, q: np.ndarray) -> Front:
     """At the states of a test set, inputs s (m, n_a) and q (m, n_q); whole: their WithSkin. As the modes are
-    orthonormal in the surface's weights, what they leave and what the model errs are at right angles: the root mean
-    square is exact but for rounding."""
+    orthonormal in the surface's weights, what they leave is at right angles to the error of the model in them: the root
+    mean square is exact but for rounding."""
     found, true = skin.rows(s, q), whole.delta_s
     wrong = np.tensordot(-true, skin.modes, axes=(1, 0))  # (m, nodes, 3) by which the model's surface is off in modes
+    farthest = np.linalg.norm(skin.modes, axis=2).max(axis=1)
+    rounding = np.finfo(np.float32).eps / 2 * np.abs(true) @ farthest  # of the stored modes
     rms, largest = [], []
     for count in range(len(skin) + 1):
         if count:
             wrong += np.tensordot(found[:, count - 1 : count], skin.modes[count - 1 : count], axes=(1, 0))
         square = (wrong**2).sum(axis=2)
         rms.append(float(np.sqrt(np.mean(square @ skin.weights + whole.left[:, 0] ** 2))))
-        largest.append(float((np.sqrt(square.max(axis=1)) + whole.left[:, 1]).max()))
+        largest.append(float((np.sqrt(square.max(axis=1)) + whole.left[:, 1] + rounding).max()))
     return Front(rms, largest)
