@@ -10,7 +10,7 @@ from export.test_page_data import unpacked
 
 from cfem.core.errors import InputError
 from cfem.export.embedding import Embedding
-from cfem.export.page import page, with_rest
+from cfem.export.page import page, right_at_rest, with_rest
 from cfem.export.page_data import Packed
 from cfem.export.spec import CSpec
 from cfem.predict.load import build
@@ -54,12 +54,13 @@ def test_rest_is_among_the_known_states_where_the_model_is_right_there():
     meta, arrays = spectral()
     predictor = build(meta, arrays)
     box = {f"cfem_domain_{name}_a": np.array([[1.0, 2.0], [9.0, 8.0]]) for name in ("delta", "lambda")}
+    assert right_at_rest(predictor, box, np.zeros(0))
     wide = with_rest(predictor, box, np.zeros(0))
-    assert all((one == [[0.0, 0.0], [9.0, 8.0]]).all() for one in wide.values()) and len(wide) == 2
-    off = predictor.rows.n_a  # rows of the series: the energy, its gradient, then others
+    assert len(wide) == 2 and all(np.abs(one - [[0.0, 0.0], [9.0, 8.0]]).max() < 1e-3 for one in wide.values())
     shifted = arrays["series"].copy()
-    shifted[1 : 1 + off, (arrays["indices"] == 0).all(axis=1)] += 1.0  # forces without any displacement
-    assert with_rest(build(meta, arrays | {"series": shifted}), box, np.zeros(0)) == {}
+    gradient = slice(1, 1 + predictor.rows.n_a)  # behind the energy
+    shifted[gradient, (arrays["indices"] == 0).all(axis=1)] += 1.0  # forces without any displacement
+    assert not right_at_rest(build(meta, arrays | {"series": shifted}), box, np.zeros(0))
 
 
 def test_what_the_page_has_no_room_for_is_refused():

@@ -13,6 +13,7 @@ from cfem.export.embedding import Embedding
 from cfem.export.page_block import block, skin_series
 from cfem.export.page_body import body, lines
 from cfem.export.page_data import Fixed, pack
+from cfem.export.page_load import weight
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 
@@ -51,7 +52,16 @@ def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray],
         weights = np.isin(np.arange(predictor.rows.n_e), dragged).astype(float).tolist()
         chosen = chosen.model_copy(update={"weights": weights})
     defines, constants = controller(predictor, p, chosen, "double", robot.pressures)
-    constants |= with_rest(predictor, constants, p)
+    right = right_at_rest(predictor, constants, p)
+
+    def block_of(one: Predictor, its_skin: dict[str, np.ndarray]) -> bytes:
+        its_model, _ = surrogate(one.meta, one.arrays, spec)
+        _, its_constants = controller(one, p, chosen, "double", robot.pressures)
+        if right:
+            its_constants |= with_rest(one, its_constants, p)
+        return block(its_model, defines, its_constants, skin_series(one, its_skin, p))
+
+    weighed = weight(predictor, skin, points[0]["rows"][0], block_of)
     drawn = body(skin["rest"], skin["modes"], skin["triangles"], lines(meta["robot"], predictor.length))
     said = {
         "actuators": actuators(predictor, constants),
@@ -63,32 +73,38 @@ def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray],
         "command": chosen.command,
         "tolerance": float(chosen.tolerance),
         "paced": chosen.rate is not None or chosen.force_rate is not None,
+        "weight": weighed and weighed[1].largest,
     }
     data = {
         "code": (ASSETS / "cfem.wasm").read_bytes(),
-        "block": block(model, defines, constants, skin_series(predictor, skin, p)),
+        "block": weighed[0] if weighed else block_of(predictor, skin),
         "rest": Fixed(drawn.rest, np.array([max(np.abs(drawn.rest).max() / 2**30, EXACT)])),
         "modes": drawn.modes.astype(np.float32),
         "triangles": drawn.triangles,
         "states": predictor.domain.states[:, : predictor.rows.n_a],
     }
+    if weighed:
+        data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
     return fill(said, data, meta["scene"], about(meta, predictor))
 
 
-def with_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> dict[str, np.ndarray]:
-    """The box of the training states with the robot at rest in it, where every page begins, if the model is right
-    there: rest is known without any sample. Training states pull a little, so it lies beside their box."""
-    names = ("cfem_domain_delta_a", "cfem_domain_lambda_a")
-    boxes = [constants[name] for name in names]
+def right_at_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> bool:
+    """Whether the model is right at rest, a state that is known without any sample."""
     at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
     off = np.abs(at.delta_e).max() / predictor.length
-    forced = (np.abs(at.lambda_a) / np.abs(boxes[1]).max(axis=0)).max()
-    if not max(off, forced) < AT_REST:
-        return {}
-    return {
-        name: np.stack([np.minimum(box[0], 0.0), np.maximum(box[1], 0.0)])
-        for name, box in zip(names, boxes, strict=True)
-    }
+    forced = (np.abs(at.lambda_a) / np.abs(constants["cfem_domain_lambda_a"]).max(axis=0)).max()
+    return bool(max(off, forced) < AT_REST)
+
+
+def with_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> dict[str, np.ndarray]:
+    """The box of the training states with the robot at rest in it, where every page begins. Training states pull a
+    little, so rest lies beside their box."""
+    at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
+    found = {}
+    for name, rest in (("cfem_domain_delta_a", at.delta_a), ("cfem_domain_lambda_a", at.lambda_a)):
+        low, high = constants[name]
+        found[name] = np.stack([np.minimum(low, rest), np.maximum(high, rest)])
+    return found
 
 
 def watched(predictor: Predictor) -> list[dict[str, Any]]:

@@ -12,6 +12,7 @@ from cfem.export.embedding import Embedding
 from cfem.export.page import ASSETS, page
 from cfem.export.spec import ExportSpec
 from cfem.predict.load import read_arrays, read_meta, skin_of
+from cfem.predict.loaded_skin import loaded_skin
 from cfem.predict.protocol import Predictor, build
 from cfem.predict.skin import FILE
 
@@ -19,14 +20,16 @@ from cfem.predict.skin import FILE
 def write_page(
     path: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray], skin_folder: Path, robot: Embedding
 ) -> int:
-    """Bytes of the page. meta, arrays: of the model without loads; skin_folder: of the model whose skin it draws."""
-    if spec.loads:
-        raise InputError("a page draws no loads", where="loads", do="leave them out, or leave html out of `formats`")
+    """Bytes of the page. meta, arrays: of the model, under the loads of the spec; skin_folder: of the model whose
+    skin it draws."""
     moved = [one["name"] for one in meta["parameters"] if one["key"].startswith(("geometry", "shape"))]
     if spec.c.parameters and moved:
         what = f"the surface of other designs is not known: '{moved[0]}' changes where it rests"
         raise InputError(what, where="c.parameters", do="leave the parameters out, for the scene's own design")
-    skin = read_skin(skin_folder, build(meta, arrays))
+    predictor = build(meta, arrays)
+    skin = read_skin(skin_folder, predictor)
+    if spec.loads:
+        skin = loaded_skin(predictor, skin, meta["wrench"])
     text = page(meta, arrays, skin, spec.c, robot).encode()
     write_whole(path, text)
     return len(text)

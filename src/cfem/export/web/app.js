@@ -22,8 +22,8 @@ function themeColours() {
 
 function start(robot) {
   const { said } = robot, canvas = $("view"), scene = makeScene(canvas, robot), overlay = makeOverlay(canvas);
-  const state = { byHand: false, status: 0, moving: true, theme: themeColours(), camera: null, dragged: null, still: 0, ticks: 0, quick: false, shown: true, lit: null };
-  const reach = makeReach(robot);
+  const state = { byHand: false, status: 0, moving: true, theme: themeColours(), camera: null, dragged: null, still: 0, ticks: 0, quick: false, shown: true, lit: null, weight: 0 };
+  let reach = makeReach(robot);
   robot.home();
   robot.shape();
   scene.setReach(reach.places, reach.lines);
@@ -73,6 +73,28 @@ function start(robot) {
     legend.querySelector(".legend div").style.background = `linear-gradient(to right, ${COLOURS.map(css).join(", ")})`;
     legend.querySelector(".legend span:last-child").textContent = `${short(one.scale * one.forceFactor, 1)} ${one.forceUnit}`;
     $("legends").append(legend);
+  }
+
+  // A weight that hangs from the first point. The reach is found again when the slider is let go.
+  function hang() {
+    const slider = $("weight"), asked = Number(slider.value), share = state.weight = robot.weigh(asked);
+    $("heavy").textContent = Math.abs(asked - share) > 1e-9 ? "The model knows no heavier weight here." : "";
+    if ($("heavy").textContent) slider.value = share;
+    $("grams").textContent = slider.ariaValueText = weightOf(share * said.weight);
+    if (state.byHand) for (const one of goals) robot.goal.set(one.tip, one.rows[0]);
+    wake();
+  }
+  if (said.weight) {
+    $("load").hidden = false;
+    $("grams").textContent = weightOf(0);
+    $("weight").addEventListener("input", hang);
+    $("weight").addEventListener("change", () => {
+      const by = said.command === "force", there = by ? [...robot.lambda_a] : [...robot.delta_a], goal = [...robot.goal];
+      reach = makeReach(robot);
+      robot.set(there, by); robot.goal.set(goal);
+      scene.setReach(reach.places, reach.lines);
+      wake();
+    });
   }
 
   function showMode() {
@@ -158,6 +180,10 @@ function start(robot) {
       for (let p = line.first; p < line.first + line.count; p++) points.push([...robot.drawn.subarray(3 * p, 3 * p + 3)]);
       return [points, line.radius * (line.actuator === state.lit ? 1.7 : 1), forceColour(line.actuator)];
     });
+    if (state.weight) {
+      const [x, y, z] = goals[0].tip, size = said.length, end = [x, y, z - 0.07 * size];
+      lines.push([[[x, y, z], end], 0.003 * size, state.theme.ink], [[end], 0.03 * size * Math.cbrt(state.weight), state.theme.ink]);
+    }
     scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip })) }, state.theme);
     overlay(state.camera);
   }

@@ -22,7 +22,7 @@ function extent(places, axes) {
   return { low, high, size: high.map((value, k) => Math.max(value - low[k], 0)) };
 }
 
-const MARGIN = { top: 64, bottom: 44, side: 28 }; // pixels: the buttons above, the hint and the scale below
+const MARGIN = { top: 64, bottom: 76, side: 28 }; // pixels: the buttons above; the hint, the scale and a weight below
 const AZIMUTHS = [40, 22, 58, -22, -40, -58, 75, -75, 105, -105, 122, 140, 158, -122, -140, -158];
 
 // The whole body and the reach in the middle of a canvas of wide x tall pixels, seen from where the reach is wide and the body is not

@@ -20,7 +20,8 @@ async function makeRobot({ said, arrays }) {
     return at;
   };
   const points = arrays.rest.length / 3, triangles = arrays.triangles.length / 3;
-  if (code.load(put(arrays.block), arrays.block.length)) throw new Error(CUT);
+  const blockAt = put(arrays.block);
+  if (code.load(blockAt, arrays.block.length)) throw new Error(CUT);
   code.surface(points, triangles, put(arrays.rest), put(arrays.modes), put(arrays.triangles));
   const places = { x: reserve(24 * points), drawn: reserve(12 * points), normals: reserve(12 * points) };
   // No more memory from here on: views stay valid.
@@ -41,6 +42,30 @@ async function makeRobot({ said, arrays }) {
       return code.set(byForce ? 1 : 0, keep ? 1 : 0);
     },
     shape: () => { code.shape(places.x, places.drawn, places.normals); },
+  };
+  // The robot under a share of the largest weight, its actuators held. The share that it comes to: less where the model has no such state.
+  let share = 0;
+  const words = new Float64Array(buffer, blockAt, arrays.block.length / 8), bare = arrays.positions && Array.from(arrays.positions, at => words[at]);
+  const loadWith = share => {
+    const { positions, changes } = arrays, count = positions.length;
+    for (let k = 0; k < count; k++) words[positions[k]] = bare[k] + share * (changes[k] + share * (changes[count + k] + share * changes[2 * count + k]));
+    code.load(blockAt, arrays.block.length);
+  };
+  robot.weigh = wanted => {
+    const byForce = said.command === "force", asked = [...(byForce ? robot.lambda_a : robot.delta_a)];
+    const steps = Math.max(1, Math.ceil(Math.abs(wanted - share) / 0.02)), from = share;
+    for (let k = 1; k <= steps; k++) {
+      const next = from + k / steps * (wanted - from), before = [[...robot.delta_a], [...robot.lambda_a]];
+      loadWith(next);
+      const status = robot.set(asked, byForce);
+      if (status & ~STATUS.OUTSIDE) {
+        loadWith(share);
+        robot.delta_a.set(before[0]); robot.lambda_a.set(before[1]);
+        return share;
+      }
+      share = next;
+    }
+    return share;
   };
   robot.home();
   return robot;

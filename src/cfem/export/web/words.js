@@ -4,6 +4,7 @@ const short = (value, digits = 2) => {
   return value < 0 && Number(text) ? `−${text}` : text;
 };
 const length = mm => (mm < 0.01 ? "less than 0.01 mm" : `${short(mm)} mm`);
+const weightOf = newtons => { const grams = newtons / 9.80665e-3; return `${short(grams, grams < 10 ? 2 : 1)} g · ${newtons < 0.1 ? `${short(1000 * newtons, 1)} mN` : `${short(newtons)} N`}`; };
 const list = names => (names.length < 2 ? names.join("") : `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`);
 
 // Where an actuator stands at one of its limits, or "".
