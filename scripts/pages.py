@@ -18,7 +18,8 @@ POSE = """() => { const { robot, state, goals, moveGoal, step } = cfem, actuator
   robot.set(actuators.map(({ delta }, i) => delta[0] + shares[i] * (delta[1] - delta[0])), false, true);
   for (const one of goals) robot.goal.set(one.tip, one.rows[0]);
   state.shown = true; document.getElementById("panel").hidden = document.getElementById("tools").hidden = true;
-  document.getElementById("hint").hidden = true; document.getElementById("overlay").style.display = "none"; document.getElementById("page").style.gridTemplateColumns = "1fr"; }"""
+  document.getElementById("hint").hidden = true; document.getElementById("overlay").style.display = "none";
+  document.getElementById("page").style.gridTemplateColumns = "1fr"; }"""
 STYLE = """
 :root { color-scheme: light dark; --ground: #f6f7f9; --card: #fff; --ink: #1c2430; --soft: #5b6675; --line: #d9dee5; }
 @media (prefers-color-scheme: dark) { :root { --ground: #12161c; --card: #1b2129; --ink: #e8edf3; --soft: #a3afbd; --line: #313a46; } }
@@ -44,7 +45,7 @@ def main() -> int:
         card = json.loads((folder / "model.json").read_text())
         size = (folder / "page.html").stat().st_size
         count = len(card["rows"]["actuators"])
-        words = f"{count} actuator{'s' if count > 1 else ''} · {card['kind']} model · {size / 1e6:.1f}\u00a0MB"
+        words = f"{count} actuator{'s' if count > 1 else ''}, {size / 1e6:.1f}\u00a0MB"
         shown = "".join(
             f'<img class="{theme}" src="data:image/png;base64,{base64.b64encode(data).decode()}" alt="">'
             for theme, data in pictures.items()
