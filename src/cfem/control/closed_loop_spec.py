@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
+from cfem.control.moving.spec import LapsSpec, MovingSpec, MpcSpec, ShapingSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -76,11 +77,35 @@ class ControllerSpec(Spec):
     """Inverse steps per tick. The paper has 1."""
     gains: GainsSpec | None = None
     """Gains of mode closed. A phase margin of 60 deg unless given."""
+    shaping: ShapingSpec | None = None
+    """Input shaping on top."""
+    feedforward: bool = False
+    """Whether inertia and viscosity are computed along the goals ahead. Mode open."""
+    mpc: MpcSpec | None = None
+    """Model predictive control instead, with an observer of its own in mode closed."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether it asks a model that has learned to move."""
+        return self.feedforward or self.shaping is not None or self.mpc is not None
 
     @model_validator(mode="after")
     def _gains_are_closed(self):
         if self.mode == "open" and self.gains is not None:
             raise ValueError("gains: mode: open takes none")
+        return self
+
+    @model_validator(mode="after")
+    def _one_way(self):
+        chosen = [self.shaping is not None, self.feedforward, self.mpc is not None]
+        if sum(chosen) > 1:
+            raise ValueError("give one of shaping, feedforward and mpc")
+        if self.feedforward and self.mode == "closed":
+            raise ValueError("feedforward is of mode: open; mpc of mode: closed listens to sensors")
+        if self.mpc is not None and (self.gains is not None or self.observer == "measured"):
+            raise ValueError("mpc takes neither gains nor observer: its own observer is mpc.doubt")
+        if self.moves and self.model == "fe-based":
+            raise ValueError("a controller that knows how the robot moves needs a learned model")
         return self
 
 
@@ -126,6 +151,8 @@ class RealSpec(Spec):
     """A wall in its way (plant: fem)."""
     stiffer: float = Field(1.0, gt=0)
     """Stiffness relative to the model's (plant: model)."""
+    viscosity: float = Field(1.0, ge=0)
+    """Viscosity relative to the model's, beyond what stiffness makes of it (plant: model that moves)."""
 
 
 class DisturbanceSpec(Spec):
@@ -146,6 +173,10 @@ class LoopSpec(Spec):
     """What the plant is told."""
     controllers: dict[Name, ControllerSpec] = Field(min_length=1)
     """Ways to control, by name."""
+    moving: MovingSpec | None = None
+    """The plant moves between ticks. Without it, it is at rest at each."""
+    laps: LapsSpec | None = None
+    """Goals run round the trajectories, at each tick a new one."""
     settle: SettleSpec
     """When a goal counts as reached."""
     goal_every: Time | None = None
@@ -166,6 +197,16 @@ class LoopSpec(Spec):
     """Command line of the device, for plant: pipe."""
     answer_within: Time = 1.0
     """Time in which the device must answer."""
+
+    @model_validator(mode="after")
+    def _motion_fits(self):
+        if self.laps is not None and self.goal_every is not None:
+            raise ValueError("laps have a goal at each tick: leave out goal_every")
+        if self.moving is not None and self.real.wall is not None:
+            raise ValueError("real.wall does not go with moving yet")
+        if self.moving is None and self.real.viscosity != 1:
+            raise ValueError("real.viscosity needs moving")
+        return self
 
     @model_validator(mode="after")
     def _sensor_is_no_faster(self):

@@ -17,6 +17,9 @@ from cfem.control.controller import Gains
 from cfem.control.gains import integral_for, late_samples
 from cfem.control.inverse import Limits
 from cfem.control.loads import under_loads
+from cfem.control.moving.account import over_time, saturation
+from cfem.control.moving.built import Situation, controller_of, standing_at
+from cfem.control.moving.laps import laps
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
 from cfem.control.tick_log import tick_log
@@ -24,8 +27,12 @@ from cfem.core.errors import SpecError
 from cfem.core.progress import progress
 from cfem.core.spec import load_spec
 from cfem.equilibrium.robot import Robot
+from cfem.motion.altered import Altered
+from cfem.motion.load import load_motion
+from cfem.motion.model import MotionModel
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
+from cfem.plant.moving_plant import MovingFemPlant, MovingModelPlant
 from cfem.plant.pipe_plant import PipePlant
 from cfem.plant.protocol import Plant
 from cfem.predict.protocol import Predictor
@@ -46,13 +53,25 @@ def run_controllers(
     """Writes loop.parquet, a row a tick; returns the results. Ticks of a device are on disk as they come (`tick_log`).
     goals: (m, n_e) mm absolute by trajectory; pilot: how goals are searched for; base: folder of the spec, where a
     device starts. InputError where that fails."""
-    loop, pace = spec.loop, _pace(spec.loop)
-    plant_of = _plants(spec, base, robot, predictors)
-    records, results = [], {}
+    loop, dt = spec.loop, 1 / spec.loop.rate
+    motions, standing = _motions(spec, base, predictors), replace(pilot, limits=_bounded(pilot.limits, spec.loop))
+    plant_of = _plants(spec, base, robot, predictors, motions)
+    records, results, run_ups = [], {}, {}
+    if loop.laps:
+        run, goals = loop.laps, dict(goals)
+        for name in list(goals):
+            points = goals.pop(name)
+            for speed in run.speeds:
+                at = f"{name} at {speed:g} Hz"
+                goals[at], run_ups[at] = laps(points, speed, run.laps, run.run_up, dt)
     log = tick_log(folder) if spec.plant == "pipe" else nullcontext(lambda row: None)
     with progress("goals of all controllers and seeds", _visits(goals, loop)) as advance, log as append:
         for trajectory, points in goals.items():
             results[trajectory] = {}
+            pace = _pace(loop, run_ups.get(trajectory, 0))
+            stands = loop.moving or loop.laps
+            start = standing_at(points[0], standing, robot.rest_e) if stands else None
+            at = Situation(loop, robot.rest_e, robot.reach, robot.length, start)
             for name, controller in loop.controllers.items():
                 model, gains = _model(controller, predictors, robot), _gains(controller, loop)
                 flown = _flown(pilot, controller, loop, model, robot)
@@ -65,14 +84,31 @@ def run_controllers(
                         records.append(tell(one))
                         append(records[-1])
 
+                    told = controller_of(controller, flown, gains, motions.get(_name(controller, predictors)), at)
                     with plant_of(seed) as plant:
-                        runs.append(run_loop(points, flown, plant, robot.rest_e, pace, gains, after=after))
+                        if loop.moving:
+                            plant.settle(told.belief.u, flown.command)
+                        runs.append(run_loop(points, flown, plant, robot.rest_e, pace, after=after, controller=told))
                 results[trajectory][name] = {
                     "gains": gains and {"proportional": gains.proportional, "integral": gains.integral},
                     **summarise(runs, len(points), pace, loop.rate),
+                    "over_time": over_time(runs, loop.rate),
+                    "saturated": saturation(runs, flown, robot.rows.actuators),
                 }
         _write(folder / "loop.parquet", records, robot)
     return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
+
+
+def _name(controller: ControllerSpec, predictors: Mapping[str, Predictor]) -> str:
+    return controller.model or next(iter(predictors))
+
+
+def _motions(spec: ControlSpec, base: Path, predictors: Mapping[str, Predictor]) -> dict[str, MotionModel]:
+    """What has learned to move, of the models that are asked how. InputError where one has not."""
+    wanted = {_name(one, predictors) for one in spec.loop.controllers.values() if one.moves}
+    if spec.plant == "model" and spec.loop.moving:
+        wanted.add(next(iter(predictors)))
+    return {name: load_motion(base / spec.models[name]) for name in sorted(wanted)}
 
 
 def _visits(goals: Mapping[str, np.ndarray], loop: LoopSpec) -> int:
@@ -108,12 +144,10 @@ def _model(controller: ControllerSpec, predictors: Mapping[str, Predictor], robo
 
 def _flown(search: Pilot, controller: ControllerSpec, loop: LoopSpec, model: Model, robot: Robot) -> Pilot:
     """search: how goals are searched for without a clock."""
-    command, limits = loop.command, search.limits
+    command, limits = loop.command, _bounded(search.limits, loop)
     if command.kind == "force" and robot.forces is not None:
         # What protects the robot is the bound of what it is told; a course only has to be one that the model knows.
         limits = Limits(limits.lambda_a, _known_course(model, robot))
-    if command.kind == "force" and command.largest is not None:
-        limits = replace(limits, lambda_a=np.clip(limits.lambda_a, -command.largest, command.largest))
     return replace(
         search,
         model=model,
@@ -125,6 +159,13 @@ def _flown(search: Pilot, controller: ControllerSpec, loop: LoopSpec, model: Mod
     )
 
 
+def _bounded(limits: Limits, loop: LoopSpec) -> Limits:
+    command = loop.command
+    if command.kind == "displacement" or command.largest is None:
+        return limits
+    return replace(limits, lambda_a=np.clip(limits.lambda_a, -command.largest, command.largest))
+
+
 def _known_course(model: Model, robot: Robot) -> np.ndarray:
     """(n_a, 2) mm (mm^3): what the scene states, and wherever else the model was trained; unbounded for FE."""
     if not hasattr(model, "domain"):
@@ -134,7 +175,7 @@ def _known_course(model: Model, robot: Robot) -> np.ndarray:
 
 
 def _gains(controller: ControllerSpec, loop: LoopSpec) -> Gains | None:
-    if controller.mode == "open":
+    if controller.mode == "open" or controller.mpc is not None:
         return None
     spec = controller.gains
     bound = np.inf if spec is None or spec.bound is None else spec.bound
@@ -144,7 +185,9 @@ def _gains(controller: ControllerSpec, loop: LoopSpec) -> Gains | None:
     return Gains(0.0, integral_for(margin, late_samples(loop.sensor.delay, loop.ticks_a_sample)), bound)
 
 
-def _pace(loop: LoopSpec) -> Pace:
+def _pace(loop: LoopSpec, run_up: int) -> Pace:
+    if loop.laps:
+        return Pace(loop.settle.radius, 1, 1, run_up=run_up)
     return Pace(
         loop.settle.radius,
         loop.ticks(loop.settle.hold),
@@ -155,7 +198,13 @@ def _pace(loop: LoopSpec) -> Pace:
     )
 
 
-def _plants(spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor]) -> PlantOf:
+def _plants(
+    spec: ControlSpec,
+    base: Path,
+    robot: Robot,
+    predictors: Mapping[str, Predictor],
+    motions: Mapping[str, MotionModel],
+) -> PlantOf:
     """What makes the plant of a run: the same robot for all, sensors of its own for each; of a device a new start."""
     loop, rest_e = spec.loop, robot.rest_e
     if spec.plant == "pipe":
@@ -163,15 +212,18 @@ def _plants(spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str
             loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate, folder=base
         )
     push = None if loop.disturbance is None else _on_effectors(loop.disturbance.force, robot)
-    if spec.plant == "fem":
-        plain, pushed = _fem_plants(spec, base, push)
+    since = loop.disturbance.tick if loop.disturbance else 0
+    if spec.plant == "model" and loop.moving:
+        real = Altered(motions[next(iter(predictors))], loop.real.stiffer, loop.real.viscosity)
+        plain, pushed = MovingModelPlant(real, 1 / loop.rate, loop.moving.substeps, push, since), None
+    elif spec.plant == "fem":
+        plain, pushed = _fem_plants(spec, base, push, since)
     else:
         real = Stiffer(next(iter(predictors.values())), loop.real.stiffer)
         plain = ModelPlant(real, rest_e)
         pushed = None if push is None else ModelPlant(real, rest_e, push)
     sensor, quantum = loop.sensor, loop.command.quantum
     imperfection = Imperfection(sensor.noise, 1 / loop.ticks_a_sample, sensor.delay, quantum or 0.0)
-    since = loop.disturbance.tick if loop.disturbance else 0
 
     @contextmanager
     def of(seed: int) -> Iterator[Plant]:
@@ -187,8 +239,9 @@ def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
     return np.concatenate([force, np.zeros(robot.rows.n_e - 3)])
 
 
-def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple[Plant, Plant | None]:
-    """The real robot in full, and the same under a push (n_e,) N on its effectors."""
+def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None, since: int) -> tuple[Plant, Plant | None]:
+    """The real robot in full, and the same under a push (n_e,) N on its effectors; one that moves takes the push
+    itself, from tick `since` on."""
     from cfem.plant.fem_plant import FemPlant, pushed
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
@@ -197,6 +250,9 @@ def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None) -> tuple
     scene = base / spec.scene
     _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
     robot = under_loads(spec, build_robot(load_spec(scene, SceneSpec, real.scene), nodes))
+    if spec.loop.moving:
+        moved = None if push is None else pushed(robot, push)
+        return MovingFemPlant(robot, 1 / spec.loop.rate, spec.loop.moving.substeps, moved, since), None
     if real.wall:
         from cfem.plant.walled_plant import Wall, WalledPlant
 

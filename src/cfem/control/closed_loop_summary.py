@@ -26,7 +26,7 @@ def record(trajectory: str, controller: str, seed: int, rate: float, one: Moment
         "measured_tick": one.measured.t,
         "error": one.error,
         "command": one.belief.u,
-        "delta_a": one.belief.iterate.condensed.delta_a,
+        "delta_a": one.belief.delta_a,
         "status": one.belief.status,
         "plant_status": one.actual.status,
         "step_us": 1e6 * one.cpu,
@@ -34,7 +34,7 @@ def record(trajectory: str, controller: str, seed: int, rate: float, one: Moment
 
 
 def summarise(runs: Sequence[Sequence[Moment]], goals: int, pace: Pace, rate: float) -> dict[str, Any]:
-    """Of one controller on one trajectory, all seeds together.
+    """Of one controller on one trajectory, all seeds together. Goals of a run-up do not count.
 
     reached: goals a run, as `Pace` has it, or within its radius when the next one was due; error: mm at every tick,
     the first goal's left out where goals come by the clock (the robot is on its way there), error_at_goals: when the
@@ -42,14 +42,15 @@ def summarise(runs: Sequence[Sequence[Moment]], goals: int, pace: Pace, rate: fl
     ticks without one from the plant; step_us: CPU."""
     each = [[list(of) for _, of in groupby(run, key=lambda one: one.index)] for run in runs]
     timed = pace.ticks_a_goal is not None
-    ends = [of[-1].error for visits in each for of in visits]
-    way = [one.error for visits in each for of in visits[1 if timed and goals > 1 else 0 :] for one in of]
+    uncounted = pace.run_up or (1 if timed and goals > 1 else 0)
+    ends = [of[-1].error for visits in each for of in visits[pace.run_up :]]
+    way = [one.error for visits in each for of in visits[uncounted:] for one in of]
     cpu = [1e6 * one.cpu for run in runs for one in run]
     waits = [wait for visits in each for of in visits if (wait := _wait(of, pace)) is not None]
-    reached = [sum(_reached(of, pace) for of in visits) for visits in each]
+    reached = [sum(_reached(of, pace) for of in visits[pace.run_up :]) for visits in each]
     return {
         "runs": len(runs),
-        "goals": goals,
+        "goals": goals - pace.run_up,
         "reached": {"mean": float(np.mean(reached)), "min": min(reached), "max": max(reached)},
         "ticks": float(np.mean([len(run) for run in runs])),
         "seconds": float(np.mean([len(run) for run in runs]) / rate),
@@ -87,6 +88,7 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
                     f"tracking error mean {error['mean']:.2g}, max {error['max']:.2g} mm when the next was due"
                 )
             parts.append(f"{duration(1e-6 * row['step_us']['median'])} of CPU time per tick")
+            parts += [f"{what} in {100 * share:.3g} % of the ticks" for what, share in row.get("saturated", {}).items()]
             if row["no_position"]:
                 parts.append(f"the plant gave NO POSITION in {row['no_position']} ticks")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))

@@ -59,9 +59,10 @@ class Controller:
         self.belief = Belief.at(pilot, home if start is None else np.asarray(start, float))
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
 
-    def tick(self, goal: ArrayLike, measured: Measurement | None = None) -> Belief:
+    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:
         """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the
-        command that it followed, 1 for the first. The command is `u` of the answer: (n_a,), mm (mm^3) or N (MPa)."""
+        command that it followed, 1 for the first; ahead: goals to come, which this controller does not use. The command
+        is `u` of the answer: (n_a,), mm (mm^3) or N (MPa)."""
         goal = np.asarray(goal, float)
         if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")

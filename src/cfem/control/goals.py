@@ -27,7 +27,7 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
             f"centre has {len(trajectory.centre)} numbers, the robot {robot.rows.n_a} actuators",
             where=f"trajectories.{name}",
         )
-    shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals)
+    shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals, trajectory.shape)
     found = []
     with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
         for share in shares:

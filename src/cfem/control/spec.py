@@ -75,6 +75,9 @@ class ImageSpec(Spec):
     """Radii of the curve: one share of a full pull per actuator."""
     goals: PositiveInt
     """Number of goals."""
+    shape: Literal["ellipse", "figure-eight"] = "ellipse"
+    """ellipse: each pull follows the one before by a quarter turn. figure-eight: all swing together twice while they
+    swing against each other once."""
 
     @model_validator(mode="after")
     def _inside_the_cube(self):
@@ -254,6 +257,10 @@ class ControlSpec(Spec):
             raise ValueError(f"loop.controllers: models {sorted(unknown)} are not among {sorted(self.models)}")
         if self.plant != "fem" and (loop.real.scene or loop.real.mesh or loop.real.wall):
             raise ValueError("loop.real.scene, loop.real.mesh and loop.real.wall need plant: fem")
+        if self.plant != "model" and loop.real.viscosity != 1:
+            raise ValueError("loop.real.viscosity needs plant: model; with plant: fem override the scene's material")
+        if self.plant == "pipe" and loop.moving:
+            raise ValueError("a device moves as it does: leave out loop.moving with plant: pipe")
         if self.plant != "model" and loop.real.stiffer != 1:
             raise ValueError("loop.real.stiffer needs plant: model; with plant: fem override the scene's material")
         return self

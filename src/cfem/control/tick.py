@@ -53,6 +53,11 @@ class Belief:
     status: str
     plan: Reach | None = None
 
+    @property
+    def delta_a(self) -> np.ndarray:
+        """(n_a,) mm: where it takes the actuators to stand."""
+        return self.iterate.condensed.delta_a
+
     @classmethod
     def at(cls, pilot: Pilot, delta_a: np.ndarray) -> "Belief":
         """Before the first tick, the robot standing at delta_a (n_a,) mm."""

@@ -1,7 +1,10 @@
 """Goals: where the effector should be, one point a row, absolute positions in mm. Pure functions of numbers."""
 
+from typing import Literal
+
 import numpy as np
 
+_EIGHT = 1.7601725  # largest value of sin 2x + sin x
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
 
@@ -31,8 +34,15 @@ def half_sphere(centre: np.ndarray, radius: float, turns: float, goals: int) -> 
     return np.asarray(centre, float) + radius * np.stack([out * np.cos(around), out * np.sin(around), np.cos(polar)], 1)
 
 
-def loop_of_shares(centre: np.ndarray, radii: np.ndarray, goals: int) -> np.ndarray:
-    """(goals, n_a) a closed curve in the pulling cube [0, 1]^n_a, an ellipse for two actuators: each share
-    follows the one before by a quarter turn. Its image by FE is a curve that the robot can follow."""
+def loop_of_shares(
+    centre: np.ndarray, radii: np.ndarray, goals: int, shape: Literal["ellipse", "figure-eight"] = "ellipse"
+) -> np.ndarray:
+    """(goals, n_a) a closed curve in the pulling cube [0, 1]^n_a. ellipse: each share follows the one before by a
+    quarter turn. figure-eight: all swing together twice a turn, and against each other once. Its image by FE is a
+    curve that the robot can follow."""
+    if shape == "figure-eight":
+        turn = np.arange(goals)[:, None] * 2 * np.pi / goals
+        aside = np.cos(2 * np.pi * np.arange(len(centre)) / len(centre))
+        return np.asarray(centre) + np.asarray(radii) * (np.sin(2 * turn) + aside * np.sin(turn)) / _EIGHT
     turn = np.arange(goals)[:, None] * 2 * np.pi / goals - np.arange(len(centre)) * np.pi / 2
     return np.asarray(centre) + np.asarray(radii) * np.cos(turn)

@@ -63,7 +63,8 @@ class Sample:
 @dataclass
 class Run:
     """samples: at the start and after each step; refused: steps that were tried in vain; why: the motion ended before
-    its time, None where it did not; end: the last motion; cost: of all; power: N mm/s of the overstress at the end."""
+    its time, None where it did not; end: the last motion; cost: of all; power: N mm/s of the overstress at the end;
+    kept: the factored tangent, for a run that goes on from here."""
 
     samples: list[Sample]
     end: Motion
@@ -71,6 +72,7 @@ class Run:
     why: str | None = None
     cost: Cost = field(default_factory=Cost)
     power: float = 0.0
+    kept: "Kept | None" = None
 
     @property
     def t(self) -> np.ndarray:
@@ -91,13 +93,14 @@ def simulate(
     pace: Pace | None = None,
     scheme: Scheme | None = None,
     watch: Callable[[Motion], None] | None = None,
+    kept: "Kept | None" = None,
 ) -> Run:
     """From `start` to the time `until`, s. command: time -> what is prescribed to the active rows; kinks: times at
-    which it is not smooth. watch: is told of every motion reached."""
+    which it is not smooth. watch: is told of every motion reached; kept: of the run that ended at `start`."""
     run, pace, scheme = Run([], start), pace or Pace(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]
-    dt, done, kept = pace.first, start, None
+    dt, done = pace.first, start
     for end in ends:
         dt = min(dt, pace.first) if done.t > start.t else dt
         settling = True  # the step after a kink, whose jump in acceleration is real
@@ -105,6 +108,7 @@ def simulate(
             even = (end - done.t) / np.ceil((end - done.t) / dt * (1 - 1e-9))
             length = even if even > 0.7 * dt else dt
             tried, kept, why = _step(problem, scheme, done, command, length, pace, run.cost, kept)
+            run.kept = kept
             error = scheme.error(done, length, tried.motion.lag) if tried else np.inf
             if tried and pace.tolerance is not None and error > pace.tolerance and not settling:
                 why, tried = f"it would leave out {error:.2g} mm", None
@@ -136,7 +140,7 @@ class _Taken:
 
 
 @dataclass(frozen=True)
-class _Kept:
+class Kept:
     """A factored tangent, and the c of the step it was made for."""
 
     tangent: Tangent
@@ -151,8 +155,8 @@ def _step(
     dt: float,
     pace: Pace,
     cost: Cost,
-    kept: _Kept | None,
-) -> tuple[_Taken | None, _Kept | None, str]:
+    kept: Kept | None,
+) -> tuple[_Taken | None, Kept | None, str]:
     """One step, or None and why."""
     c, origin, offset = scheme.acceleration(at, dt)
     over = None if at.memory is None else viscous.overstress(problem.body, problem.viscosity, at.memory, dt)
@@ -170,7 +174,9 @@ def _step(
         usable = kept.tangent if kept is not None and abs(kept.inertia / c - 1) < 0.05 else None
         start = State(x, at.pressure, at.lam, actuation.load)
         result = newton(moving, start, only, pace.newton, cost, usable)
-        kept = None if result.tangent is None else _Kept(result.tangent, c)
+        if result.status is not Status.CONVERGED and usable is not None:
+            result = newton(moving, start, only, pace.newton, cost)  # the tangent was of too far away
+        kept = None if result.tangent is None else Kept(result.tangent, c)
         if result.status is not Status.CONVERGED:
             return None, kept, f"Newton's method: {result.status.value}"
         change = _change(problem, actuation, held, unilateral, result)

@@ -82,19 +82,19 @@ def step(
 ) -> Motion:
     """After dt seconds, to a relative `tolerance` of its motion. NumericalError where its equations are not solved."""
     n_a, held = model.n_a, command.displacement is not None
-    first, v = n_a if held else 0, motion.v.copy()
+    first, v, size = n_a if held else 0, motion.v.copy(), 1 / model.scale
     if held:
         v[:n_a] = (command.displacement - motion.q[:n_a]) / dt
-    least = 1e-6 / dt  # a motion of a nanometre needs no digits
+    least = 1e-6 / dt * size.max()  # a motion of a nanometre, or its share of an amplitude, needs no digits
     for _ in range(_ITERATIONS):
         force, M, slope = _terms(model, motion, command, v, dt, payload)
         rest = dt / 2 * force + motion.p - M @ v
         change = np.linalg.solve((M + slope)[first:, first:], rest[first:])
         v[first:] += change
-        moved = float(np.abs(change).max(initial=0.0))
+        moved = float(np.abs(change * size[first:]).max(initial=0.0))
         if not np.isfinite(moved):
             break
-        if moved <= tolerance * max(float(np.abs(v).max()), least):
+        if moved <= tolerance * max(float(np.abs(v * size).max()), least):
             Mv = M @ v
             lam = 2 / dt * (Mv - motion.p)[:n_a] - force[:n_a] if held else np.asarray(command.force, float)
             memory = _remembered(model, motion, v, dt)

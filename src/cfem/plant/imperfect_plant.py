@@ -51,8 +51,9 @@ class ImperfectPlant:
         self._t += 1
         plant = self._plants[1] if self._plants[1] and self._t >= self._since else self._plants[0]
         done = np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high)
-        # A robot at rest that is told the same stays: no plant is asked twice.
-        same = self._did is not None and self._did[:2] == (plant, kind) and np.array_equal(self._did[2], done)
+        # A robot at rest that is told the same stays: no plant is asked twice, but for one that moves.
+        still = self._did is not None and not getattr(plant, "moves", False)
+        same = still and self._did[:2] == (plant, kind) and np.array_equal(self._did[2], done)
         self.actual = replace(self.actual if same else plant.step(done, kind), t=self._t)
         self._did = (plant, kind, done)
         if int(self._t * self._is.samples_a_tick + 1e-9) > int((self._t - 1) * self._is.samples_a_tick + 1e-9):
@@ -60,6 +61,10 @@ class ImperfectPlant:
         while self._on_the_way and self._on_the_way[0][0] <= self._t:
             self._arrived = self._on_the_way.popleft()[1]
         return self._arrived or self._nothing()
+
+    def settle(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Lets a plant that moves stand still under u before the first tick."""
+        return self._plants[0].settle(np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high), kind)
 
     def _rounded(self, u: np.ndarray) -> np.ndarray:
         return self._is.quantum * np.round(u / self._is.quantum) if self._is.quantum > 0 else u

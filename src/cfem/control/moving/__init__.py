@@ -1,0 +1,1 @@
+"""Controllers that know how the robot moves: model predictive control, its observer, input shaping, feed-forward."""

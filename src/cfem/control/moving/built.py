@@ -1,0 +1,95 @@
+"""Controllers from their spec: the static one, alone or shaped, a computed feed-forward, and the predictive one."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
+from cfem.control.controller import Controller, Gains
+from cfem.control.inverse import Aim
+from cfem.control.loop import Iterate, reach
+from cfem.control.moving.ahead import Computed, Shaped
+from cfem.control.moving.clocked import Clocked
+from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
+from cfem.control.moving.mpc import Mpc, Plan
+from cfem.control.moving.observer import Doubt
+from cfem.control.moving.spec import DoubtSpec, MpcSpec
+from cfem.control.tick import Pilot
+from cfem.core.errors import SpecError
+from cfem.motion.model import MotionModel
+
+_NO_NOISE = 0.01  # mm, of a sensor without
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What all controllers of a run share. rest_e (n_e,) mm; reach (n_a, 2) mm; length: mm; start: where the robot
+    stands before the first tick, None: at rest."""
+
+    loop: LoopSpec
+    rest_e: np.ndarray
+    reach: np.ndarray
+    length: float
+    start: Condensed | None
+
+
+def controller_of(
+    spec: ControllerSpec, pilot: Pilot, gains: Gains | None, motion: MotionModel | None, at: Situation
+) -> Any:
+    """pilot: of the static controller; motion: None where nothing asks for it."""
+    start = None if at.start is None else at.start.delta_a
+    dt = 1 / at.loop.rate
+    if spec.mpc is not None:
+        condensed = at.start or pilot.model.at_displacement(np.zeros(len(pilot.ridge)))
+        return _mpc(spec, pilot, motion, at, condensed)
+    if spec.feedforward:
+        return Computed(pilot, motion, at.rest_e, np.zeros(len(pilot.ridge)) if start is None else start, dt)
+    static = Controller(pilot, at.rest_e, gains, start)
+    if spec.shaping is None:
+        return static
+    return Shaped(static, motion, pilot.command == "displacement", spec.shaping.kind, spec.shaping.modes, dt)
+
+
+def standing_at(goal: np.ndarray, search: Pilot, rest_e: np.ndarray) -> Condensed:
+    """Where the static model stands nearest to a goal (n_e,) mm absolute. SpecError where it finds no way there."""
+    aim = Aim(goal - rest_e, search.weights, search.ridge, search.preload, search.damping)
+    home = getattr(search.model, "home", np.zeros(len(search.ridge)))
+    settings = replace(search.settings, iterations=max(search.settings.iterations, 20))
+    found = reach(search.model, aim, search.limits, Iterate.at(search.model.at_displacement(home)), settings)
+    if not np.isfinite(found.distance):
+        raise SpecError(f"no way to the first goal is found: {found.status.value}", where="trajectories")
+    return found.iterate.condensed
+
+
+def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation, start: Condensed) -> Mpc:
+    own: MpcSpec = spec.mpc
+    forces, known = pilot.command == "force", motion.static.domain
+    command, course = pilot.limits.lambda_a, pilot.limits.delta_a
+    if not forces:
+        command, course = course, command
+    full = np.abs(known.lambda_a if forces else at.reach.T).max(axis=0)
+    size = at.length / full
+    cost = Cost(pilot.weights, np.sqrt(own.smooth) * size, np.sqrt(own.effort) * size)
+    bounds = Bounds(command, np.full(len(full), pilot.rate), course, _planes(own, len(at.rest_e)))
+    plan = Plan(own.horizon, cost, bounds, pilot.settings.backend)
+    clocked = Clocked(motion, pilot.command, 1 / at.loop.rate, start.delta_a)
+    doubt = None if spec.mode == "open" else doubt_of(own.doubt, at.loop.sensor.noise)
+    return Mpc(clocked, plan, at.rest_e, start, doubt)
+
+
+def doubt_of(spec: DoubtSpec, noise: float) -> Doubt:
+    """noise: mm, of the sensor."""
+    own = noise or _NO_NOISE if spec.noise is None else spec.noise
+    return Doubt(own, spec.stiffness, spec.viscosity, spec.wander, spec.offset, spec.push)
+
+
+def _planes(spec: MpcSpec, n_e: int) -> tuple[HalfSpace, ...]:
+    found = []
+    for one in spec.obstacles:
+        if n_e < 3:
+            raise SpecError("needs an effector with rows x, y, z", where="loop.controllers")
+        normal = np.asarray(one.normal, float) / np.linalg.norm(one.normal)
+        found.append(HalfSpace(np.concatenate([normal, np.zeros(n_e - 3)]), float(normal @ one.point)))
+    return tuple(found)

@@ -1,0 +1,82 @@
+"""The condensed model that moves, in steps of a control tick.
+
+Commands move evenly over a tick to their new value: a force acts with its mean over the tick, a displacement is there
+at its end. Steps of the midpoint rule are as long as a tick; they slow a vibration of angular frequency w to
+2/dt atan(w dt/2). Mass and viscosity are scaled so that the lowest natural frequency comes out right (prewarping, as in
+Tustin's method; Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998, section 6.1)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.condensed import Condensed
+from cfem.motion.linear import Guess, Kind, Linear, Material, linear_steps, places
+from cfem.motion.model import MotionModel, Place
+from cfem.motion.modes import natural_modes
+from cfem.motion.step import at_rest
+
+_ITERATIONS, _SETTLED = 4, 1e-4
+
+
+@dataclass(frozen=True)
+class State:
+    """z (n_z,): q, p and the memory of Prony terms; v (n_q,): mean velocity of the last tick; u (n_a,): the command
+    that has been reached."""
+
+    z: np.ndarray
+    v: np.ndarray
+    u: np.ndarray
+
+
+class Clocked:
+    """n_z: size of a state; dt: s of a tick; kind: what is commanded."""
+
+    def __init__(self, model: MotionModel, kind: Kind, dt: float, about: np.ndarray):
+        """about (n_a,) mm: where the lowest natural frequency is taken."""
+        self.model, self.kind, self.dt = model, kind, dt
+        self.n_a, self.n_q = model.n_a, model.n_q
+        self.n_z = (2 + sum(len(one.prony) for one in model.losses)) * model.n_q
+        self.frequency = float(natural_modes(model, about, kind == "displacement", 1).frequency[0])
+        half = min(np.pi * self.frequency * dt, 1.0)
+        self._warp = half / np.tan(half)
+
+    def at_rest(self, condensed: Condensed) -> State:
+        """Standing still where the static model says."""
+        motion = at_rest(self.model, condensed.delta_a)
+        u = condensed.delta_a if self.kind == "displacement" else condensed.lambda_a
+        z = np.concatenate([motion.q, motion.p, motion.memory.ravel()])
+        return State(z, motion.v, np.array(u))
+
+    def acting(self, before: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What a step of the model is told: of commands (..., n_a) reached at its beginning and at its end."""
+        return (before + u) / 2 if self.kind == "force" else u
+
+    def linear(self, guess: Guess, material: Material, every: int = 1) -> Linear:
+        """The steps about their guesses; every: see `cfem.motion.linear.places`."""
+        middle = guess.state[:, : self.n_a] + self.dt / 2 * guess.v[:, : self.n_a]
+        return linear_steps(
+            self._warped(places(self.model, middle, every)), self.model.losses, guess, self.kind, self.dt, material
+        )
+
+    def step(self, state: State, u: np.ndarray, material: Material) -> tuple[State, Linear]:
+        """The state after a tick in which the command moves to u (n_a,), and the last linearisation."""
+        z, v, told, size = state.z, state.v, self.acting(state.u, u), self.model.scale
+        for _ in range(_ITERATIONS):
+            steps = self.linear(Guess(z[None], v[None], told[None]), material)
+            before, v = v, (steps.end[0, : self.n_q] - z[: self.n_q]) / self.dt
+            if np.abs((v - before) / size).max() <= _SETTLED * max(float(np.abs(v / size).max()), 1.0):
+                break
+        return State(steps.end[0], v, np.asarray(u, float)), steps
+
+    def effectors(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z)."""
+        delta_a, n_e = z[:, : self.n_a], len(self.model.rest_e)
+        part, watched = self.model.static.parts(delta_a, delta_a[:, :0]), slice(self.n_a, self.n_a + n_e)
+        C = np.zeros((len(z), n_e, self.n_z))
+        C[:, :, : self.n_a] = part["effector_gradient"]
+        C[:, :, watched] = np.eye(n_e)
+        return part["effector"] + z[:, watched], C
+
+    def _warped(self, place: Place) -> Place:
+        g = self._warp
+        return replace(place, M=g**2 * place.M, dM=g**2 * place.dM, F=g * place.F)

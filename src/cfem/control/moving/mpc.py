@@ -1,0 +1,131 @@
+"""Model predictive control on the condensed dynamics, by the real-time iteration: at each tick the steps of the horizon
+are linearised about the last solution, shifted by a tick, and one quadratic program gives the commands, of which the
+first is sent (Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005).
+
+Without measurements it is a feed-forward: the inverse of the condensed dynamics along what lies ahead."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.condensed import Condensed
+from cfem.control.moving.clocked import Clocked, State
+from cfem.control.moving.horizon import (
+    Bounds,
+    Commands,
+    Cost,
+    HalfSpace,
+    Predicted,
+    best_commands,
+    condensed_forces,
+    condensed_states,
+)
+from cfem.control.moving.observer import Doubt, Observer
+from cfem.control.qp import Backend, QpStatus
+from cfem.core.errors import NumericalError
+from cfem.motion.linear import Guess, Material
+from cfem.plant.protocol import Measurement
+
+_EVERY = 4  # of the ticks of the horizon, at which what is learned of inertia is asked
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a controller says at a tick: u (n_a,) the command; status: 'converged' or why not; delta_a (n_a,) mm: where
+    it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds."""
+
+    u: np.ndarray
+    status: str
+    delta_a: np.ndarray
+    softened: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a horizon is planned. ticks: N; cost, bounds: see `horizon`; backend: of the quadratic program."""
+
+    ticks: int
+    cost: Cost
+    bounds: Bounds
+    backend: Backend = "active_set"
+
+
+class Mpc:
+    """A controller to be ticked. belief: what it said last; aimed: (n_e,) mm, the goal of that tick; observer: None
+    without sensors."""
+
+    def __init__(self, clocked: Clocked, plan: Plan, rest_e: np.ndarray, start: Condensed, doubt: Doubt | None = None):
+        """start: where the robot stands still before the first tick; doubt: None for a feed-forward without sensors."""
+        self._clocked, self._rest_e = clocked, rest_e
+        shifted = [HalfSpace(one.normal, one.level - float(one.normal @ rest_e)) for one in plan.bounds.planes]
+        self._plan = replace(plan, bounds=replace(plan.bounds, planes=tuple(shifted)))
+        state = clocked.at_rest(start)
+        self.observer = None if doubt is None else Observer(clocked, state, plan.cost.weights, doubt)
+        self._state, self._rest = state, state.u
+        self._ahead = np.repeat(state.u[None], plan.ticks, axis=0)
+        self._states = np.repeat(state.z[None], plan.ticks + 1, axis=0)
+        self.belief = Told(state.u, QpStatus.OPTIMAL.value, start.delta_a)
+        self.aimed = rest_e + start.delta_e
+
+    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Told:
+        """goal (n_e,) mm absolute, where the effectors should be at the end of the tick; ahead (k, n_e): at the ends of
+        this tick and the next ones, of which the last holds on; measured: the latest sample."""
+        goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
+        goals = goals[np.minimum(np.arange(self._plan.ticks), len(goals) - 1)] - self._rest_e
+        self.aimed = goals[0] + self._rest_e
+        try:
+            now = self._present(measured)
+            found, states = self._solve(now, goals)
+            why = found.qp.status
+        except (NumericalError, np.linalg.LinAlgError) as error:
+            found, why = None, str(error)
+        if found is None or why is not QpStatus.OPTIMAL:
+            # what was planned before, as far as the bounds admit it: it was found from within them
+            u, status, softened = self._ahead[0], getattr(why, "value", why), False
+            self._ahead = np.concatenate([self._ahead[1:], self._ahead[-1:]])
+        else:
+            u, status, softened = found.U[0], "converged", found.softened
+            self._ahead = np.concatenate([found.U[1:], found.U[-1:]])
+            self._states = states
+        self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
+        self._sent(u)
+        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened)
+        return self.belief
+
+    def _present(self, measured: Measurement | None) -> State:
+        if self.observer is None:
+            return self._state
+        self.observer.hear(measured, self._rest_e)
+        return self.observer.now()
+
+    def _sent(self, u: np.ndarray) -> None:
+        if self.observer is None:
+            self._state, _ = self._clocked.step(self._state, u, self._material)
+        else:
+            self.observer.told(u)
+
+    @property
+    def _material(self) -> Material:
+        return Material() if self.observer is None else self.observer.material
+
+    def _solve(self, now: State, goals: np.ndarray) -> tuple[Commands, np.ndarray]:
+        """The commands of the horizon, and the states (N, n_z) that they lead to."""
+        clocked, plan = self._clocked, self._plan
+        offset = 0.0 if self.observer is None else self.observer.offset
+        z, U = self._states, self._ahead
+        acting = clocked.acting(np.concatenate([now.u[None], U[:-1]]), U)
+        guess = Guess(z[:-1], np.diff(z[:, : clocked.n_q], axis=0) / clocked.dt, acting)
+        steps = clocked.linear(guess, self._material, _EVERY)
+        mean = clocked.kind == "force"
+        states = condensed_states(steps, now.z, guess.state, acting, now.u, mean)
+        about = states.at(U.ravel())
+        e, C = clocked.effectors(about)
+        slope = C @ states.slope
+        effectors = Predicted(e + offset - slope @ U.ravel(), slope)
+        if mean:
+            course = Predicted(states.value[:, : clocked.n_a], states.slope[:, : clocked.n_a])
+        else:
+            course = condensed_forces(steps, states, now.z, guess.state, acting)
+        found = best_commands(effectors, course, goals, now.u, self._rest, plan.cost, plan.bounds, plan.backend)
+        return found, states.at(found.U.ravel())

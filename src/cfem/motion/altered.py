@@ -1,0 +1,59 @@
+"""A model that moves whose material is not the one that it was learned from."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cfem.motion.model import Loss, MotionModel, Place
+
+
+@dataclass(frozen=True)
+class Altered:
+    """The model with `stiffness` times its modulus of elasticity, whose viscosity goes with it, and `viscosity` times
+    its viscosity on top of that. Of one material without loads: forces are in proportion to the modulus. It stands
+    for a `MotionModel` wherever one is asked for."""
+
+    model: MotionModel
+    stiffness: float = 1.0
+    viscosity: float = 1.0
+
+    def at(self, delta_a: np.ndarray) -> Place:
+        """As of the model, (n_a,) mm."""
+        place, s = self.model.at(delta_a), self.stiffness
+        return replace(
+            place,
+            pull=s * place.pull,
+            stiff=s * place.stiff,
+            inner=s * place.inner,
+            F=s * self.viscosity * place.F,
+            d_inner=s * place.d_inner,
+        )
+
+    @property
+    def static(self) -> Any:
+        return self.model.static
+
+    @property
+    def losses(self) -> tuple[Loss, ...]:
+        return self.model.losses
+
+    @property
+    def rest_e(self) -> np.ndarray:
+        return self.model.rest_e
+
+    @property
+    def n_a(self) -> int:
+        return self.model.n_a
+
+    @property
+    def n_q(self) -> int:
+        return self.model.n_q
+
+    @property
+    def n_r(self) -> int:
+        return self.model.n_r
+
+    @property
+    def scale(self) -> np.ndarray:
+        return self.model.scale

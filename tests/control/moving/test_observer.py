@@ -1,0 +1,92 @@
+"""What the observer finds out about a robot that is not the model's, from noisy and late samples."""
+
+import numpy as np
+import pytest
+from control.moving.bar import clocked, plant, robot, standing
+
+from cfem.control.moving.observer import Doubt, Observer
+from cfem.core.errors import InputError
+from cfem.plant.protocol import Measurement
+
+NOISE = 0.02
+
+
+def watched(ticks=240, delay=1, kind="force", **body):
+    """An observer after commands that swing, the robot, and the errors of its guess of the present effectors."""
+    middle = 2.4 if kind == "force" else 1.5
+    at = clocked(kind)
+    observer = Observer(at, at.at_rest(standing(middle, kind)), np.ones(3), Doubt(noise=NOISE))
+    there, measured, missed = plant(middle, kind, noise=NOISE, delay=delay, **body), None, []
+    for k in range(ticks):
+        observer.hear(measured, robot().rest_e)
+        if k:
+            e, _ = at.effectors(observer.now().z[None])
+            missed.append(np.linalg.norm(robot().rest_e + e[0] + observer.offset - there.actual.x_e))
+        u = np.array([middle * (1 + 0.3 * np.sin(0.25 * k) * min(k / 30, 1.0))])
+        observer.told(u)
+        measured = there.step(u, kind)
+    return observer, np.array(missed)
+
+
+def test_stiffness_and_viscosity_are_found():
+    observer, missed = watched(stiffness=1.1, viscosity=1.3)
+    assert observer.material.stiffness == pytest.approx(1.1, abs=0.015)
+    assert observer.material.viscosity == pytest.approx(1.3, rel=0.15)
+    assert missed[120:].mean() < 1.5 * NOISE  # a sample alone is off by 1.7
+
+
+def test_of_the_model_s_own_robot_it_finds_nothing():
+    observer, missed = watched(delay=0)
+    assert observer.material.stiffness == pytest.approx(1.0, abs=0.015)
+    assert np.abs(observer.offset).max() < 0.06 and missed[120:].mean() < 1.5 * NOISE
+
+
+def test_late_samples_are_of_their_own_tick():
+    """Three ticks late, it is as far from the truth as the motion since then lets it be, not three ticks behind."""
+    _, missed = watched(delay=3, stiffness=1.1)
+    assert missed[120:].mean() < 2 * NOISE
+
+
+def test_displacements_are_followed_too():
+    observer, missed = watched(kind="displacement", stiffness=1.2)
+    assert missed[120:].mean() < 1.5 * NOISE and 1.0 < observer.material.stiffness < 1.4
+
+
+def test_what_it_does_not_know_is_an_offset():
+    """Markers that sit elsewhere by a millimetre."""
+    at = clocked()
+    observer, there = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE, stiffness=0.0)), plant(2.4)
+    shift = np.array([0.0, 1.0, -0.5])
+    for _ in range(200):
+        observer.told(np.array([2.4]))
+        found = there.step(np.array([2.4]), "force")
+        seen = Measurement(found.x_e + shift, None, None, found.t, "converged")
+        observer.hear(seen, robot().rest_e)
+    np.testing.assert_allclose(observer.offset, shift, atol=0.02)
+
+
+def test_its_covariance_is_that_of_its_errors():
+    """Of the effectors' positions over seeds: between a half and twice what it claims."""
+    observer, missed = watched(delay=0)
+    _, C = clocked().effectors(observer.state.z[None])
+    H = np.zeros((3, len(observer.covariance)))
+    H[:, : observer.state.z.size], H[:, -3:] = C[0], np.eye(3)
+    claimed = np.sqrt(np.trace(H @ observer.covariance @ H.T))
+    assert 0.3 * claimed < np.sqrt((missed[100:] ** 2).mean()) < 2 * claimed
+    np.testing.assert_array_equal(observer.covariance, observer.covariance.T)
+
+
+def test_samples_are_heard_once_and_lost_ones_are_no_harm():
+    at = clocked()
+    observer = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE))
+    observer.told(np.array([2.4]))
+    seen = Measurement(robot().rest_e + standing(2.4).delta_e + 0.01, None, None, 1, "converged")
+    observer.hear(seen, robot().rest_e)
+    before = observer.state.z.copy()
+    observer.hear(seen, robot().rest_e)
+    np.testing.assert_array_equal(observer.state.z, before)
+    observer.told(np.array([2.4]))
+    observer.hear(Measurement(np.full(3, np.nan), None, None, 2, "nothing"), robot().rest_e)
+    assert observer.heard == 1
+    with pytest.raises(InputError, match="commands were given"):
+        observer.hear(Measurement(seen.x_e, None, None, 7, "converged"), robot().rest_e)
