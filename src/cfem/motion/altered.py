@@ -27,7 +27,6 @@ class Altered:
             stiff=s * place.stiff,
             inner=s * place.inner,
             F=s * self.viscosity * place.F,
-            d_inner=s * place.d_inner,
         )
 
     @property

@@ -5,8 +5,8 @@ q_m = q + dt v / 2. About a guess of q, p, v and u, one Newton step gives v as a
 
     dR/dv (v - v_guess) = -R - dR/dq (q - q_guess) + (p - p_guess) + dt/2 (u - u_guess)
 
-and with v the state after the step. Second derivatives of mass and stiffness and the slope of viscosity by place are
-left out, as in `step`. Repeated, this is Newton's method; once a tick, with the last solution as the guess, it is the
+and with v the state after the step. Second derivatives of the mass and the slope of viscosity by place are left
+out, as in `step`. Repeated, this is Newton's method; once a tick, with the last solution as the guess, it is the
 real-time iteration (Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005)."""
 
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class Linear:
 
 def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
     """All of `Place` with a first axis of N, at delta_a (N, n_a) mm. every: what is learned of inertia and of the inner
-    motions is asked at each so many, and interpolated between; energy and effectors are asked everywhere."""
+    motions is asked at each so many, and interpolated between; energy and where the effectors rest are asked of all."""
     count = len(delta_a)
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
@@ -66,7 +66,7 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
     width = np.maximum(knots[after] - knots[before], 1)
     share = np.minimum((np.arange(count) - knots[before]) / width, 1.0)
     learned = {}
-    for name in ("M", "inner", "F", "dM", "d_inner"):
+    for name in ("M", "F", "dM", "H", "dH"):
         values = np.array([getattr(one, name) for one in found])
         t = share.reshape(-1, *[1] * (values.ndim - 1))
         learned[name] = (1 - t) * values[before] + t * values[after]
@@ -75,6 +75,7 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
         stiff=part["hessian"],
         e=part["effector"],
         J=part["effector_gradient"],
+        inner=found[0].inner,
         **learned,
     )
 
@@ -90,10 +91,9 @@ def linear_steps(
     memory = guess.state[:, 2 * n_q :].reshape(n, -1, n_q)
     eta = (q + dt / 2 * v)[:, n_a:]
     by_turn = (place.dM @ v[:, None, :, None])[..., 0]  # (N, n_a, n_q)
-    by_inner = (place.d_inner @ eta[:, None, :, None])[..., 0]
     # forces, by what they come from
     elastic, inertial = np.empty((n, n_q)), np.zeros((n, n_q))
-    elastic[:, :n_a] = -s * (place.pull + _dot(by_inner, eta) / 2)
+    elastic[:, :n_a] = -s * place.pull
     elastic[:, n_a:] = -s * _dot(place.inner, eta)
     inertial[:, :n_a] = _dot(by_turn, v) / 2
     viscous, by_rate, by_memory = _viscous(place, losses, v, memory, s * c, dt)
@@ -104,8 +104,6 @@ def linear_steps(
     by_place = turning.copy()
     by_place[:, :n_a, :n_a] += dt / 2 * s * place.stiff
     by_place[:, n_a:, n_a:] += dt / 2 * s * place.inner
-    by_place[:, :n_a, n_a:] += dt / 2 * s * by_inner
-    by_place[:, n_a:, :n_a] += dt / 2 * s * by_inner.swapaxes(1, 2)
     by_speed = place.M + dt / 2 * (by_rate + by_place)
     by_speed[:, :n_a] -= dt / 2 * by_turn
     # v - guess = X (known; z; u; material), columns of one right-hand side

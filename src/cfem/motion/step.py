@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import NumericalError
-from cfem.motion.model import MotionModel, Place
+from cfem.motion.model import MotionModel
 from cfem.motion.payload import Payload
 
 _ITERATIONS = 30

@@ -24,7 +24,7 @@ def steps_of(kind):
     at = clocked(kind)
     state = at.at_rest(standing(2.4 if kind == "force" else 1.5, kind))
     guess = Guess(np.repeat(state.z[None], N, 0), np.zeros((N, at.n_q)), np.repeat(state.u[None], N, 0))
-    return at, state, guess, at.linear(guess, Material())
+    return at, state, guess, at.linear(guess, Material())[0]
 
 
 @pytest.mark.parametrize("kind", ["force", "displacement"])

@@ -62,7 +62,7 @@ class Computed:
     inner motions are taken off that the acceleration of the actuators will excite, and, where forces are commanded, the
     forces of inertia and viscosity on top:
 
-        xi = -K^-1 (M_ra a + F_ra v)        u = dPsi/d delta_a + (M [a; d2xi/dt2] + F [v; dxi/dt])_a
+        eta = -K^-1 (M_ra a + F_ra v)        u = dPsi/d delta_a + (M [a; d2eta/dt2] + F [v; deta/dt])_a
 
     with v and a from differences of the actuators' static plan. The inner motions are taken to follow without
     vibrations of their own, which holds well below the frequencies of the robot with its actuators held.
@@ -101,10 +101,11 @@ class Computed:
         before it."""
         self._goals.append(goal)
         self._planned[0].append(self._static(0, goal))
-        xi, _ = self._excited(self._planned[0])
-        self._planned[1].append(self._static(1, self._goals[1] - xi[: len(goal)]))
-        xi, forces = self._excited(self._planned[1])
-        self._inner.append(xi)
+        eta, _ = self._excited(self._planned[0])
+        moved = self._model.at(self._planned[0][1]).H @ eta
+        self._planned[1].append(self._static(1, self._goals[1] - moved))
+        eta, forces = self._excited(self._planned[1])
+        self._inner.append(eta)
         self._forces.append(forces)
         if self._pilot.command == "displacement":
             return self._planned[1][0]
@@ -117,10 +118,10 @@ class Computed:
         middle of three planned displacements."""
         (v, a), place, n_a = _rates(planned, self._dt), self._model.at(planned[1]), self._model.n_a
         M, F = place.M, self._lost(place)
-        xi = -np.linalg.solve(place.inner, M[n_a:, :n_a] @ a + F[n_a:, :n_a] @ v)
+        eta = -np.linalg.solve(place.inner, M[n_a:, :n_a] @ a + F[n_a:, :n_a] @ v)
         by_turn = place.dM[:, :n_a, :n_a] @ v  # (n_a, n_a)
         forces = place.pull + M[:n_a, :n_a] @ a + F[:n_a, :n_a] @ v + v @ by_turn - by_turn @ v / 2
-        return xi, forces
+        return eta, forces
 
     def _lost(self, place: Place) -> np.ndarray:
         """(n_q, n_q) resistance to slow motion."""

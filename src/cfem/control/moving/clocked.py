@@ -51,31 +51,34 @@ class Clocked:
         """What a step of the model is told: of commands (..., n_a) reached at its beginning and at its end."""
         return (before + u) / 2 if self.kind == "force" else u
 
-    def linear(self, guess: Guess, material: Material, every: int = 1) -> Linear:
-        """The steps about their guesses; every: see `cfem.motion.linear.places`."""
+    def linear(self, guess: Guess, material: Material, every: int = 1) -> tuple[Linear, Place]:
+        """The steps about their guesses, and what the model says at their middle; every: see
+        `cfem.motion.linear.places`."""
         middle = guess.state[:, : self.n_a] + self.dt / 2 * guess.v[:, : self.n_a]
-        return linear_steps(
-            self._warped(places(self.model, middle, every)), self.model.losses, guess, self.kind, self.dt, material
-        )
+        place, losses = places(self.model, middle, every), self.model.losses
+        return linear_steps(self._warped(place), losses, guess, self.kind, self.dt, material), place
 
     def step(self, state: State, u: np.ndarray, material: Material) -> tuple[State, Linear]:
         """The state after a tick in which the command moves to u (n_a,), and the last linearisation."""
         z, v, told, size = state.z, state.v, self.acting(state.u, u), self.model.scale
         for _ in range(_ITERATIONS):
-            steps = self.linear(Guess(z[None], v[None], told[None]), material)
+            steps, _ = self.linear(Guess(z[None], v[None], told[None]), material)
             before, v = v, (steps.end[0, : self.n_q] - z[: self.n_q]) / self.dt
             if np.abs((v - before) / size).max() <= _SETTLED * max(float(np.abs(v / size).max()), 1.0):
                 break
         return State(steps.end[0], v, np.asarray(u, float)), steps
 
-    def effectors(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z)."""
-        delta_a, n_e = z[:, : self.n_a], len(self.model.rest_e)
-        part, watched = self.model.static.parts(delta_a, delta_a[:, :0]), slice(self.n_a, self.n_a + n_e)
-        C = np.zeros((len(z), n_e, self.n_z))
+    def effectors(self, z: np.ndarray, near: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z); near: of places nearby, whose inner
+        motions are taken, None: of the states themselves."""
+        delta_a, eta = z[:, : self.n_a], z[:, self.n_a : self.n_q]
+        near = places(self.model, delta_a) if near is None else near
+        part = self.model.static.parts(delta_a, delta_a[:, :0])
+        C = np.zeros((len(z), near.H.shape[1], self.n_z))
         C[:, :, : self.n_a] = part["effector_gradient"]
-        C[:, :, watched] = np.eye(n_e)
-        return part["effector"] + z[:, watched], C
+        C[:, :, : self.n_a] += np.einsum("kaei,ki->kea", near.dH, eta)
+        C[:, :, self.n_a : self.n_q] = near.H
+        return part["effector"] + np.einsum("kei,ki->ke", near.H, eta), C
 
     def _warped(self, place: Place) -> Place:
         g = self._warp

@@ -116,11 +116,11 @@ class Mpc:
         z, U = self._states, self._ahead
         acting = clocked.acting(np.concatenate([now.u[None], U[:-1]]), U)
         guess = Guess(z[:-1], np.diff(z[:, : clocked.n_q], axis=0) / clocked.dt, acting)
-        steps = clocked.linear(guess, self._material, _EVERY)
+        steps, near = clocked.linear(guess, self._material, _EVERY)
         mean = clocked.kind == "force"
         states = condensed_states(steps, now.z, guess.state, acting, now.u, mean)
         about = states.at(U.ravel())
-        e, C = clocked.effectors(about)
+        e, C = clocked.effectors(about, near)
         slope = C @ states.slope
         effectors = Predicted(e + offset - slope @ U.ravel(), slope)
         if mean:
