@@ -43,6 +43,13 @@ def test_names_are_text():
     assert content(text)[0]["actuators"][0]["name"] == "</script>"
 
 
+def test_what_is_poor_about_the_model_is_said_first():
+    meta, arrays = spectral()
+    text = page(meta, arrays, skin_of(meta, arrays), CSpec(), Embedding(), ["POOR input: the cells hold <10 %> less"])
+    said = '<p class="poor">POOR input: the cells hold &lt;10 %&gt; less</p>'
+    assert 0 < text.index("<h1>") < text.index(said) < text.index('id="status"')
+
+
 def test_stated_pressures_bound_the_forces():
     meta, arrays = serial()
     pressures = np.tile([0.0, 0.2], (6, 1))

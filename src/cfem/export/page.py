@@ -1,5 +1,6 @@
 """The robot in a file: one page that runs anywhere, with the C controller as WebAssembly and this robot as data."""
 
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from typing import Any
@@ -37,8 +38,16 @@ AT_REST = 1e-3  # of length and largest force: what a model may be off at rest, 
 POINT = ("x", "y", "z")
 
 
-def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray], spec: CSpec, robot: Embedding) -> str:
-    """The whole file. skin: arrays of `cfem.predict.skin`. InputError where the page has no room for the robot."""
+def page(
+    meta: dict,
+    arrays: dict[str, np.ndarray],
+    skin: dict[str, np.ndarray],
+    spec: CSpec,
+    robot: Embedding,
+    concerns: Sequence[str] = (),
+) -> str:
+    """The whole file. skin: arrays of `cfem.predict.skin`; concerns: what is poor about the model, said first.
+    InputError where the page has no room for the robot."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no page", do=f"train kind: {' or '.join(KINDS)}")
     if robot.rest_e is not None:
@@ -85,7 +94,7 @@ def page(meta: dict, arrays: dict[str, np.ndarray], skin: dict[str, np.ndarray],
     }
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
-    return fill(said, data, meta["scene"], about(meta, predictor))
+    return fill(said, data, meta["scene"], about(meta, predictor), concerns)
 
 
 def right_at_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> bool:
@@ -156,12 +165,13 @@ def about(meta: dict, predictor: Predictor) -> str:
     )
 
 
-def fill(said: dict[str, Any], data: dict[str, Any], title: str, words: str) -> str:
+def fill(said: dict[str, Any], data: dict[str, Any], title: str, words: str, concerns: Sequence[str]) -> str:
     """The page of what is said and the arrays of `data`."""
     packed = pack(said, data)
     text = {
         "title": escape(title),
         "about": escape(words),
+        "concerns": "".join(f'<p class="poor">{escape(one)}</p>\n' for one in concerns),
         "style": _asset("page.css"),
         "script": "".join(map(_asset, SCRIPTS)),
         "bytes": packed.bytes,

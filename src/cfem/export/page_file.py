@@ -7,6 +7,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import file_sha256, write_whole
+from cfem.core.judgement import sentences, with_inherited
 from cfem.core.stage import read_manifest
 from cfem.export.embedding import Embedding
 from cfem.export.page import ASSETS, page
@@ -18,7 +19,13 @@ from cfem.predict.skin import FILE
 
 
 def write_page(
-    path: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray], skin_folder: Path, robot: Embedding
+    path: Path,
+    spec: ExportSpec,
+    meta: dict,
+    arrays: dict[str, np.ndarray],
+    model_folder: Path,
+    skin_folder: Path,
+    robot: Embedding,
 ) -> int:
     """Bytes of the page. meta, arrays: of the model, under the loads of the spec; skin_folder: of the model whose
     skin it draws."""
@@ -30,7 +37,8 @@ def write_page(
     skin = read_skin(skin_folder, predictor)
     if spec.loads:
         skin = loaded_skin(predictor, skin, meta["wrench"])
-    text = page(meta, arrays, skin, spec.c, robot).encode()
+    concerns = sentences(with_inherited({}, {"model": model_folder}))
+    text = page(meta, arrays, skin, spec.c, robot, concerns).encode()
     write_whole(path, text)
     return len(text)
 
@@ -60,5 +68,6 @@ def read_skin(folder: Path, predictor: Predictor) -> dict[str, np.ndarray]:
 
 
 def sources() -> dict[str, Any]:
-    """Content hashes of what every page holds."""
-    return {one.name: file_sha256(one) for one in sorted(Path(str(ASSETS)).iterdir()) if one.suffix not in (".c", ".h")}
+    """Content hashes of what every page holds, and of what puts it together."""
+    held = [one for one in Path(str(ASSETS)).iterdir() if one.suffix not in (".c", ".h")]
+    return {one.name: file_sha256(one) for one in sorted([*held, *Path(__file__).parent.glob("page*.py")])}

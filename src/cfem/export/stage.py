@@ -106,7 +106,8 @@ def work(
     if "html" in spec.formats:
         from cfem.export.page_file import write_page
 
-        page_bytes = write_page(folder / FILES["html"], spec, meta, arrays, skin_folder or model_folder, embedded)
+        skin = skin_folder or model_folder
+        page_bytes = write_page(folder / FILES["html"], spec, meta, arrays, model_folder, skin, embedded)
     if "arrays" in spec.formats:
         write_npz(folder / FILES["arrays"], arrays)
     if {"onnx", "torchscript"} & set(spec.formats):
