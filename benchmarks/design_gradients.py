@@ -92,9 +92,7 @@ def measured(folder: Path, name: str, given: dict, overrides: list[str]) -> dict
         return family.solve(problem.kind, problem.u, p, keep=True)
 
     cold = min(cpu(from_rest) for _ in range(RUNS))
-    warm, factored = min(
-        counted(lambda: family.solve(problem.kind, problem.u, p, keep=True))[1:] for _ in range(RUNS)
-    )
+    warm, factored = min(counted(lambda: family.solve(problem.kind, problem.u, p, keep=True))[1:] for _ in range(RUNS))
     runs = [counted(lambda: problem._with_slopes(z)) for _ in range(RUNS)]
     (values, slopes), gradient, with_gradient = min(runs, key=lambda one: one[1])
     plain = differences(problem, z)

@@ -2,7 +2,8 @@
 software, and a tick of its WebAssembly, of the same C code by gcc -O2 and of the firmware's by gcc -O2. Prints one JSON
 object.
 
-Usage: page.py FOLDER   of an export with both formats: cfem export SPEC --set "formats=[html, c]" --out FOLDER"""
+Usage: page.py FOLDER   of an export with both formats: cfem export SPEC --set "formats=[html, c]" --out FOLDER; of one
+with the page alone, without the comparison of ticks"""
 
 import contextlib
 import json
@@ -67,7 +68,9 @@ def main() -> int:
     from playwright.sync_api import sync_playwright
 
     page, firmware = Path(sys.argv[1]) / "page.html", Path(sys.argv[1]) / "c"
-    subprocess.run(["make", "-s", "-C", firmware, "measured"], check=True)
+    compared = firmware.is_dir()
+    if compared:
+        subprocess.run(["make", "-s", "-C", firmware, "measured"], check=True)
     program = next(filter(None, map(shutil.which, BROWSERS)))
     ticks = []
     with sync_playwright() as tool:
@@ -80,13 +83,12 @@ def main() -> int:
         before = processor_time()
         pictures = np.array(tab.evaluate(PICTURES))
         spent = processor_time() - before
-        for _ in range(ROUNDS):  # by turns: the machine's clock is not the same all the time
+        for _ in range(ROUNDS if compared else 0):  # by turns: the machine's clock is not the same all the time
             printed = subprocess.run([firmware / "measured"], capture_output=True, text=True, check=True).stdout
             here = float(re.search(r"tick median (\d+)", printed)[1])
             asked = commands(printed, tab)
             ticks.append([tab.evaluate(TICKS, asked), here, native(page, asked, tab)])
         chromium.close()
-    web, c, own = np.min(ticks, axis=0)
     shares = {"shortest_tenth": 0.1, "median": 0.5, "p99": 0.99}  # other processes make the long ones
     parts = zip(("tick", "surface", "drawing"), pictures.T, strict=True)
     result = {
@@ -94,9 +96,11 @@ def main() -> int:
         "picture_ms": {name: float(np.quantile(pictures.sum(axis=1), share)) for name, share in shares.items()},
         "parts_ms": {name: float(np.quantile(values, 0.1)) for name, values in parts},
         "processor_ms": 1e3 * spent / PICTURED,
-        "tick_ns": {"webassembly": web, "firmware_gcc": c, "page_gcc": own},
-        "ratio": {"webassembly": web / c, "page_gcc": own / c},
     }
+    if compared:
+        web, c, own = np.min(ticks, axis=0)
+        result["tick_ns"] = {"webassembly": web, "firmware_gcc": c, "page_gcc": own}
+        result["ratio"] = {"webassembly": web / c, "page_gcc": own / c}
     print(json.dumps(result, indent=1))
     return 0
 
