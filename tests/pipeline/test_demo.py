@@ -1,15 +1,19 @@
 """What the demo costs, by counts that do not depend on the machine, and what it ends with."""
 
+from pathlib import Path
+
 import pytest
 
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
 from cfem.pipeline.demo import demo, numbers
+from cfem.pipeline.plan import own_specs, plan
 from cfem.pipeline.robots import ROBOTS
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec
 from cfem.sample.spec import SampleSpec
 
+ROOT = Path(__file__).parents[2]
 FINGER = ROBOTS / "soft-finger"
 
 
@@ -23,6 +27,11 @@ def test_the_demo_solves_few_equilibria():
     assert solves <= 100
     assert load_spec(FINGER / "scene.yaml", SceneSpec).mesh.cells <= 1500
     assert load_spec(FINGER / "report.yaml", ReportSpec).discretisation is None
+
+
+def test_set_up_by_make_counts_as_the_first_of_the_demos_steps():
+    steps = plan(own_specs(FINGER), {})
+    assert f"CFEM_STEP := 1/{len(steps) + 1}\n" in (ROOT / "Makefile").read_text()
 
 
 def test_scenes_of_the_finger_differ_in_their_mesh_alone():

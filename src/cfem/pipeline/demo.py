@@ -22,7 +22,7 @@ STAGES = {
     "export": ("writing the model for a controller", "5 s"),
     "export-page": ("writing the page in which you move the robot", "1 s"),
     "control": ("following a curve with the model; the FE robot is the judge", "30 s"),
-    "report": ("drawing the page", "10 s"),
+    "report": ("drawing the report", "10 s"),
 }
 
 

@@ -81,7 +81,7 @@ def _work(
     if spec.control:
         _demand_one_robot(scene, scene_path, spec, manifests)
     meshes = study(scene, scene_path.parent, spec.discretisation) if spec.discretisation else {}
-    with progress("drawing the page", 4) as advance:
+    with progress("drawing the report", 4) as advance:
         summary, robot, card, sections = learned(spec, scene, manifests)
         advance(1)
         sections += compared(spec, manifests)
