@@ -74,9 +74,10 @@ def test_a_loaded_model_needs_the_same_loads(bar):
 @pytest.mark.parametrize(
     ("loads", "said"),
     [
-        ({"tip": {"mass": "2 g"}}, "expected force, or mass and gravity"),
-        ({"tip": {"force": {"N": [0, 0, 1]}, "mass": "2 g"}}, "expected force, or mass and gravity"),
+        ({"tip": {"mass": "2 g"}}, "expected force, or gravity with or without mass"),
+        ({"tip": {"force": {"N": [0, 0, 1]}, "mass": "2 g"}}, "expected force, or gravity with or without mass"),
         ({"tip": {"mass": "-2 g", "gravity": {"m/s^2": [0, 0, 1]}}}, "greater than 0"),
+        ({"tip": {"gravity": {"m/s^2": [0, 0, 1]}}}, "no mass that gravity could act on"),
         ({"top": {"force": {"N": [0, 0, 1]}}}, "no effector 'top'"),
     ],
 )
@@ -93,5 +94,5 @@ def test_a_load_that_the_model_cannot_take_names_the_model(bar):
 def test_both_ways_of_stating_a_weight_agree():
     from cfem.predict.load_spec import LoadSpec
 
-    weight = LoadSpec.model_validate(PAYLOAD["tip"]).newtons
+    weight = LoadSpec.model_validate(PAYLOAD["tip"]).newtons()
     assert np.allclose(weight, [0, 2e-3 * 9.81, 0], rtol=1e-12)

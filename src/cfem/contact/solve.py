@@ -110,7 +110,7 @@ def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | No
             return _state(problem, law, modes, found), tried
     mu = problem.mu if law == "coulomb" else 0.0
     if mu == 0 or problem.cone == "exact":
-        force, systems = newton(problem.W, problem.free, mu)
+        force, systems = _from_less_friction(problem, mu)
         tried += systems
         if force is not None:
             lam, none = force.ravel(), np.zeros(0)
@@ -122,6 +122,22 @@ def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | No
     modes, angles = sweep.guess(problem, law)
     found = solve_mode(problem, law, modes, quick=True, angles=angles)
     return (_state(problem, law, modes, found) if found.valid else None), tried + 1
+
+
+def _from_less_friction(problem: ContactProblem, mu: float) -> tuple[np.ndarray | None, int]:
+    """Newton's method, from no force or, where that fails, along growing friction: ever finer steps."""
+    force, total = newton(problem.W, problem.free, mu)
+    for steps in (4, 16, 64) if mu > 0 and force is None else ():
+        start, systems = newton(problem.W, problem.free, 0.0)
+        total += systems
+        for share in np.arange(1, steps + 1) / steps:
+            if start is None:
+                break
+            start, systems = newton(problem.W, problem.free, share * mu, start)
+            total += systems
+        if start is not None:
+            return start, total
+    return force, total
 
 
 def _unstable(problem: ContactProblem) -> bool:

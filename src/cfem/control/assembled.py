@@ -40,6 +40,11 @@ class RobotsAndObject:
     actuator_units: tuple[tuple[str, str], ...]
     forces: None = None
 
+    @property
+    def aims(self) -> np.ndarray:
+        """(n_e,) which effector rows goals are set for: all."""
+        return np.ones(self.rows.n_e, dtype=bool)
+
 
 def assembled(
     spec: ControlSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]

@@ -37,6 +37,9 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
 
 
 def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.ndarray:
+    if goals.shape[1] == robot.aims.sum():  # no goal is set for a centre of mass
+        goals, stated = np.tile(robot.rest_e, (len(goals), 1)), goals
+        goals[:, robot.aims] = stated
     if goals.shape[1] != robot.rows.n_e:
         raise SpecError(
             f"a goal has {goals.shape[1]} numbers, the robot {robot.rows.n_e} effector rows",

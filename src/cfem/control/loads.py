@@ -30,7 +30,7 @@ def under_loads(spec: ControlSpec, robot: Robot) -> Robot:
 
 
 def _wrench(spec: ControlSpec, robot: Robot) -> np.ndarray:
-    return wrench_of(robot.rows, forces_of(spec.loads))
+    return wrench_of(robot.rows, forces_of(spec.loads, robot.masses))
 
 
 def _under(wrench: np.ndarray, model: Predictor, where: str) -> Predictor:

@@ -237,7 +237,11 @@ def _limits(spec: ControlSpec, robot):
 
 
 def _weights(spec: ControlSpec, robot) -> np.ndarray:
-    weights = np.ones(robot.rows.n_e) if spec.search.weights is None else np.array(spec.search.weights)
+    stated, weights = spec.search.weights, robot.aims.astype(float)
+    if stated is not None and len(stated) == robot.aims.sum():
+        weights[robot.aims] = stated
+    elif stated is not None:
+        weights = np.array(stated)
     if len(weights) != robot.rows.n_e:
         raise SpecError(
             f"has {len(weights)} weights, and the robot {robot.rows.n_e} effector rows", where="search.weights"

@@ -73,6 +73,17 @@ class Robot:
         return tuple(one.units for one in self.actuators)
 
     @property
+    def aims(self) -> np.ndarray:
+        """(n_e,) which effector rows goals are set for: all but those of a centre of mass."""
+        return np.concatenate([np.full(len(one.rest), not hasattr(one, "mass")) for one in self.effectors])
+
+    @property
+    def masses(self) -> dict[str, float]:
+        """t, by the name of the effector that is the centre of that mass."""
+        names = list(dict.fromkeys(row.rpartition(".")[0] for row in self.rows.effectors))
+        return {name: one.mass for name, one in zip(names, self.effectors, strict=True) if hasattr(one, "mass")}
+
+    @property
     def rest_e(self) -> np.ndarray:
         """(n_e,) rest positions (mm) and orientations (rad) of the effectors."""
         return np.concatenate([effector.rest for effector in self.effectors])

@@ -163,7 +163,7 @@ def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict) -> t
         raise InputError("carries loads already", where=where, do="export the trained model")
     trained = build(meta, arrays)
     try:
-        model = loaded(trained, wrench_of(trained.rows, forces_of(spec.loads)))
+        model = loaded(trained, wrench_of(trained.rows, forces_of(spec.loads, meta.get("masses", {}))))
     except InputError as error:
         raise InputError(error.what, where=where, do=error.do) from None
     kept = [i for i, one in enumerate(trained.parameters) if not one.exact]

@@ -29,8 +29,8 @@ STEP = 1e-4  # of the reach: of the differences
 
 @dataclass
 class Among:
-    """`Model`. solid: obstacles that the robot may touch, by name; pressed: those of them whose force is a row, in their
-    order; avoided: obstacles whose distance is a row. It remembers the contact state that the robot stands in
+    """`Model`. solid: obstacles that the robot may touch, by name; pressed: those of them whose force is a row, in
+    their order; avoided: obstacles whose distance is a row. It remembers the contact state that the robot stands in
     (`settle`), from which a step begins: friction and the side of an edge depend on it."""
 
     touchable: Touchable

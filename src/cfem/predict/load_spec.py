@@ -5,34 +5,48 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import Field, model_validator
 
+from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
 from cfem.core.units import AccelerationVector, ForceVector, Mass
 
 
 class LoadSpec(Spec):
-    """A constant load on one effector that the samples did not carry: a force, or the weight of a payload."""
+    """A constant load on one effector that the samples did not carry: a force, the weight of a payload, or gravity on
+    the robot's own mass, which acts on an effector at its centre of mass."""
 
     force: ForceVector | None = None
     """Force along x, y and z."""
     mass: Mass | None = Field(None, gt=0)
     """Mass of a payload. Its inertia does not matter, as the robot is at rest."""
     gravity: AccelerationVector | None = None
-    """Acceleration of gravity along x, y and z, which gives the payload its weight."""
+    """Acceleration of gravity along x, y and z, which gives the payload its weight. Without a mass: on the robot's own,
+    in addition to what the scene has."""
 
     @model_validator(mode="after")
     def _one_of_two(self) -> "LoadSpec":
-        if (self.force is None) == (self.mass is None) or (self.mass is None) != (self.gravity is None):
+        if (self.force is None) == (self.gravity is None) or (self.mass is not None and self.gravity is None):
             raise ValueError(
-                "expected force, or mass and gravity, such as {mass: 20 g, gravity: {m/s^2: [0, 0, -9.81]}}"
+                "expected force, or gravity with or without mass, such as {mass: 20 g, gravity: {m/s^2: [0, 0, -9.81]}}"
             )
         return self
 
-    @property
-    def newtons(self) -> np.ndarray:
-        """(3,) N."""
-        return np.array(self.force if self.mass is None else self.mass * self.gravity)
+    def newtons(self, own: float | None = None) -> np.ndarray | None:
+        """(3,) N; own: t, the mass whose centre the effector is. None where no mass is known."""
+        mass = own if self.mass is None else self.mass
+        if self.force is not None:
+            return np.array(self.force)
+        return None if mass is None else mass * np.array(self.gravity)
 
 
-def forces_of(loads: Mapping[str, LoadSpec]) -> dict[str, np.ndarray]:
-    """(3,) N by the name of the effector."""
-    return {name: load.newtons for name, load in loads.items()}
+def forces_of(loads: Mapping[str, LoadSpec], masses: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """(3,) N by the name of the effector. masses: t, of robots by the name of the effector that is their centre.
+    SpecError where gravity acts on no mass."""
+    found = {name: load.newtons(masses.get(name)) for name, load in loads.items()}
+    for name, force in found.items():
+        if force is None:
+            raise SpecError(
+                f"'{name}' has no mass that gravity could act on",
+                where=f"loads.{name}",
+                do="state a mass, or name an effector with `at: centre-of-mass`",
+            )
+    return found

@@ -157,8 +157,9 @@ def _wrench(manifest: Mapping[str, Any], path: Path) -> np.ndarray | None:
     loads = manifest["spec"].get("loads")
     if not loads:
         return None
+    meta = read_meta(path)
+    masses = meta.get("masses", {})
     forces = {
-        name: one["force"] if one["mass"] is None else one["mass"] * np.asarray(one["gravity"])
-        for name, one in loads.items()
+        name: one["force"] or (one["mass"] or masses[name]) * np.asarray(one["gravity"]) for name, one in loads.items()
     }
-    return wrench_of(Rows(tuple(read_meta(path)["rows"]["effectors"]), ()), forces)
+    return wrench_of(Rows(tuple(meta["rows"]["effectors"]), ()), forces)

@@ -10,6 +10,7 @@ from cfem.condensed import Rows
 from cfem.constraint.attachment import Attachment, attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.cavity import Cavity, enclosed, is_skin, make_cavity
+from cfem.constraint.centre_of_mass import centre_of_mass
 from cfem.constraint.chambers import RodChambers, make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import make_effector
@@ -69,7 +70,7 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         body=body,
         fixed=fixed,
         actuators=_each(scene, "actuators", lambda item: _actuator(scene, mesh, body, item, sections)),
-        effectors=_each(scene, "effectors", lambda item: _effector(scene, mesh, item, sections)),
+        effectors=_each(scene, "effectors", lambda item: _effector(scene, mesh, item, sections, body, regions)),
         rows=Rows(
             effectors=tuple(f"{item.name}.{axis}" for item in scene.effectors for axis in item.axes),
             actuators=tuple(item.name for item in scene.actuators),
@@ -219,7 +220,16 @@ def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
     return cavity
 
 
-def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sections: list[np.ndarray]) -> Watched:
+def _effector(
+    scene: spec.SceneSpec,
+    mesh: Mesh,
+    item: constraints.Effector,
+    sections: list[np.ndarray],
+    body: Body,
+    regions: list[np.ndarray],
+) -> Watched:
+    if item.at == "centre-of-mass":
+        return centre_of_mass(body, _density(scene, mesh, regions), item.name)
     points = effector_points(scene, item)
     if sections:
         return make_section_effector(mesh.X, sections, points, item.name, item.orientation)
@@ -232,7 +242,9 @@ def _effector(scene: spec.SceneSpec, mesh: Mesh, item: constraints.Effector, sec
 
 
 def effector_points(scene: spec.SceneSpec, item: constraints.Effector) -> np.ndarray:
-    """(3,) or (k, 3) mm."""
+    """(3,) or (k, 3) mm. SpecError of a centre of mass, which has no place of its own."""
+    if item.at == "centre-of-mass":
+        raise SpecError(f"effector '{item.name}': the centre of mass of varied geometries is not known")
     if item.at:
         return soft_finger.tip(scene.geometry)
     return item.point if item.points is None else item.points

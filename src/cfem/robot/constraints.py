@@ -174,7 +174,7 @@ class Contact(Spec):
 
 
 class Effector(Spec):
-    """A watched point. Give a point, or points whose mean is watched, or a place that the geometry names. A point
+    """A watched point. Give a point, or points whose mean is watched, or a place that has a name. A point
     outside the body is carried by the rigid motion that fits the body near it best."""
 
     name: Name
@@ -183,8 +183,9 @@ class Effector(Spec):
     """Place of the effector."""
     points: Points | None = None
     """Points whose mean is watched."""
-    at: Literal["tip"] | None = None
-    """A place that the geometry names: the tip of a soft finger, which moves with its design."""
+    at: Literal["tip", "centre-of-mass"] | None = None
+    """tip: the tip of a soft finger, which moves with its design. centre-of-mass: that of the whole body, on which
+    gravity acts; no goal is set for it, and the materials need their density."""
     radius: Length = Field(default=2.0, ge=0)
     """Radius of the region over which the motion is averaged."""
     carrier_radius: Length = Field(default=10.0, gt=0)
@@ -197,6 +198,8 @@ class Effector(Spec):
     @model_validator(mode="after")
     def _placed(self):
         _demand_one(f"effector '{self.name}'", point=self.point, points=self.points, at=self.at)
+        if self.at == "centre-of-mass" and (self.orientation or self.body):
+            raise ValueError("a centre of mass is of the whole body and has no orientation")
         return self
 
     @property

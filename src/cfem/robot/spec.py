@@ -92,7 +92,7 @@ class SceneSpec(Spec):
     @model_validator(mode="after")
     def _places(self):
         asked = [f"actuators.{i}.route" for i, one in enumerate(self.actuators) if getattr(one, "route", None)]
-        asked += [f"effectors.{i}.at" for i, one in enumerate(self.effectors) if one.at]
+        asked += [f"effectors.{i}.at" for i, one in enumerate(self.effectors) if one.at == "tip"]
         if asked and not isinstance(self.geometry, SoftFinger):
             raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger")
         return self

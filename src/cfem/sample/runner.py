@@ -133,6 +133,8 @@ def make_job(
     if facts.viscosity is not None:
         meta["viscosity"] = [plain(vars(one)) for one in facts.viscosity]
         meta["inner"] = facts.inner
+    if facts.masses:
+        meta["masses"] = dict(facts.masses)
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
     return Job(

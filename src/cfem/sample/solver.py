@@ -1,7 +1,7 @@
 """What sampling asks of a robot: its facts and its equilibria. The finite-element robot is one; tests have another."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -34,7 +34,8 @@ class Facts:
     where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
     best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
     scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
-    for; inner: the number of inner motions whose mass is recorded."""
+    for; inner: the number of inner motions whose mass is recorded; masses: t, by the name of the effector that is the
+    centre of that mass."""
 
     scene: str
     rows: Rows
@@ -51,6 +52,7 @@ class Facts:
     surface: Surface | None = None
     viscosity: tuple[Viscosity, ...] | None = None
     inner: int = 0
+    masses: Mapping[str, float] = field(default_factory=dict)
 
 
 class Solver(Protocol):
@@ -131,6 +133,7 @@ class FiniteElements:
             outer_surface(robot.X, robot.body.mesh.facets),
             tuple(one for one in robot.viscosity if not one.none) if self.dynamics else None,
             0 if stresses is None else stresses.shape[2],
+            robot.masses,
         )
         return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads, mass, stresses)
 

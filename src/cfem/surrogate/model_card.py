@@ -34,6 +34,7 @@ def model_card(kind: str, dataset: Any, form: Form = "displacement", **more: Any
             "parameters": meta.get("parameters", []),
             "domain": Domain.of(dataset.delta_a, dataset.lambda_a, q).to_json(),
             "versions": versions(),
+            **({"masses": meta["masses"]} if "masses" in meta else {}),
             **more,
         }
     )

@@ -1,0 +1,119 @@
+"""Loads that the samples did not carry, against finite elements that carry them: the tables of docs/loads.md.
+
+python benchmarks/loads.py bar       forces at the tip of the bar of 60 mm, without and with D = dC/dw
+python benchmarks/loads.py gravity   the bar's own weight in three directions, on rows of its centre of mass
+python benchmarks/loads.py modules   a force at the tip of two Stiff-Flop modules of different stiffness
+
+Each makes its samples anew, in a folder that it deletes: one to ten minutes on one core."""
+
+import argparse
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+import cfem
+from cfem.core.errors import InputError
+from cfem.plant.fem_plant import FemPlant, pushed
+from cfem.predict.energy import THIRD
+from cfem.predict.load import build, load_model
+from cfem.predict.loaded import TRUSTED, loaded, wrench_error, wrench_of
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+PIPELINES = Path(__file__).parents[1] / "pipelines"
+FORCES = (7, 29, 57)  # mN
+DIRECTION = np.array([0.3, 1.0, -1.0]) / np.linalg.norm([0.3, 1.0, -1.0])
+STATES = 5
+
+
+def edited(path: Path, change) -> None:
+    spec = yaml.safe_load(path.read_text())
+    change(spec)
+    path.write_text(yaml.safe_dump(spec, sort_keys=False))
+
+
+def trained(folder: Path, change_scene=lambda scene: None) -> tuple:
+    """The bar with D in its model, and the FE robot."""
+    specs = shutil.copytree(PIPELINES / "bar", folder / "pipelines" / "bar")
+
+    def scene(spec):
+        spec["mesh"] = {"size": "5 mm", "element": "hex8"}
+        change_scene(spec)
+
+    edited(specs / "scene.yaml", scene)
+    edited(specs / "sample.yaml", lambda spec: spec.update(third_order=True, loads=True))
+    for stage, name in (("mesh", "scene"), ("sample", "sample"), ("train", "train")):
+        cfem.run_stage(stage, specs / f"{name}.yaml")
+    robot = build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
+    return load_model(folder / "models" / "bar" / "spectral"), robot
+
+
+def without_third(model):
+    return build(model.meta, {name: one for name, one in model.arrays.items() if name != THIRD})
+
+
+def places(model) -> np.ndarray:
+    states = model.domain.states[:, : model.rows.n_a]
+    return states[np.random.default_rng(0).choice(len(states), STATES, replace=False)]
+
+
+def compared(model, robot, wrench: np.ndarray) -> np.ndarray:
+    """(4,) the largest over states: mm by which the tip moves, mm of the tip's error, N of the error of a force, N."""
+    found = loaded(model, wrench)
+    rows, plant = [], FemPlant(pushed(robot, wrench))
+    for place in places(model):
+        truth, free, mine = (one.at_displacement(place) for one in (plant, model, found))
+        apart = [np.linalg.norm((truth.delta_e - one.delta_e)[:3]) for one in (free, mine)]
+        rows.append([*apart, np.abs(truth.lambda_a - mine.lambda_a).max(), np.abs(truth.lambda_a).max()])
+    return np.array(rows).max(axis=0)
+
+
+def bar(folder: Path) -> None:
+    model, robot = trained(folder)
+    print("force at the tip | the tip moves | error of the tip | stated | error of the cable's force")
+    for name, one in (("without D", without_third(model)), ("with D", model)):
+        print(name)
+        for size in FORCES:
+            wrench = wrench_of(model.rows, {"tip": 1e-3 * size * DIRECTION})
+            try:
+                moved, tip, force, largest = compared(one, robot, wrench)
+            except InputError as error:
+                print(f"{size} mN | refused: {error.what}")
+                continue
+            stated = wrench_error(one, wrench)
+            print(f"{size} mN | {moved:.2g} mm | {tip:.2g} mm | {stated:.2g} mm | {force:.1g} N of {largest:.2g} N")
+
+
+def gravity(folder: Path) -> None:
+    def heavy(scene):
+        scene["material"]["density"] = "1070 kg/m^3"
+        scene["effectors"].append({"name": "body", "at": "centre-of-mass"})
+
+    model, robot = trained(folder, heavy)
+    (mass,) = robot.masses.values()
+    print(f"own weight {9810 * mass * 1e3:.0f} mN, refused above an estimated error of {TRUSTED * model.length:.2g} mm")
+    print("direction | the tip sags | error without D | with D | error of the cable's force with D")
+    for axis, name in enumerate("xyz"):
+        wrench = wrench_of(model.rows, {"body": -9810 * mass * np.eye(3)[axis]})
+        moved, first, *_ = compared(without_third(model), robot, wrench)
+        _, second, force, largest = compared(model, robot, wrench)
+        print(
+            f"-{name} | {moved:.2f} mm | {first:.2g} mm, {100 * first / moved:.2g} % | "
+            f"{second:.2g} mm, {100 * second / moved:.2g} % | {force:.1g} N of {largest:.2g} N"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    tables = {one.__name__: one for one in (bar, gravity)}
+    parser.add_argument("table", choices=tables)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        tables[given.table](Path(folder))
+
+
+if __name__ == "__main__":
+    main()
