@@ -7,11 +7,13 @@ import pytest
 from pydantic import TypeAdapter
 
 from cfem.control.goals import goals_of
-from cfem.control.spec import TrajectorySpec
+from cfem.control.spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 
 TRAJECTORY = TypeAdapter(TrajectorySpec)
-ROBOT = SimpleNamespace(rows=SimpleNamespace(n_e=3, n_a=2), rest_e=np.array([0.0, 10.0, -120.0]))
+ROBOT = SimpleNamespace(
+    rows=SimpleNamespace(n_e=3, n_a=2), rest_e=np.array([0.0, 10.0, -120.0]), aims=np.ones(3, dtype=bool)
+)
 NOWHERE = np.zeros(0)
 
 
@@ -56,6 +58,15 @@ def test_a_curve_in_the_cube_is_where_finite_elements_end():
     ],
 )
 def test_what_does_not_fit_the_robot_is_named(spec, words):
-    robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.zeros(6))
+    robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.zeros(6), aims=np.ones(6, dtype=bool))
     with pytest.raises(SpecError, match=words):
         goals(robot, **spec)
+
+
+def test_no_goal_is_set_for_a_centre_of_mass():
+    """Its rows are at rest in every goal, and have no weight."""
+    aims = np.array([True, True, True, False, False, False])
+    robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.arange(6.0), aims=aims)
+    points = GoalsSpec(kind="goals", points={"mm": [[1.0, 2, 3], [4, 5, 6]]})
+    found = goals_of("a", points, robot, None, np.zeros(0))
+    assert found.tolist() == [[1, 2, 3, 3, 4, 5], [4, 5, 6, 3, 4, 5]]
