@@ -101,7 +101,7 @@ def measured(folder: Path, name: str, given: dict, overrides: list[str]) -> dict
     return {
         "parameters": len(given),
         "numbers": len(rows),
-        "unknowns": int(family._problem(problem.p(z[None])[0]).pattern.n_dof),
+        "unknowns": int(family._problem(problem.p(z[None])[0])[1].pattern.n_dof),
         "values": dict(zip(rows, values.tolist(), strict=True)),
         "error": dict(zip(rows, error.tolist(), strict=True)),
         "factorisations of a warm solve": factored,

@@ -1,11 +1,13 @@
 """How far W jumps where a design gets a mesh of its own instead of the morphed reference mesh.
 
     make finger-shapes && python benchmarks/remeshing.py pipelines/finger-shapes/sample.yaml --pull 8 8
+    python benchmarks/remeshing.py pipelines/finger-shapes/sample.yaml --pull 8 8 --shares --beyond 2 3
 
 Designs lie on a line from the reference to a corner of the ranges, and beyond where the morph reaches. Prints JSON, a
 record a design: share of the way; smallest volume left of a morphed cell; W and tip on the morphed mesh against those
 on the design's own mesh; and the own mesh's error by one with `ratio` times as many cells. Errors of W in %, as in
-many_inputs.py; of the tip in mm."""
+many_inputs.py; of the tip in mm. --beyond: designs to which the morph does not reach, which `cfem optimize-design` gives
+meshes of their own: the jump where such a mesh takes over, as its results state it."""
 
 import argparse
 import json
@@ -19,6 +21,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.parametric.family import FiniteElements
 from cfem.robot.build import build_robot
 from cfem.robot.finer import finer_mesh
 from cfem.robot.grading import scene_mesh
@@ -49,7 +52,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sample", type=Path)
     parser.add_argument("--pull", type=float, nargs="+", required=True)
-    parser.add_argument("--shares", type=float, nargs="+", default=[0.0, 0.5, 1.0])
+    parser.add_argument("--shares", type=float, nargs="*", default=[0.0, 0.5, 1.0])
+    parser.add_argument("--beyond", type=float, nargs="*", default=[])
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     spec, folder = load_spec(asked.sample, SampleSpec), asked.sample.parent
@@ -76,6 +80,15 @@ def main() -> None:
         except NumericalError as error:
             record["refused"] = str(error)
         found.append(record)
+    for share in asked.beyond:
+        elements = FiniteElements(scene, mesh, parameters, folder)
+        try:
+            elements.at("displacement", pull, (reference + share * (corner - reference))[None])
+        except NumericalError as error:
+            found.append({"share": share, "refused": str(error)})
+            continue
+        jumps = elements.jumps("displacement", pull)
+        found.append({"share": share, "own_meshes": [{k: v for k, v in one.items() if k != "p"} for one in jumps]})
     print(json.dumps(found, indent=1))
 
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -35,8 +36,13 @@ def moving(problem: Problem, exact: Any, designs: Sequence[Any]) -> list[tuple[n
 
 
 def write_page(folder: Path, problem: Problem, front: Front, exact: Any, sensitivity: dict[str, Any] | None) -> str:
-    """Solves what the page shows, and writes it; its name. exact: cfem.parametric.family.FiniteElements."""
+    """Solves what the page shows, and writes it; its name. exact: cfem.parametric.family.FiniteElements. Designs on
+    meshes of their own are left out."""
     shapes = moving(problem, exact, front.designs)
+    count = len(exact.robot.X)
+    kept = [i for i, (x, _) in enumerate(shapes) if x.shape[1] == count]  # those on the scene's mesh
+    front = replace(front, designs=tuple(front.designs[i] for i in kept))
+    shapes = [shapes[i] for i in kept]
     write_whole(folder / PAGE, front_page(problem, front, exact.robot, shapes, sensitivity).encode())
     return PAGE
 

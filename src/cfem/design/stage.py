@@ -11,7 +11,7 @@ import numpy as np
 
 from cfem.core.actuator_units import demand_units
 from cfem.core.files import write_json, write_whole
-from cfem.core.shown import duration
+from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.design.objective_spec import BodySpec, FrequencySpec, FunctionSpec
@@ -72,7 +72,9 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
     else:
         family = learned(paths["model"], paths.get("scene"))
     demand_units(spec, family.actuator_units)
-    exact = finite_elements(paths["scene"], paths["mesh"], family.parameters) if spec.verify != "no" else None
+    exact = None
+    if spec.verify != "no":
+        exact = finite_elements(paths["scene"], paths["mesh"], family.parameters, remesh=True)
     results: dict[str, Any] = {"judgement": [], "headline": []}
     asked = task_of(spec, family.rows) if spec.task else None
     if spec.objectives:
@@ -84,6 +86,7 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
         if spec.refine:
             results["refined"] = _refine(spec, paths, base, problem, found.grid, results)
         results |= _products(folder, spec, paths, problem, found.designs, results["headline"])
+        _tell_meshes(family if spec.by == "fe" else exact, problem, results)
         if spec.page:
             results["page"] = write_page(folder, problem, found.front, exact, results.get("sensitivity"))
         if spec.figures:
@@ -194,12 +197,30 @@ def _refine(
     from cfem.parametric.differentiable import Differentiable
     from cfem.robot.load import load_scene_and_mesh
 
-    family = Differentiable(*load_scene_and_mesh(paths["scene"], paths["mesh"]), problem.family.parameters)
+    scene = paths["scene"]
+    there = load_scene_and_mesh(scene, paths["mesh"])
+    family = Differentiable(*there, problem.family.parameters, folder=scene.parent)
     exact, _ = problem_of(spec.model_copy(update={"by": "fe"}), family, None, base)
     results, lines, doubts = told(problem, grid, refine_all(spec, problem, exact, grid))
     said["headline"] += lines
     said["judgement"] += doubts
+    _tell_meshes(family, problem, said)
     return results
+
+
+def _tell_meshes(family: Any, problem: Any, said: dict[str, Any]) -> None:
+    """Designs that have meshes of their own, into the results and the headline."""
+    if family is None or not family.meshes.own:
+        return
+    found = family.jumps(problem.kind, problem.u)
+    said["meshes"] = [*said.get("meshes", []), *found]
+    for one in found:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in one["p"].items())
+        line = f"the scene's mesh does not stretch to {values}, which has a mesh of its own of {one['cells']} cells"
+        if one["W_share"] is not None:
+            line += f": where it takes over, W jumps by {100 * one['W_share']:.2g} % and the effector"
+            line += f" by {length(one['effector_distance'])}"
+        said["headline"].append(line)
 
 
 def _products(

@@ -1,12 +1,13 @@
 """Natural frequencies about an equilibrium from the factor that it has, and their derivatives by anything.
 
-(A - w^2 M) phi = 0 on motions that leave C delta as it is, by the Lanczos method on A^-1 M (shift-invert at 0; Lehoucq,
-Sorensen and Yang, ARPACK Users' Guide, 1998). With phi of mass 1 and the multipliers nu of A phi + H C^T nu = w^2 M phi,
+(A - w^2 M) phi = 0 on motions that leave the rows held as they are, by the Lanczos method on A^-1 M (shift-invert at 0;
+Lehoucq, Sorensen and Yang, ARPACK Users' Guide, 1998). With H of these rows, phi of mass 1 and the multipliers nu of
+A phi + H nu = w^2 M phi,
 
-    d(w^2) = phi^T (dA - w^2 dM) phi + 2 nu^T C dH^T phi
+    d(w^2) = phi^T (dA - w^2 dM) phi + 2 nu^T dH^T phi
 
 (Fox and Kapoor, AIAA J. 6, 1968; held rows added). That is the form -(2 b . phi - phi^T A phi) - w^2 phi^T M phi of
-explicit.py with b = -H C^T nu, stationary in phi and nu: the adjoint (adjoint.py) takes it as a column, and the
+explicit.py with b = -H nu, stationary in phi and nu: the adjoint (adjoint.py) takes it as a column, and the
 stress and the bending of a pulled state are in A. Where several modes have the lowest frequency, each by itself has no
 derivative, and the mean of their w^2 has one."""
 

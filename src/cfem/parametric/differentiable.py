@@ -5,6 +5,7 @@ effectors rest, and numbers of the whole body."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,11 +38,18 @@ class Differentiable(FiniteElements):
     (mm^3) and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous
     robot too."""
 
-    def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], fields: Sequence[str] = ()):
-        super().__init__(scene, mesh, [replace(one, exact=False) for one in parameters])
+    def __init__(
+        self,
+        scene: Any,
+        mesh: Any,
+        parameters: Sequence[Parameter],
+        fields: Sequence[str] = (),
+        folder: Path | None = None,
+    ):
+        super().__init__(scene, mesh, [replace(one, exact=False) for one in parameters], folder)
         from cfem.equilibrium.fields import Strain, Stress
 
-        rubbing = next((one for one in self._family.robot.actuators if getattr(one, "friction", 0.0)), None)
+        rubbing = next((one for one in self.robot.actuators if getattr(one, "friction", 0.0)), None)
         if rubbing is not None:
             what = "gradients of a robot whose cables rub in their guides are not implemented"
             raise InputError(what, where="by: fe", do="set friction to 0, or use a model")
@@ -51,7 +59,7 @@ class Differentiable(FiniteElements):
     @property
     def mass_unknown(self) -> bool:
         """Whether a material has no density."""
-        return self._family.robot.density is None
+        return self.robot.density is None
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
         if push is not None:
@@ -136,10 +144,11 @@ class Differentiable(FiniteElements):
         from cfem.equilibrium.parameter_slopes import Sides
         from cfem.equilibrium.problem import Problem
 
+        family, _ = self._problem(p)
         low, high = ends(self.parameters)
         sides, still = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
         for number, i in enumerate(free):
-            behind, ahead, width = self._family.around(p, i, _STEP, problem.robot)
+            behind, ahead, width = family.around(p, i, _STEP, problem.robot)
             width /= high[i] - low[i]
             sides.append(Sides(*(Problem(one, like=problem) for one in (behind, ahead)), width))
             there = [body_numbers(one) for one in (behind, ahead)]

@@ -1,6 +1,7 @@
 """One interface to robots that differ in p: a learned model that takes parameters, or finite elements rebuilt for each p."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -71,24 +72,25 @@ class FiniteElements:
     """Robots as finite elements, solved one by one, each from the nearest solved before. Exact parameters scale the
     answer of their reference (`Parameter.exact`).
 
-    solves: how many there were"""
+    solves: how many there were; folder: of the scene, so that designs to which its mesh does not stretch get meshes of
+    their own (meshes.py); refused without"""
 
     stencil = Stencil(2, 1e-3)
 
-    def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter]):
-        from cfem.sample.family import RobotFamily
+    def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], folder: Path | None = None):
+        from cfem.parametric.meshes import Meshes
 
         self.parameters = tuple(parameters)
-        self._family = RobotFamily(scene, mesh, self.parameters)
-        robot = self._family.robot
+        self.meshes = Meshes(scene, mesh, self.parameters, folder)
+        robot = self.robot
         if robot.rows.n_c:
             raise InputError("a scene with contact points cannot be calibrated or designed yet", where=robot.name)
         self.rows, self.reach, self.length = robot.rows, robot.reach, robot.length
         self.actuator_units = robot.actuator_units
         self._exact = np.array([one.exact for one in self.parameters], dtype=bool)
         self._reference = np.array([one.reference for one in self.parameters])
-        self._built: dict[bytes, Any] = {}
-        self._solved: list[tuple[np.ndarray, Any, np.ndarray]] = []
+        self._built: dict[bytes, tuple[Any, Any]] = {}
+        self._solved: list[tuple[np.ndarray, Any, np.ndarray, Any]] = []
         self.solves = 0
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
@@ -113,7 +115,7 @@ class FiniteElements:
     @property
     def robot(self) -> Any:
         """The scene's own."""
-        return self._family.robot
+        return self.meshes.main.robot
 
     def solve(
         self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None, keep: bool = False
@@ -125,33 +127,69 @@ class FiniteElements:
         from cfem.equilibrium.solve import solve
         from cfem.plant.fem_plant import pushed
 
-        problem = self._problem(p)
+        family, problem = self._problem(p)
         if push is not None:
             problem = Problem(pushed(problem.robot, push), like=problem)
         X = problem.rest
         place = self._place(kind, u, p)
         start = None
-        if self._solved:
-            _, state, X_there = min(self._solved, key=lambda known: float(np.abs(known[0] - place).max()))
+        alike = [known for known in self._solved if known[3] is family]
+        if alike:
+            _, state, X_there, _ = min(alike, key=lambda known: float(np.abs(known[0] - place).max()))
             start = State(X + (state.x - X_there), state.pressure, state.lam)
         found = solve(problem, getattr(actuation, kind)(u), start, slack=False, keep=keep)
         self.solves += 1
         if not found.converged:
             named = {one.name: float(value) for one, value in zip(self._learned, p, strict=True)}
             raise NumericalError(f"finite elements at {named}, {kind} {u.tolist()}: {found.status.value}")
-        self._solved = [*self._solved[-60:], (place, found.state, X)]
+        self._solved = [*self._solved[-60:], (place, found.state, X, family)]
         return found, problem
 
-    def _problem(self, p: np.ndarray) -> Any:
+    def _problem(self, p: np.ndarray) -> tuple[Any, Any]:
+        """The family of robots on one mesh, and the problem."""
         from cfem.equilibrium.problem import Problem
 
         key = p.tobytes()
         if key not in self._built:
-            like = next(iter(self._built.values()), None) if self._family.alike else None
+            family, robot = self.meshes.of(p)
+            same = (problem for other, problem in self._built.values() if other is family)
+            like = next(same, None) if family.alike else None
             if len(self._built) > 8:
                 self._built.pop(list(self._built)[1])
-            self._built[key] = Problem(self._family.at(p), like=like)
+            self._built[key] = family, Problem(robot, like=like)
         return self._built[key]
+
+    def jumps(self, kind: Kind, u: np.ndarray) -> list[dict[str, Any]]:
+        """Of each mesh of a design's own: p of the design, cells; and at the edge of what the scene's mesh stretches
+        to, by how much W (Frobenius norm, rows and columns in units of the roots of W's diagonal) and the effectors'
+        places on either mesh differ, None where the other mesh does not stretch to there."""
+        names = [one.name for one in self.meshes.parameters]
+        found = []
+        for own in self.meshes.own:
+            record = {"p": dict(zip(names, own.p.tolist(), strict=True)), "cells": own.cells}
+            try:
+                found.append(record | self._jump(own, kind, u))
+            except NumericalError:
+                found.append(record | {"W_share": None, "effector_distance": None})
+        return found
+
+    def _jump(self, own: Any, kind: Kind, u: np.ndarray) -> dict[str, float]:
+        from cfem.equilibrium import actuation
+        from cfem.equilibrium.problem import Problem
+        from cfem.equilibrium.solve import solve
+
+        edge, answers = self.meshes.edge(own), []
+        for family in (self.meshes.main, own.family):
+            robot = family.at(edge)
+            one = solve(Problem(robot), getattr(actuation, kind)(u), slack=False)
+            if not one.converged:
+                raise NumericalError(f"no equilibrium at the edge: {one.status.value}")
+            answers.append((one.condensed.W, robot.rest_e + one.delta_e))
+        (W, x), (other, x_other) = answers
+        size = np.sqrt(np.abs(np.diag(W)))
+        scaled, true = (other - W) / np.outer(size, size), W / np.outer(size, size)
+        apart = float(np.linalg.norm(scaled) / np.linalg.norm(true))
+        return {"W_share": apart, "effector_distance": float(np.linalg.norm(x_other - x))}
 
     @property
     def _learned(self) -> list[Parameter]:

@@ -27,9 +27,10 @@ def learned(model: Path, scene: Path | None = None) -> Learned:
     return Learned(predictor, Rest(spec, predictor.parameters, predictor.rest_e))
 
 
-def finite_elements(scene: Path, mesh: Path, parameters: Sequence[Parameter]) -> FiniteElements:
-    """Of a scene on a mesh artefact."""
-    return FiniteElements(*load_scene_and_mesh(scene, mesh), parameters)
+def finite_elements(scene: Path, mesh: Path, parameters: Sequence[Parameter], remesh: bool = False) -> FiniteElements:
+    """Of a scene on a mesh artefact. remesh: whether designs to which the mesh does not stretch get their own."""
+    folder = scene.parent if remesh else None
+    return FiniteElements(*load_scene_and_mesh(scene, mesh), parameters, folder)
 
 
 def differentiable(
@@ -39,7 +40,7 @@ def differentiable(
     asked for: volume, mass, those of FIELDS and VIBRATIONS."""
     spec, there = load_scene_and_mesh(scene, mesh)
     fields = [name for name in (*FIELDS, *VIBRATIONS) if name in kinds]
-    made = Differentiable(spec, there, scene_parameters(parameters, scene), fields)
+    made = Differentiable(spec, there, scene_parameters(parameters, scene), fields, scene.parent)
     heavy = next((name for name in ("mass", *VIBRATIONS) if name in kinds), None)
     if heavy and made.mass_unknown:
         what = f"{heavy.split()[-1]} needs the density of each material"

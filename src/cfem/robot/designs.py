@@ -9,7 +9,7 @@ from pydantic.fields import FieldInfo
 from cfem.constraint.attachment import attach, show
 from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import CarriedEffector, PointEffector
-from cfem.core.errors import NumericalError, SpecError
+from cfem.core.errors import SpecError
 from cfem.core.units import unit_of, written
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
@@ -51,11 +51,11 @@ class Designs:
         self._morph = Morph(mesh, CATALOGUE[type(scene.geometry)](scene.geometry), self._points)
 
     def mesh(self, scene: SceneSpec) -> Mesh:
-        """Of the scene with another geometry. NumericalError where it is too far from the reference."""
+        """Of the scene with another geometry. Unreachable where it is too far from the reference."""
         return self._shaped(scene, self.base(scene))
 
     def base(self, scene: SceneSpec) -> Mesh:
-        """The mesh before its free form. NumericalError as `mesh`."""
+        """The mesh before its free form. Unreachable as `mesh`."""
         places = self._prescribed(scene)
         key = (repr(scene.geometry), places.tobytes())
         try:
@@ -67,11 +67,11 @@ class Designs:
             if error.near is not None:
                 where += f", near {self._names[error.near]} at {show(places[error.near])} mm"
             do = "keep the point inside the body of every design, or stay nearer to the scene's own"
-            raise NumericalError(error.what, where=where, do=do) from None
+            raise Unreachable(error.what, error.near, where=where, do=do) from None
 
     def changes(self, scene: SceneSpec, sums: Sequence[Sequence[tuple[float, SceneSpec]]]) -> np.ndarray:
         """(k, n, 3): k weighted sums of the nodes before their free form of scenes that hardly differ from `scene`, to
-        first order; the weights of each sum add up to 0. NumericalError as `mesh`."""
+        first order; the weights of each sum add up to 0. Unreachable as `mesh`."""
         solid = CATALOGUE[type(scene.geometry)]
         all_ = [[(weight, solid(one.geometry), self._prescribed(one)) for weight, one in each] for each in sums]
         return self._morph.changes(solid(scene.geometry), self.base(scene).X, all_)

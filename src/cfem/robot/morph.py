@@ -29,6 +29,7 @@ from cfem.robot.elastic import middles, stiffness
 from cfem.robot.surfaces import Surface, surfaces
 
 _ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
+_STEEP = 0.7  # that of a large facet on a narrow cone, where no surface is nearer to its normal
 _INDEPENDENT = 1e-3  # sine of the angle below which a surface says what others have said
 _ITERATIONS, _TOLERANCE, _MEMORY = 60, 1e-10, 5  # tolerance in mm; steps that the next one remembers
 _OF_SLOPES = 1e-10  # tolerance of derivatives, relative
@@ -46,8 +47,8 @@ class _Bound:
 class Unreachable(NumericalError):
     """A design to which the mesh does not stretch. near: the number of the point next to where it fails."""
 
-    def __init__(self, what: str, near: int | None):
-        super().__init__(what)
+    def __init__(self, what: str, near: int | None = None, *, where: str | None = None, do: str | None = None):
+        super().__init__(what, where=where, do=do)
         self.near = near
 
 
@@ -188,13 +189,15 @@ def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     centre = (a + b + c) / 3
     found, covered = [], np.zeros(len(facets), dtype=bool)
-    for number, surface in enumerate(now):
-        on = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
-        along = np.abs(np.einsum("ij,ij->i", surface.gradient(centre), normal))
-        mine = on & (along > _ALONG)
-        if (mine & ~covered).any():  # a surface that says nothing new is another's twin
-            found.append(_Bound(number, np.unique(facets[mine])))
-        covered |= mine
+    for least in (_ALONG, _STEEP):
+        before = covered.copy()
+        for number, surface in enumerate(now):
+            on = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
+            along = np.abs(np.einsum("ij,ij->i", surface.gradient(centre), normal))
+            mine = on & (along > least) & (~before if least == _STEEP else True)
+            if (mine & ~covered).any():  # a surface that says nothing new is another's twin
+                found.append(_Bound(number, np.unique(facets[mine])))
+            covered |= mine
     if not covered.all():
         raise SpecError(
             f"{(~covered).sum()} of {len(facets)} facets of the mesh do not lie on a surface of the geometry"

@@ -1,0 +1,92 @@
+"""Robots of all designs of a scene: on its mesh while that stretches to the design, else on a mesh of the design's own.
+
+A mesh of a design's own serves the designs near to it as the scene's mesh does: it is stretched to them, so that a
+search there, and its gradients, stay on one mesh. Where a path of designs goes over from one mesh to another, W jumps
+by the difference of two discretisations. `jumps` measures that at the edge of what the scene's mesh stretches to. A
+free form that folds the body folds it on every mesh: it is refused."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.parameters import Parameter, sampled
+from cfem.core.errors import NumericalError, SpecError
+from cfem.core.progress import doing
+from cfem.robot.grading import scene_mesh
+from cfem.robot.morph import Unreachable
+from cfem.sample.family import RobotFamily
+from cfem.sample.parameters import with_values
+
+_HALVINGS = 8  # of the way to a design, to find the edge of what a mesh stretches to
+MOST = 8  # meshes of designs' own
+
+
+@dataclass(frozen=True)
+class Own:
+    """A mesh of a design's own: p (n_p,) of the design; cells: how many."""
+
+    p: np.ndarray
+    family: RobotFamily
+    cells: int
+
+
+class Meshes:
+    """folder: that of the scene; None: a design to which the scene's mesh does not stretch is refused."""
+
+    def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], folder: Path | None = None):
+        self._scene, self._folder = scene, folder
+        self.parameters = sampled(parameters)
+        self.main = RobotFamily(scene, mesh, self.parameters)
+        self.own: list[Own] = []
+
+    def of(self, p: np.ndarray) -> tuple[RobotFamily, Any]:
+        """The family whose mesh serves p (n_p,), and its robot. NumericalError where none does."""
+        try:
+            return self.main, self.main.at(p)
+        except Unreachable:
+            if self._folder is None:
+                raise
+        for one in sorted(self.own, key=lambda each: self._apart(each.p, p)):
+            try:
+                return one.family, one.family.at(p)
+            except Unreachable:
+                continue
+        if len(self.own) >= MOST:
+            raise NumericalError(
+                f"{MOST} designs have meshes of their own already, and the search asks for another",
+                do="narrow the ranges, or make the mesh of a scene in their middle",
+            )
+        made = self._made(p)
+        self.own.append(made)
+        return made.family, made.family.at(p)
+
+    def edge(self, own: Own) -> np.ndarray:
+        """(n_p,) the last design on the straight way from the scene's own to that of `own` to which the scene's mesh
+        stretches."""
+        begin = np.array([one.reference for one in self.parameters])
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            try:
+                self.main.at(begin + middle * (own.p - begin))
+                low = middle
+            except NumericalError:
+                high = middle
+        return begin + low * (own.p - begin)
+
+    def _made(self, p: np.ndarray) -> Own:
+        scene = with_values(self._scene, [one.key for one in self.parameters], p)
+        doing("meshing a design anew")
+        try:
+            mesh, _ = scene_mesh(scene, self._folder)
+            return Own(p.copy(), RobotFamily(scene, mesh, self.parameters), len(mesh.cells))
+        except SpecError as error:  # a geometry that is no body, or whose surfaces are others than the scene's
+            named = ", ".join(f"{one.name} {value:.4g}" for one, value in zip(self.parameters, p, strict=True))
+            raise NumericalError(f"cannot be meshed anew: {error}", where=f"design {named}") from None
+
+    def _apart(self, one: np.ndarray, other: np.ndarray) -> float:
+        width = np.array([each.high - each.low for each in self.parameters])
+        return float((np.abs(one - other) / width).max())
