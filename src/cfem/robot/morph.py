@@ -29,7 +29,7 @@ from cfem.robot.elastic import middles, stiffness
 from cfem.robot.surfaces import Surface, surfaces
 
 _ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
-_STEEP = 0.7  # that of a large facet on a narrow cone, where no surface is nearer to its normal
+_STEEP = 0.5  # that of a large facet on a narrow cone, where no surface is nearer to its normal
 _INDEPENDENT = 1e-3  # sine of the angle below which a surface says what others have said
 _ITERATIONS, _TOLERANCE, _MEMORY = 60, 1e-10, 5  # tolerance in mm; steps that the next one remembers
 _OF_SLOPES = 1e-10  # tolerance of derivatives, relative
