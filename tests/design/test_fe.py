@@ -13,6 +13,8 @@ from cfem.design.formulation import problem_of
 from cfem.design.spec import DesignSpec
 from cfem.design.stage import run
 from cfem.parametric.load import differentiable
+from cfem.robot.cad import File
+from cfem.robot.meshing import measure
 from cfem.robot.stage import run as make_mesh
 
 QUIET = Options(quiet=True)
@@ -113,6 +115,33 @@ def test_a_gradient_costs_one_solve_whatever_the_number_of_parameters(folder):
     assert mine.family.solves == before + 1 and mine.evaluations == 2
 
 
+ROBUST = (
+    "objectives={stiff: {kind: stiffness, direction: [0, 0, 1]}, "
+    "sure: {kind: robust, of: stiff, scatter: {E: 0.01 MPa, z: 0.02 mm}}}"
+)
+
+
+def test_a_robust_objective_is_that_of_scattered_robots_to_first_order(folder):
+    """Against 64 robots, solved one by one; E varies by its logarithm, and does not vary here but scatters."""
+    mine = problem(folder, ROBUST, "vary=[E2, z]", "constraints={}")
+    z = np.array([0.6, 0.3])
+    value = mine(z[None]).objectives[0]
+    p = mine.p(z[None])
+    sure = mine.objectives["sure"]
+    robots = mine.family.at(mine.kind, mine.u, sure.parameters(p))
+    sampled = sure(sure.of(robots)[None])[0]
+    assert 0 < value[1] - value[0] < 1e-3
+    assert value[1] - value[0] == pytest.approx(sampled - value[0], rel=0.1)  # of 64 robots a quantile scatters
+
+
+def test_the_slopes_of_a_robust_objective_are_differences_of_its_values(folder):
+    mine = problem(folder, ROBUST, "constraints={}")
+    assert mine.slope_error(np.array([0.4, 0.6, 0.3])) < 1e-4
+    before = mine.family.solves
+    mine.with_slopes(np.array([0.41, 0.6, 0.3]))
+    assert mine.family.solves <= before + 4  # one for what is plain, three for the robust one
+
+
 def test_partials_of_a_function_of_a_states_numbers(folder):
     mine = problem(folder)
     states = mine.states(np.full((1, 3), 0.5))
@@ -157,14 +186,38 @@ def test_a_search_from_a_spec_to_its_artefact(folder):
     assert any("finite-element solves" in line for line in results["headline"])
 
 
+FORM = "shape: {controls: [{at: {mm: [30, 0, 5]}, move: {mm: [0, 0, 0.5]}, radius: 20 mm}]}"
+
+
+def test_a_free_form_leaves_as_triangles_of_its_mesh_and_says_so(folder):
+    """The bar that vibrates fastest, of a bulge that may grow: finite elements, a STEP file of the mesh's volume."""
+    (folder / "formed.yaml").write_text(SHAPES + FORM)
+    make_mesh(folder / "formed.yaml", ["out=formed"], None, QUIET)
+    overrides = [
+        "scene=formed.yaml",
+        "mesh=formed",
+        "parameters={bulge: {key: shape.controls.0.move.2, range: {mm: [-1, 1]}}}",
+        "objectives={ring: {kind: frequency}, volume: {kind: volume}}",
+        "constraints={}",
+        "cad=true",
+    ]
+    results = run(folder / "design.yaml", overrides, folder / "formed-out", QUIET)["results"]
+    assert results["slopes_checked"] < 2e-5
+    ring = results["designs"]["ring"]
+    assert -ring["objectives"]["ring"] > 5.0 and 5800 < ring["objectives"]["volume"] < 6200
+    volume, _ = measure(File(str(folder / "formed-out" / "ring.step")))
+    assert volume == pytest.approx(ring["objectives"]["volume"], rel=1e-6)
+    assert any("flat facets of the mesh" in line for line in results["headline"])
+
+
 BAD = {
     "no parameters": (["parameters={}"], "parameters: by: fe needs the numbers that vary"),
     "a model beside": (["model=somewhere"], "model: goes with by: model"),
     "no mesh": (["mesh=null"], "by: fe needs scene and mesh"),
     "a task": (["task={goals: {mm: [[1, 2, 3]]}}"], "task: needs a model"),
-    "robust": (
-        ["objectives={a: {kind: dexterity}, b: {kind: robust, of: a, scatter: {E: 0.1 MPa}}}"],
-        "objectives.b: needs a model",
+    "a robust mean": (
+        ["objectives={a: {kind: dexterity}, b: {kind: robust, of: a, scatter: {E: 0.1 MPa}, statistic: mean}}"],
+        "objectives.b: finite elements take scatter to first order, to which the mean is 'a' itself",
     ),
     "verify": (["verify=fe"], "finite elements judge every design already"),
     "no model": (["by=model"], "model: needed where a model judges designs"),

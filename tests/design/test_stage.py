@@ -231,6 +231,7 @@ def test_designs_are_refined_by_finite_elements(folder):
         "constraints={slender: height <= length / 5.5}",
         "objectives={stiff: {kind: stiffness, direction: [0, 0, 1]}, dexterity: {kind: dexterity, axis: x}}",
         "refine={starts: 2, solves: 12, tolerance: 1e-3}",
+        "cad=true",
     ]
     found = run(folder / "design.yaml", overrides, folder / "refined", QUIET)["results"]
     for name, one in found["refined"].items():
@@ -240,6 +241,8 @@ def test_designs_are_refined_by_finite_elements(folder):
     # the stiffest bar is the highest that the constraint allows
     p = found["refined"]["stiff"]["p"]
     assert p["height"] == pytest.approx(p["length"] / 5.5, rel=1e-4)
+    volume, _ = measure(File(str(folder / "refined" / "stiff-by-finite-elements.step")))
+    assert volume == pytest.approx(10 * p["height"] * p["length"], rel=1e-6)
     assert sum("by finite elements (the model's best design in brackets)" in line for line in found["headline"]) == 2
 
 

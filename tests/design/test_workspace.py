@@ -117,7 +117,7 @@ def test_robust_statistics_are_those_of_a_normal_scatter():
             np.zeros(1),
             [0, 1],
             np.array([0.5, 0.5]),
-            {"it": Robust(value, offsets, low, high, share)},
+            {"it": Robust(value, offsets, low, high, share, offsets[0])},
         )(np.array([[0.5, 0.2], [1.0, 0.2]])).objectives[:, 0]
         for share in (None, 0.95)
     }
@@ -133,6 +133,7 @@ def test_a_robust_number_may_be_one_over_actuations():
         normal_offsets(np.array([0.1, 0.1]), 16),
         *np.eye(2) * 0 + [[0], [1]],
         None,
+        np.array([0.1, 0.1]),
     )
     problem = Problem(plain().family, "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), {"it": robust})
     assert problem(np.array([[0.5, 0.5]])).objectives == pytest.approx(-1.0)

@@ -1,21 +1,25 @@
 """A design problem by finite elements, without a model: what is asked of a design is differentiated by its own numbers
 (W, delta_free, ...), of which there are few, and those by the parameters with one adjoint solve a number."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
+from scipy.stats import norm, qmc
 
 from cfem.core.errors import NumericalError
 from cfem.design.problem import Problem, Scores
 from cfem.design.search import Grid, judged
+from cfem.design.workspace import Robust
 from cfem.parametric.differences import Stencil
 from cfem.parametric.differentiable import Outputs, chain, stacked
+from cfem.parametric.family import from_shares, shares
 from cfem.parametric.states import States
 
 # Of functions of a state's numbers, in shares of their sizes: short, as a nearly singular compliance may be inverted.
 _STENCIL = Stencil(4, 1e-5)
+_SIDEWAYS = 5e-3  # of a range: half of what two gradients differ by, for a Hessian along one direction
 
 
 @dataclass
@@ -40,40 +44,101 @@ class FeProblem(Problem):
         return values, slopes
 
     def _with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        p, spread = self.p(z[None])[0], self._spread(z)
+        p = self.p(z[None])[0]
         asked = {**self.objectives, **self.constraints}
-        here = {name: one for name, one in asked.items() if getattr(one, "actuations", None) is None}
+        robust = {name: one for name, one in asked.items() if isinstance(one, Robust)}
         values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(z)))
+        plain = {name: one for name, one in asked.items() if name not in robust}
         places = {name: i for i, name in enumerate(asked)}
         self.evaluations += 1
+        mine = [places[name] for name in plain]
+        values[mine], slopes[mine] = self._gradients(list(plain.values()), p, self.free)
+        for name, one in robust.items():
+            values[places[name]], slopes[places[name]] = self._robust(one, p)
+        return values, slopes
+
+    def _gradients(self, asked: list[Any], p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Values (r,) at p (n_p,), and derivatives (r, n) by the shares of the parameters `free`."""
+        spread = self._spread(p, free)
+        values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(free)))
+        here = [i for i, one in enumerate(asked) if getattr(one, "actuations", None) is None]
         if here:
-            mine = [places[name] for name in here]
             direct: list[np.ndarray] = []
 
             def of(state: States) -> tuple[np.ndarray, list[Outputs]]:
-                rows, outputs, by_p = partials(_rows(list(here.values())), state, spread)
+                rows, outputs, by_p = partials(_rows([asked[i] for i in here]), state, spread)
                 direct.append(by_p)
                 return rows, [one[0] for one in outputs]
 
-            _, values[mine], slopes[mine] = self.family.gradient(self.kind, self.u, p, self.free, of)
-            slopes[mine] += direct[0]
-        for name, one in asked.items():
-            if name not in here:
-                values[places[name]], slopes[places[name]] = self._over(one, p, spread)
+            _, values[here], slopes[here] = self.family.gradient(self.kind, self.u, p, free, of)
+            slopes[here] += direct[0]
+        for i in sorted(set(range(len(asked))) - set(here)):
+            values[i], slopes[i] = self._over(asked[i], p, free, spread)
         return values, slopes
 
-    def _over(self, one: object, p: np.ndarray, spread: np.ndarray) -> tuple[float, np.ndarray]:
+    def _over(self, one: Any, p: np.ndarray, free: Sequence[int], spread: np.ndarray) -> tuple[float, np.ndarray]:
         """A number of several states: value and derivatives."""
-        found = [self.family.jacobian(one.kind, u, p, self.free) for u in one.actuations]
+        found = [self.family.jacobian(one.kind, u, p, free) for u in one.actuations]
         states = stacked([state for state, _ in found])
         rows, outputs, by_p = partials(_rows([one]), states, spread)
         slope = sum(chain(each, by) for each, (_, by) in zip(outputs[0], found, strict=True))
         return float(rows[0]), slope + by_p[0]
 
-    def _spread(self, z: np.ndarray) -> np.ndarray:
-        """(n, n_p) dp/dz of the free parameters."""
-        h = 1e-6
-        ahead, behind = (self.p(z + sign * h * np.eye(len(z))) for sign in (1, -1))
+    def _robust(self, one: Robust, p: np.ndarray) -> tuple[float, np.ndarray]:
+        """The quantile to first order in the scatter: J + q s, s^2 = sum_i (t_i dJ/dz_i)^2, q the normal quantile and
+        t_i the scatter in shares of the range at p. Its derivative holds the Hessian of J along (t_i^2 dJ/dz_i): that
+        is a difference of two more gradients, whatever the number of parameters that scatter."""
+        free = list(dict.fromkeys([*self.free, *np.flatnonzero(one.deviation)]))
+        values, slopes = self._gradients([one.of], p, free)
+        value, g = float(values[0]), slopes[0]
+        t, bent = self._scatter(one, p, free)
+        s = float(np.linalg.norm(t * g))
+        quantile = float(norm.ppf(one.share))
+        if s == 0.0:
+            return value, g[: len(self.free)]
+        along = t * t * g
+        way = along / np.abs(along).max()
+        z = shares(self.family.parameters, p)
+        sides = []
+        for sign in (1, -1):
+            moved = z.copy()
+            moved[free] += sign * _SIDEWAYS * way
+            sides.append(self._gradients([one.of], from_shares(self.family.parameters, moved), free)[1][0])
+        hessian = (sides[0] - sides[1]) / (2 * _SIDEWAYS) * np.abs(along).max()
+        slope = g + quantile * (hessian + g * g * t * bent) / s
+        return value + quantile * s, slope[: len(self.free)]
+
+    def _scatter(self, one: Robust, p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) standard deviations in shares of the ranges at p, and their derivatives by the shares."""
+        z, h = shares(self.family.parameters, p), 1e-4
+
+        def at(moved: np.ndarray) -> np.ndarray:
+            there = from_shares(self.family.parameters, moved)
+            ahead, behind = (shares(self.family.parameters, there + sign * 1e-6 * there) for sign in (1, -1))
+            return one.deviation * (ahead - behind) / np.where(there != 0, 2e-6 * there, 1.0)
+
+        low, high = np.array([(each.low, each.high) for each in self.family.parameters]).T
+        linear = np.array([each.coordinate == "linear" for each in self.family.parameters])
+        flat = one.deviation / (high - low)
+        t = np.where(linear, flat, at(z))
+        bent = np.where(linear, 0.0, (at(z + h) - at(z - h)) / (2 * h))
+        return t[list(free)], bent[list(free)]
+
+    def _number(self, one: Any, states: States) -> np.ndarray:
+        if isinstance(one, Robust):
+            return np.array([self._quantile(one, p) for p in states.p])
+        return super()._number(one, states)
+
+    def _quantile(self, one: Robust, p: np.ndarray) -> float:
+        free = list(np.flatnonzero(one.deviation))
+        values, slopes = self._gradients([one.of], p, free)
+        return float(values[0] + norm.ppf(one.share) * np.linalg.norm(self._scatter(one, p, free)[0] * slopes[0]))
+
+    def _spread(self, p: np.ndarray, free: Sequence[int]) -> np.ndarray:
+        """(n, n_p) dp/dz of the parameters `free`."""
+        z, h = shares(self.family.parameters, p), 1e-6
+        unit = np.eye(len(p))[list(free)]
+        ahead, behind = (from_shares(self.family.parameters, z + sign * h * unit) for sign in (1, -1))
         return (ahead - behind) / (2 * h)
 
     def screen(self, count: int, start: np.ndarray) -> Grid:

@@ -144,7 +144,7 @@ def _robust(name: str, one: RobustSpec, family: Family, plain: dict[str, Objecti
     )
     low, high = np.array([(each.low, each.high) for each in parameters]).T
     share = None if one.statistic == "mean" else one.share
-    return Robust(plain[one.of], normal_offsets(deviation, one.robots), low, high, share)
+    return Robust(plain[one.of], normal_offsets(deviation, one.robots), low, high, share, deviation)
 
 
 def _deviation(parameter: Parameter, given: Any, where: str) -> float:

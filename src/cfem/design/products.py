@@ -10,7 +10,10 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.export.embedding import embedding, write_embedded
 from cfem.export.spec import CSpec
+from cfem.mechanics.mesh import Mesh
+from cfem.parametric.meshes import Meshes
 from cfem.predict.load import read_model, read_vectors
+from cfem.robot.faceted import write_faceted
 from cfem.robot.meshing import CATALOGUE, write_cad
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import with_values
@@ -21,20 +24,45 @@ def file_name(design: str) -> str:
 
 
 def write_shapes(
-    folder: Path, designs: Mapping[str, np.ndarray], parameters: Sequence[Parameter], scene: SceneSpec | None
-) -> None:
-    """`<name>.step` and `<name>.stl` of each design p (n_p,)."""
+    folder: Path,
+    designs: Mapping[str, np.ndarray],
+    parameters: Sequence[Parameter],
+    scene: SceneSpec | None,
+    mesh: Mesh | None,
+) -> str | None:
+    """`<name>.step` and `<name>.stl` of each design p (n_p,). mesh: the scene's, from which designs with a free form
+    are deformed: their files hold its flat triangles, and this says so."""
     if scene is None:
         raise SpecError("the shapes of designs need the key `scene`", where="cad", do="name it under `scene`")
     if scene.shape is not None:
-        do = "leave cad out; `cfem mesh` with the `overrides` in design.json makes the mesh of a design"
-        raise SpecError("a robot with a free form has no CAD model", where="cad", do=do)
+        return _faceted(folder, designs, parameters, scene, mesh)
     if type(scene.geometry) not in CATALOGUE:
         raise SpecError(f"a geometry of kind {scene.geometry.kind} cannot be varied", where="cad")
     for name, p in designs.items():
         geometry = with_values(scene, [one.key for one in parameters], p).geometry
         files = [folder / f"{file_name(name)}{suffix}" for suffix in (".step", ".stl")]
         write_cad(CATALOGUE[type(geometry)](geometry), files)
+    return None
+
+
+def _faceted(
+    folder: Path,
+    designs: Mapping[str, np.ndarray],
+    parameters: Sequence[Parameter],
+    scene: SceneSpec,
+    mesh: Mesh | None,
+) -> str:
+    if mesh is None:
+        raise SpecError("the shapes of designs with a free form need the key `mesh`", where="cad", do="name it")
+    varied = [not one.exact for one in parameters]
+    family = Meshes(scene, mesh, parameters)
+    count = 0
+    for name, p in designs.items():
+        made = family.of(np.asarray(p)[varied])[1].body.mesh
+        count = len(made.facets)
+        for suffix in (".step", ".stl"):
+            write_faceted(made, file_name(name), folder / f"{file_name(name)}{suffix}")
+    return f"the STEP and STL files hold the {count} flat facets of the mesh: a free form has no exact CAD model"
 
 
 def write_controllers(

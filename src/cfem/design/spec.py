@@ -180,6 +180,7 @@ class DesignSpec(Spec):
         if self.page and (self.front is None or self.verify == "no"):
             raise ValueError("page: needs a front, and verify: fe or fe-front, whose finite elements it shows")
         self._judged()
+        self._scattered()
         if self.controller is not None and self.controller.parameters:
             raise ValueError("controller.parameters: each design has its own")
         return self
@@ -188,6 +189,17 @@ class DesignSpec(Spec):
     def by_finite_elements(self) -> bool:
         """Whether anything is solved by finite elements."""
         return self.verify != "no" or self.by == "fe" or self.refine is not None
+
+    def _scattered(self) -> None:
+        """Finite elements take the scatter to first order."""
+        if self.by != "fe" and self.refine is None:
+            return
+        for name, one in self.objectives.items():
+            if isinstance(one, RobustSpec) and one.statistic == "mean":
+                raise ValueError(
+                    f"objectives.{name}: finite elements take scatter to first order, to which the mean is '{one.of}' "
+                    "itself; ask for a quantile"
+                )
 
     def _judged(self) -> None:
         """By what there is: a model or finite elements."""
@@ -206,9 +218,6 @@ class DesignSpec(Spec):
             raise ValueError("model: goes with by: model")
         if not self.parameters:
             raise ValueError("parameters: by: fe needs the numbers that vary")
-        robust = next((name for name, one in self.objectives.items() if isinstance(one, RobustSpec)), None)
-        if robust:
-            raise ValueError(f"objectives.{robust}: needs a model, as it asks for many robots")
         for name in ("task", "controller", "sensitivity", "refine"):
             if getattr(self, name) is not None:
                 raise ValueError(f"{name}: needs a model")

@@ -48,7 +48,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
     """Of what the spec names and needs."""
     named = {name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None}
-    return {name: path for name, path in named.items() if name != "mesh" or spec.by_finite_elements}
+    return {name: path for name, path in named.items() if name != "mesh" or spec.by_finite_elements or spec.cad}
 
 
 def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
@@ -83,9 +83,10 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
         checked = _verify(problem, exact, found.designs, found.front, spec)
         results |= _report(folder, spec, problem, volume, found, checked, results["headline"])
         results["judgement"] += contradictions(results["designs"])
+        optima = {}
         if spec.refine:
-            results["refined"] = _refine(spec, paths, base, problem, found.grid, results)
-        results |= _products(folder, spec, paths, problem, found.designs, results["headline"])
+            results["refined"], optima = _refine(spec, paths, base, problem, found.grid, results)
+        results |= _products(folder, spec, paths, problem, found.designs | optima, results["headline"])
         _tell_meshes(family if spec.by == "fe" else exact, problem, results)
         if spec.page:
             results["page"] = write_page(folder, problem, found.front, exact, results.get("sensitivity"))
@@ -190,8 +191,8 @@ def _report(
 
 def _refine(
     spec: DesignSpec, paths: dict[str, Path], base: Path, problem: Any, grid: Any, said: dict[str, Any]
-) -> dict[str, Any]:
-    """Results; lines into said["headline"], doubts into said["judgement"]."""
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Results, and the designs by a name of theirs; lines into said["headline"], doubts into said["judgement"]."""
     from cfem.design.formulation import problem_of
     from cfem.design.refined import refine_all, told
     from cfem.parametric.differentiable import Differentiable
@@ -201,11 +202,12 @@ def _refine(
     there = load_scene_and_mesh(scene, paths["mesh"])
     family = Differentiable(*there, problem.family.parameters, folder=scene.parent)
     exact, _ = problem_of(spec.model_copy(update={"by": "fe"}), family, None, base)
-    results, lines, doubts = told(problem, grid, refine_all(spec, problem, exact, grid))
+    found = refine_all(spec, problem, exact, grid)
+    results, lines, doubts = told(problem, grid, found)
     said["headline"] += lines
     said["judgement"] += doubts
     _tell_meshes(family, problem, said)
-    return results
+    return results, {f"{name} by finite elements": one.best for name, one in found.items()}
 
 
 def _tell_meshes(family: Any, problem: Any, said: dict[str, Any]) -> None:
@@ -230,11 +232,16 @@ def _products(
     if not spec.cad and spec.controller is None:
         return {}
     from cfem.design.products import write_controllers, write_shapes
+    from cfem.robot.load import load_scene_and_mesh
 
     parameters, scene = problem.family.parameters, load_spec(paths["scene"], SceneSpec) if "scene" in paths else None
     chosen = {name: problem.p(one.z) for name, one in designs.items()}
     if spec.cad:
-        write_shapes(folder, chosen, parameters, scene)
+        mesh = None
+        if scene is not None and scene.shape is not None and "mesh" in paths:
+            _, mesh = load_scene_and_mesh(paths["scene"], paths["mesh"])
+        said = write_shapes(folder, chosen, parameters, scene, mesh)
+        headline += [said] if said else []
     if spec.controller is None:
         return {}
     made = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)

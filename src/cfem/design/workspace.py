@@ -113,13 +113,15 @@ def simplices(points: int, n: int) -> np.ndarray:
 @dataclass(frozen=True)
 class Robust:
     """A statistic of another number over robots whose parameters differ by `offsets` (s, n_p) within [low, high] (n_p,)
-    each: the mean, or the quantile `share`. Called with the (m, s) numbers of the other."""
+    each: the mean, or the quantile `share`. Called with the (m, s) numbers of the other. deviation: (n_p,) of the
+    parameters."""
 
     of: Any
     offsets: np.ndarray
     low: np.ndarray
     high: np.ndarray
     share: float | None
+    deviation: np.ndarray
 
     def parameters(self, p: np.ndarray) -> np.ndarray:
         """(m, n_p) -> (m s, n_p), the s of each design one after the other."""
