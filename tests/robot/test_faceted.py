@@ -40,11 +40,22 @@ def test_quadrilaterals_are_cut_in_two():
     assert np.einsum("ij,ij->", np.cross(a, b), c) / 6 == pytest.approx(2000.0)
 
 
-def test_closed_cavities_are_refused_in_step(tmp_path):
-    outer, inner = block((20, 10, 10), (2, 1, 1)), block((2, 2, 2), (1, 1, 1))
-    facets = np.vstack([outer.facets, inner.facets[:, ::-1] + len(outer.X)])
-    hollow = Mesh(np.vstack([outer.X, inner.X + 4]), outer.cells, facets)
-    with pytest.raises(SpecError, match="closed cavities"):
-        write_faceted(hollow, "part", tmp_path / "part.step")
-    write_faceted(hollow, "part", tmp_path / "part.stl")
-    assert (tmp_path / "part.stl").stat().st_size == 84 + 50 * len(facets)
+def beside(other: Mesh, inward: bool) -> Mesh:
+    """A block with the surface of another one, 4 mm along each axis."""
+    block_ = block((20, 10, 10), (2, 1, 1))
+    facets = other.facets[:, ::-1] if inward else other.facets
+    return Mesh(np.vstack([block_.X, other.X + 4]), block_.cells, np.vstack([block_.facets, facets + len(block_.X)]))
+
+
+def test_closed_cavities_are_voids(tmp_path):
+    hollow = beside(block((2, 2, 2), (1, 1, 1)), inward=True)
+    for suffix in (".step", ".stl"):
+        write_faceted(hollow, "part", tmp_path / f"part{suffix}")
+    assert measure(File(str(tmp_path / "part.step")))[0] == pytest.approx(2000 - 8, rel=1e-9)
+    assert (tmp_path / "part.stl").stat().st_size == 84 + 50 * len(hollow.facets)
+
+
+def test_two_bodies_are_refused_in_step(tmp_path):
+    both = beside(block((2, 2, 2), (1, 1, 1)), inward=False)
+    with pytest.raises(SpecError, match="2 separate bodies"):
+        write_faceted(both, "part", tmp_path / "part.step")

@@ -46,30 +46,34 @@ def triangles(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_faceted(mesh: Mesh, name: str, file: Path) -> None:
-    """By the suffix of the file, .stl or .step. SpecError where a closed cavity makes a solid of several shells, which
-    the STEP file cannot hold."""
+    """By the suffix of the file, .stl or .step. SpecError where a STEP file would hold several bodies."""
     X, corners = triangles(mesh)
     if file.suffix == ".stl":
         write_whole(file, _stl(X, corners))
         return
-    if _shells(len(X), corners) > 1:
-        what = "the body has closed cavities, which a faceted STEP file does not hold"
+    write_whole(file, _step(X, _shells(X, corners), name).encode("ascii"))
+
+
+def _shells(X: np.ndarray, corners: np.ndarray) -> list[np.ndarray]:
+    """The triangles of the outer surface, then of each closed cavity, whose normals point into the cavity."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    rows, columns = corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()
+    count, of = connected_components(coo_array((np.ones(len(rows)), (rows, columns)), (len(X), len(X))), directed=False)
+    shells = [corners[of[corners[:, 0]] == number] for number in range(count)]
+    enclosed = [float(np.linalg.det(X[each]).sum()) for each in shells]  # six volumes, negative of a cavity
+    shells = [shells[i] for i in np.argsort(enclosed)[::-1]]
+    if sum(one > 0 for one in enclosed) != 1:
+        what = f"the mesh is {sum(one > 0 for one in enclosed)} separate bodies, and a STEP file holds one"
         raise SpecError(what, where="cad", do="use its STL file")
-    write_whole(file, _step(X, corners, name).encode("ascii"))
+    return shells
 
 
 def _normals(X: np.ndarray, corners: np.ndarray) -> np.ndarray:
     a, b, c = (X[corners[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     return normal / np.linalg.norm(normal, axis=1)[:, None]
-
-
-def _shells(n: int, corners: np.ndarray) -> int:
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    rows, columns = corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()
-    return int(connected_components(coo_array((np.ones(len(rows)), (rows, columns)), (n, n)), directed=False)[0])
 
 
 def _stl(X: np.ndarray, corners: np.ndarray) -> bytes:
@@ -80,7 +84,7 @@ def _stl(X: np.ndarray, corners: np.ndarray) -> bytes:
     return b"cfem, mm".ljust(80) + np.uint32(len(corners)).astype("<u4").tobytes() + found.tobytes()
 
 
-def _step(X: np.ndarray, corners: np.ndarray, name: str) -> str:
+def _step(X: np.ndarray, shells: list[np.ndarray], name: str) -> str:
     lines, number = [], 13
 
     def add(text: str) -> int:
@@ -107,19 +111,27 @@ def _step(X: np.ndarray, corners: np.ndarray, name: str) -> str:
             edges[ends] = add(f"EDGE_CURVE('',#{vertices[ends[0]]},#{vertices[ends[1]]},#{line},.T.)")
         return add(f"ORIENTED_EDGE('',*,*,#{edges[ends]},{'.T.' if a < b else '.F.'})")
 
-    along = X[corners[:, 1]] - X[corners[:, 0]]
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    faces = []
-    for corner, normal, first in zip(corners.tolist(), _normals(X, corners), along, strict=True):
-        sides = [edge(a, b) for a, b in zip(corner, corner[1:] + corner[:1], strict=True)]
-        loop = add("EDGE_LOOP('',(" + ",".join(f"#{side}" for side in sides) + "))")
-        bound = add(f"FACE_OUTER_BOUND('',#{loop},.T.)")
-        up, side = (add(f"DIRECTION('',{triple(one)})") for one in (normal, first))
-        place = add(f"AXIS2_PLACEMENT_3D('',#{points[corner[0]]},#{up},#{side})")
-        plane = add(f"PLANE('',#{place})")
-        faces.append(add(f"ADVANCED_FACE('',(#{bound}),#{plane},.T.)"))
-    shell = add("CLOSED_SHELL('',(" + ",".join(f"#{one}" for one in faces) + "))")
-    solid = add(f"MANIFOLD_SOLID_BREP('{name}',#{shell})")
+    def closed(corners: np.ndarray) -> int:
+        along = X[corners[:, 1]] - X[corners[:, 0]]
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        faces = []
+        for corner, normal, first in zip(corners.tolist(), _normals(X, corners), along, strict=True):
+            sides = [edge(a, b) for a, b in zip(corner, corner[1:] + corner[:1], strict=True)]
+            loop = add("EDGE_LOOP('',(" + ",".join(f"#{side}" for side in sides) + "))")
+            bound = add(f"FACE_OUTER_BOUND('',#{loop},.T.)")
+            up, side = (add(f"DIRECTION('',{triple(one)})") for one in (normal, first))
+            place = add(f"AXIS2_PLACEMENT_3D('',#{points[corner[0]]},#{up},#{side})")
+            plane = add(f"PLANE('',#{place})")
+            faces.append(add(f"ADVANCED_FACE('',(#{bound}),#{plane},.T.)"))
+        return add("CLOSED_SHELL('',(" + ",".join(f"#{one}" for one in faces) + "))")
+
+    outer = closed(shells[0])
+    # a cavity is a shell whose normals point out of the cavity, turned round
+    voids = [add(f"ORIENTED_CLOSED_SHELL('',*,#{closed(each[:, ::-1])},.F.)") for each in shells[1:]]
+    if voids:
+        solid = add(f"BREP_WITH_VOIDS('{name}',#{outer},(" + ",".join(f"#{one}" for one in voids) + "))")
+    else:
+        solid = add(f"MANIFOLD_SOLID_BREP('{name}',#{outer})")
     shape = add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('{name}',(#{solid}),#13)")
     add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
     return _HEAD.format(name=name) + "\n".join(lines) + "\nENDSEC;\nEND-ISO-10303-21;\n"
