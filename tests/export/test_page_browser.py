@@ -1,12 +1,11 @@
 """The page in a real browser: it computes what Python computes, and does what pointer, keys and sliders ask."""
 
 import re
-import shutil
 
 import numpy as np
 import pytest
 from export.embedded import states
-from export.pages import BROWSERS, ROBOTS, browser, opened, page_of, skin_of, surface, until, wedge
+from export.pages import ROBOTS, browser, opened, page_of, skin_of, surface, until, wedge
 
 from cfem.export.embedding import Embedding
 from cfem.export.page import page
@@ -17,7 +16,6 @@ EXACT = 1e-6  # mm
 COMMANDS = 100
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 OUTSIDE = 4  # of the status
-CUT = "incomplete or damaged"
 
 
 @pytest.fixture(scope="module")
@@ -275,63 +273,3 @@ def test_nothing_but_the_file_is_asked_for(chromium, files):
     until(tab, "window.cfem !== undefined")
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == [] and len(asked) == 1
     there.close()
-
-
-def test_a_browser_without_webgl_says_so(chromium, files):
-    program = next(filter(None, map(shutil.which, BROWSERS)))
-    bare = chromium.browser_type.launch(executable_path=program, args=["--no-sandbox", "--disable-3d-apis"])
-    assert "needs WebGL" in trouble(opened(bare, files("two cables")))
-    bare.close()
-
-
-def trouble(tab) -> str:
-    assert tab.evaluate("() => document.getElementById('page').hidden")
-    return tab.inner_text("#trouble")
-
-
-@pytest.mark.parametrize("share", [0.3, 0.9, 0.9999])
-def test_a_page_whose_data_were_cut_says_so_and_draws_nothing(chromium, files, tmp_path, share):
-    text = files("two cables").read_text()
-    begin = text.index('<script id="robot"')
-    (tmp_path / "cut.html").write_text(text[: begin + int(share * (len(text) - begin - 24))])
-    tab = opened(chromium, tmp_path / "cut.html")
-    assert CUT in trouble(tab)
-    tab.context.close()
-
-
-def test_a_page_without_its_data_or_with_other_data_says_so(chromium, files, tmp_path):
-    text = files("two cables").read_text()
-    place = text.rindex("</script>") - 4000
-    other = "A" if text[place] != "A" else "B"
-    changed = {
-        "none": text[: text.index('<script id="robot"')],
-        "one letter": text[:place] + other + text[place + 1 :],
-        "another sum": re.sub(r'data-crc="\d+"', 'data-crc="1"', text),
-    }
-    for name, content in changed.items():
-        (tmp_path / f"{name}.html").write_text(content)
-        tab = opened(chromium, tmp_path / f"{name}.html")
-        assert CUT in trouble(tab), name
-        tab.context.close()
-
-
-def test_a_page_cut_in_its_program_shows_a_sentence(chromium, files, tmp_path):
-    text = files("two cables").read_text()
-    (tmp_path / "cut.html").write_text(text[: text.index("async function makeRobot")])
-    tab = opened(chromium, tmp_path / "cut.html", waits=False)
-    assert "has not loaded completely" in trouble(tab)
-    tab.context.close()
-
-
-@pytest.mark.parametrize(
-    ("script", "word"),
-    [
-        ("HTMLCanvasElement.prototype.getContext = () => null", "WebGL"),
-        ("delete window.WebAssembly", "WebAssembly"),
-        ("delete window.DecompressionStream", "too old"),
-    ],
-)
-def test_what_a_browser_lacks_is_said_in_a_sentence(chromium, files, script, word):
-    tab = opened(chromium, files("two cables"), script)
-    assert word in trouble(tab)
-    tab.context.close()
