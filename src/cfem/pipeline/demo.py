@@ -92,7 +92,8 @@ def _learned(trajectories: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mappin
 
 
 def as_text(outcome: Mapping[str, Any]) -> str:
-    """What is poor about the results, the three numbers and the page."""
+    """What is poor about the results, the three numbers and the pages."""
     results = outcome["results"]
     pages = [f"report:             {page}" for page in results["pages"]]
+    pages += [f"robot to move:      {page}" for page in results["moved"]]
     return "\n".join([*sentences(results), *results["numbers"], *pages])

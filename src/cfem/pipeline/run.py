@@ -112,13 +112,15 @@ def _run(step: Step, options: Options) -> Mapping[str, Any]:
 
 def _figures(steps: Sequence[Step]) -> dict[str, Any]:
     """judgement: of all stages; headline: of control, calibration and design, or of the last stage that has one, and
-    where the pages are; pages: of reports."""
+    where the pages are; pages: of reports; moved: beside these, the pages in which the reader moves the robot."""
     results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
     told = [(step.kind in FIGURES, one["headline"]) for step, one in results if one.get("headline")]
     lines = [line for wanted, headline in told if wanted for line in headline] or (told[-1][1] if told else [])
     pages = [str((step.stage.out / one["page"]).resolve()) for step, one in results if one.get("page")]
+    moved = [str((step.stage.out / one["moved"]).resolve()) for step, one in results if one.get("moved")]
     judged = {judged["what"]: judged for _, one in reversed(results) for judged in reversed(one.get(KEY, []))}
     return ({KEY: list(reversed(judged.values()))} if judged else {}) | {
-        "headline": [*lines, *(f"report: {page}" for page in pages)],
+        "headline": [*lines, *(f"report: {page}" for page in pages), *(f"robot to move: {page}" for page in moved)],
         "pages": pages,
+        "moved": moved,
     }
