@@ -143,9 +143,8 @@ KINDS = {
 def test_models_of_every_kind_have_the_shape_of_finite_elements(bar, states, skin, tmp_path, name):
     """The skin is learned beside the model; a model of forces is first asked which forces hold the displacements."""
     model, within = KINDS[name]
-    cfem.run_stage(
-        "train", bar / "pipelines" / "bar" / "train.yaml", out=tmp_path / "one", overrides=[f"model={model}"]
-    )
+    spec = bar / "pipelines" / "bar" / "train.yaml"
+    cfem.run_stage("train", spec, out=tmp_path / "one", overrides=[f"model={model}"])
     found, test = cfem.load_model(tmp_path / "one"), states["test"]
     assert found.shape(test.delta_a).shape == (len(test), *skin.rest.shape)
     true = skin.rest + skin.displacements(test.whole.delta_s)
@@ -161,13 +160,12 @@ def test_the_shape_of_other_materials_is_theirs_and_of_other_bodies_refused(bar,
     cfem.run_stage("sample", specs / "sample.yaml", out=tmp_path / "samples", overrides=sample, workers=1)
     cfem.run_stage("train", specs / "train.yaml", out=tmp_path / "model", overrides=[f"dataset={tmp_path / 'samples'}"])
     model = cfem.load_model(tmp_path / "model")
-    names = [one.name for one in model.parameters]
     for poisson in (0.31, 0.44):
         robot = cfem.load_robot(
             specs / "scene.yaml", bar / "data" / "bar" / "mesh", overrides=[f"material.poisson={poisson}"]
         )
         true = cfem.solve(robot, displacement=[4.0]).state.x[model.skin.nodes]
-        p = np.array([poisson if name == "poisson" else one.reference for name, one in zip(names, model.parameters)])
+        p = np.array([poisson if one.name == "poisson" else one.reference for one in model.parameters])
         apart = np.linalg.norm(model.shape([4.0], p) - true, axis=1).max()
         other = np.linalg.norm(model.shape([4.0], np.where(p == poisson, 0.75 - poisson, p)) - true, axis=1).max()
         assert apart < 5e-3 and other > 3 * apart

@@ -3,7 +3,7 @@ actuators locked, is made the nearest semidefinite matrix (Higham, Computing a n
 matrix, Linear Algebra Appl. 103, 1988), and W = [C + G W_aa G^T, G W_aa; W_aa G^T, W_aa], G = W_ea W_aa^-1, follows.
 
 Nearest in units of what the effectors' rows comply by, so that mm and rad are alike. Where the locked actuators leave
-the effectors no motion in some direction C is singular, and what is learned of it may be a little above zero or below."""
+the effectors no motion in some direction C is singular, and what is learned of it is a little above zero or below."""
 
 import numpy as np
 
