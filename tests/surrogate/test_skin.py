@@ -9,6 +9,7 @@ import cfem
 from cfem.condensed.skin import read_skin
 from cfem.core.errors import InputError
 from cfem.core.stage import read_manifest
+from cfem.mechanics.body import response
 from cfem.predict.load import build, skin_of
 from cfem.surrogate.definiteness import smallest_eigenvalue
 from cfem.surrogate.model_card import model_card
@@ -173,3 +174,26 @@ def test_the_shape_of_other_materials_is_theirs_and_of_other_bodies_refused(bar,
     model.parameters = (moved, *model.parameters[1:])
     with pytest.raises(InputError, match="the shape of other designs is not known"):
         model.shape([4.0], p)
+
+
+def test_all_nodes_on_request_are_those_of_finite_elements(bar, model, tmp_path):
+    """At unseen states; and the elastic energy of the nodes so placed, which stands for their strains."""
+    specs = bar / "pipelines" / "bar"
+    with pytest.raises(InputError, match=r"no nodes inside the body \(sample it with `skin: {inner: true}`"):
+        model.all_nodes([1.0])
+    asked = ["skin.inner=true"]
+    cfem.run_stage("sample", specs / "sample.yaml", out=tmp_path / "samples", overrides=asked, workers=1)
+    cfem.run_stage("train", specs / "train.yaml", out=tmp_path / "model", overrides=[f"dataset={tmp_path / 'samples'}"])
+    whole = cfem.load_model(tmp_path / "model")
+    robot = cfem.load_robot(specs / "scene.yaml", bar / "data" / "bar" / "mesh")
+    said = read_manifest(tmp_path / "samples")["results"]["skin"]["inner"]
+    assert said["nodes"] == len(robot.X) - len(whole.skin.nodes) > 0 and said["largest_mm"] < 0.02
+    for delta in ([1.7], [4.3]):
+        solved = cfem.solve(robot, displacement=delta)
+        found = whole.all_nodes(delta)
+        np.testing.assert_allclose(found[whole.skin.nodes], whole.shape(delta), atol=1e-12)
+        assert np.linalg.norm(found - solved.state.x, axis=1).max() < 0.02
+        energy = response(robot.body, found, np.empty(0)).energy
+        assert energy == pytest.approx(response(robot.body, solved.state.x, np.empty(0)).energy, rel=0.01)
+    many = whole.all_nodes([[1.7], [4.3]])
+    np.testing.assert_allclose(many[1], whole.all_nodes([4.3]), atol=1e-12)

@@ -8,7 +8,7 @@ effector's, its multiplier (N) a load spread over the surface: a force f at node
 import io
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -26,7 +26,11 @@ class Skin:
     """nodes: (m,) numbers in the mesh; rest: (m, 3) mm; triangles: (t, 3) indices into nodes, normals outward; weights:
     (m,) shares of the surface, of sum 1; modes: (k, m, 3), the strongest first; front: (j, 2) mm, root mean square and
     largest distance of a surface node from its place by the first 0, 1, ... modes, in states that had no part in them
-    (j - 1 may be more than k: what more modes would have given)."""
+    (j - 1 may be more than k: what more modes would have given).
+
+    Where the inside was asked for: inner_nodes (p,) all other nodes of the mesh, inner_rest (p, 3) mm and inner_modes
+    (k, p, 3), by which they move as the modes do; inner_left (2,) mm, root mean square and largest distance of an inner
+    node from its place by the modes, in the states that they are made from."""
 
     nodes: np.ndarray
     rest: np.ndarray
@@ -34,6 +38,10 @@ class Skin:
     weights: np.ndarray
     modes: np.ndarray
     front: np.ndarray
+    inner_nodes: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    inner_rest: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    inner_modes: np.ndarray = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    inner_left: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,7 +99,7 @@ def checked_skin(arrays: dict[str, np.ndarray]) -> Skin:
     triangles = take(arrays, "triangles", (None, 3), "iu")
     if triangles.min() < 0 or triangles.max() >= m:
         raise InputError(f"array 'triangles' names nodes that are not among the {m}")
-    return Skin(
+    skin = Skin(
         arrays["nodes"],
         take(arrays, "rest", (m, 3)),
         triangles,
@@ -99,3 +107,15 @@ def checked_skin(arrays: dict[str, np.ndarray]) -> Skin:
         take(arrays, "modes", (None, m, 3)),
         take(arrays, "front", (None, 2)),
     )
+    return skin if not arrays.get("inner_nodes", np.zeros(0)).size else replace(skin, **checked_inside(arrays))
+
+
+def checked_inside(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Those of the inner nodes. InputError as `checked_skin`."""
+    p = len(take(arrays, "inner_nodes", (None,), "iu"))
+    return {
+        "inner_nodes": arrays["inner_nodes"],
+        "inner_rest": take(arrays, "inner_rest", (p, 3)),
+        "inner_modes": take(arrays, "inner_modes", (len(arrays["modes"]), p, 3)),
+        "inner_left": take(arrays, "inner_left", (2,)),
+    }

@@ -61,11 +61,19 @@ class Predictor(ABC):
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
         """(..., m, 3) mm positions of all surface nodes where the actuators stand at delta_a (..., n_a) mm; p (n_p,) or
         (..., n_p). InputError where the model has no skin, or one of another geometry than p's."""
+        return self.skin.surface(self._skin_rows(delta_a, p))
+
+    def all_nodes(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
+        """(..., n, 3) mm as `shape`, of all nodes inside and outside, in the order of the mesh. InputError where the
+        samples had the surface alone."""
+        return self.skin.all_nodes(self._skin_rows(delta_a, p))
+
+    def _skin_rows(self, delta_a: ArrayLike, p: ArrayLike | None) -> np.ndarray:
         moved = [one.name for one in self.parameters if one.moves_body]
         if p is not None and moved:
             what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
             raise InputError(what, do="leave the parameters out, for the scene's own design")
-        return self.skin.surface(self.skin.rows(*self.learned_inputs(delta_a, p)))
+        return self.skin.rows(*self.learned_inputs(delta_a, p))
 
     def whole(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """As `at_displacement`, with the rows of the skin between effectors and actuators."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.condensed.skin import PREFIX
+from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.predict.chebyshev import Basis
 from cfem.predict.energy import Form, unpacking
@@ -60,6 +61,23 @@ class LearnedSkin:
     def surface(self, rows: np.ndarray) -> np.ndarray:
         """(..., k) mm -> (..., m, 3) mm positions of the surface nodes."""
         return (rows @ self._flat).reshape(*rows.shape[:-1], *self.rest.shape) + self.rest
+
+    def all_nodes(self, rows: np.ndarray) -> np.ndarray:
+        """(..., k) mm -> (..., n, 3) mm positions of all nodes, in the order of the mesh. InputError where the samples
+        had the surface alone."""
+        if "inner_nodes" not in self.arrays:
+            do = "sample it with `skin: {inner: true}` in sample.yaml, and train again"
+            raise InputError("the skin has no nodes inside the body", do=do)
+        inner = take(self.arrays, "inner_nodes", (None,), "iu")
+        rest = take(self.arrays, "inner_rest", (len(inner), 3))
+        modes = take(self.arrays, "inner_modes", (len(self), len(inner), 3)).astype(float)
+        n = len(self.nodes) + len(inner)
+        if not np.array_equal(np.sort(np.concatenate([self.nodes, inner])), np.arange(n)):
+            raise InputError("array 'inner_nodes' has others than the nodes that the surface leaves")
+        found = np.empty((*rows.shape[:-1], n, 3))
+        found[..., self.nodes, :] = self.surface(rows)
+        found[..., inner, :] = np.tensordot(rows, modes, axes=(-1, 0)) + rest
+        return found
 
     def gradient(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., k, n_a) of the rows by s."""

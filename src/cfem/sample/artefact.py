@@ -97,6 +97,9 @@ def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
         "largest_mm": float(largest.max()),
         "rms_mm": float(np.sqrt(np.mean(rms**2))),
         "front_mm": skin.front.tolist(),
+        "inner": {"nodes": len(skin.inner_nodes), "rms_mm": skin.inner_left[0], "largest_mm": skin.inner_left[1]}
+        if len(skin.inner_nodes)
+        else None,
     }
 
 

@@ -31,6 +31,7 @@ from cfem.dataset.schema import SKIN, schema, with_skin_rows
 from cfem.mechanics.factorization import solver_name
 from cfem.sample import shard, tour
 from cfem.sample.contact import ContactPlan
+from cfem.sample.knots_file import read_knots
 from cfem.sample.plan import unit_rows
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
@@ -251,7 +252,7 @@ def _has_skeleton(job: Job) -> bool:
     """Whether its rows and its states are there, and whole."""
     try:
         read_table(job.skeleton_rows)
-        shard.read_knots(job.skeleton_states)
+        read_knots(job.skeleton_states)
         if job.asked:
             read_skin(job.skin_file)
     except InputError:

@@ -3,12 +3,9 @@
 import io
 import pickle  # nosec B403
 import time
-import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +17,6 @@ from cfem.condensed.parameters import sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.restrict import onto_patch, slopes_onto_patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
-from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.inertia import Inertia
@@ -28,9 +24,10 @@ from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
 from cfem.sample import tally
 from cfem.sample.contact import ContactPlan
+from cfem.sample.knots_file import demand_states, knots_bytes, read_knots
 from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
-from cfem.sample.skin import Seen, find_skin, patches, probed
+from cfem.sample.skin import Seen, find_skin, patches, probed, shown_nodes
 from cfem.sample.solver import Facts, Solver
 from cfem.sample.spec import SkinSpec
 
@@ -86,6 +83,8 @@ def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[
         return records, knots_bytes(knots), b""
     surface = solver.facts.surface
     rough, pushing = solver.roughly(), solver.roughly(patches(surface))
+    inside = solver.facts.inside if asked.inner else None
+    nodes, rest = shown_nodes(surface, inside)
     pushed = set(probed(len(piece.u)).tolist())
     begun, knots, seen = [], [], []
     for index in range(len(piece.u)):
@@ -93,10 +92,10 @@ def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[
         begun.append(row)
         if row.solved.converged:
             knots.append(row.knot)
-            seen.append(_seen(surface.nodes, surface.rest, row.solved))
+            seen.append(_seen(nodes, rest, row.solved))
         tally.add_one()
     demand_states(knots)
-    skin = find_skin(surface, seen, asked, solver.facts.length)
+    skin = find_skin(surface, seen, asked, solver.facts.length, inside)
     watching = solver.watching(skin)
     rows = [_again(watching, piece, row) for row in begun]
     records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
@@ -274,29 +273,3 @@ def _without_contacts(condensed: Condensed) -> Condensed:
     n = condensed.rows.c.start
     rows, n_a = replace(condensed.rows, contacts=()), condensed.rows.n_a
     return Condensed(rows, condensed.W[:n, :n], condensed.delta_free[:n], condensed.lam[:n_a])
-
-
-def demand_states(knots: Sequence[Knot]) -> None:
-    """NumericalError where none of the skeleton's states converged."""
-    if not knots:
-        do = "check the scene; the usual cause is a reach that is too large"
-        raise NumericalError("none of the first states converged", do=do)
-
-
-def knots_bytes(knots: Sequence[Knot]) -> bytes:
-    """An .npz, one array a field, the knots along its first axis. Raises NumericalError where there is none."""
-    demand_states(knots)
-    stacked = {name: np.stack([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__}
-    buffer = io.BytesIO()
-    np.savez(buffer, **stacked)
-    return buffer.getvalue()
-
-
-def read_knots(file: Path | io.BytesIO) -> list[Knot]:
-    """What `knots_bytes` made. Raises InputError where it is missing or damaged."""
-    try:
-        with np.load(file, allow_pickle=False) as stacked:
-            arrays = {name: stacked[name] for name in Knot.__dataclass_fields__}
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"is damaged: {error}", where=str(file), do="remove it and run again") from None
-    return [Knot(*row) for row in zip(*arrays.values(), strict=True)]

@@ -7,7 +7,7 @@ vibration: HALF of the actuators' size, and a HUNDREDTH, in total, of all displa
 
 How many modes are enough is judged by displacements of states that were left out, a quarter of them at a time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,8 @@ NOTHING = 1e-9  # of the strongest mode: the share of one that is rounding
 @dataclass(frozen=True)
 class Seen:
     """What one state shows of the surface. displacements (m, 3) mm; by_force (m, 3, n_a) mm/N; forces (n_a,) N; yields
-    (m, 3, p) mm/N to forces on patches, None where they were not pushed."""
+    (m, 3, p) mm/N to forces on patches, None where they were not pushed. m nodes: those of the surface,
+    then those inside if they are asked for."""
 
     displacements: np.ndarray
     by_force: np.ndarray
@@ -52,10 +53,26 @@ def patches(surface: Surface) -> Skin:
     return Skin(surface.nodes, rest, surface.triangles, surface.weights, modes, np.zeros((1, 2)))
 
 
-def find_skin(surface: Surface, seen: list[Seen], spec: SkinSpec, length: float) -> Skin:
-    """length: mm, of the robot."""
-    root = np.sqrt(np.maximum(surface.weights, 1e-12 / len(surface.weights)))
-    snapshots, state = _snapshots(seen, root)
+@dataclass(frozen=True)
+class Inside:
+    """nodes (p,): numbers of the nodes that are not of the surface; rest (p, 3) mm."""
+
+    nodes: np.ndarray
+    rest: np.ndarray
+
+
+def shown_nodes(surface: Surface, inside: Inside | None) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers and places at rest (mm) of the nodes that `find_skin` wants to see."""
+    if inside is None:
+        return surface.nodes, surface.rest
+    return np.concatenate([surface.nodes, inside.nodes]), np.concatenate([surface.rest, inside.rest])
+
+
+def find_skin(surface: Surface, seen: list[Seen], spec: SkinSpec, length: float, inside: Inside | None = None) -> Skin:
+    """length: mm, of the robot; inside: the other nodes that `seen` has, None where it has none."""
+    root, m = np.sqrt(np.maximum(surface.weights, 1e-12 / len(surface.weights))), len(surface.nodes)
+    columns, state = _columns(seen, root)
+    snapshots = (root[:, None, None] * columns[:m]).reshape(3 * m, -1)
     gram = snapshots.T @ snapshots
     most = spec.modes or spec.largest
     front = _front(snapshots, state, gram, root, len(seen), most)
@@ -63,13 +80,20 @@ def find_skin(surface: Surface, seen: list[Seen], spec: SkinSpec, length: float)
     if spec.modes is None:
         enough = np.flatnonzero(front[1:, 1] <= (spec.tolerance or TOLERANCE * length))
         count = int(enough[0]) + 1 if len(enough) else most
-    modes = _principal(snapshots, gram, np.arange(len(state)), count)
-    modes = (modes / np.repeat(root, 3)[:, None]).T.reshape(-1, len(root), 3)
-    return Skin(surface.nodes, surface.rest, surface.triangles, root**2, modes, front)
+    modes, mixes = _principal(snapshots, gram, np.arange(len(state)), count)
+    modes = (modes / np.repeat(root, 3)[:, None]).T.reshape(-1, m, 3)
+    skin = Skin(surface.nodes, surface.rest, surface.triangles, root**2, modes, front)
+    if inside is None:
+        return skin
+    within = np.moveaxis(columns[m:] @ mixes, -1, 0)  # the same mixture of what the states show
+    moved = np.array([one.displacements for one in seen])
+    apart = np.linalg.norm(moved[:, m:] - np.tensordot(skin.rows(moved[:, :m]), within, axes=(1, 0)), axis=2)
+    left = np.array([np.sqrt(np.mean(apart**2)), apart.max()])
+    return replace(skin, inner_nodes=inside.nodes, inner_rest=inside.rest, inner_modes=within, inner_left=left)
 
 
-def _snapshots(seen: list[Seen], root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3 m, c), the displacements of all states first, and the state (c,) that each column is of."""
+def _columns(seen: list[Seen], root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 3, c), the displacements of all states first, and the state (c,) that each column is of."""
     number = np.arange(len(seen))
     displaced = np.stack([one.displacements for one in seen], axis=-1)
     spread = np.std([one.forces for one in seen], axis=0)
@@ -78,23 +102,25 @@ def _snapshots(seen: list[Seen], root: np.ndarray) -> tuple[np.ndarray, np.ndarr
     columns, state = [displaced, by_force], [number, np.repeat(number, len(spread))]
     if pushed:
         yields = np.concatenate([seen[one].yields for one in pushed], axis=-1)
-        size, reference = (np.linalg.norm(root[:, None, None] * one) for one in (yields, displaced))
+        own = len(root)
+        size, reference = (np.linalg.norm(root[:, None, None] * one[:own]) for one in (yields, displaced))
         columns.append(yields * (HUNDREDTH * reference / size if size > 0 else 0.0))
         state.append(np.repeat(pushed, seen[pushed[0]].yields.shape[-1]))
-    stacked = root[:, None, None] * np.concatenate(columns, axis=-1)
-    return stacked.reshape(-1, stacked.shape[-1]), np.concatenate(state)
+    return np.concatenate(columns, axis=-1), np.concatenate(state)
 
 
-def _principal(snapshots: np.ndarray, gram: np.ndarray, chosen: np.ndarray, most: int) -> np.ndarray:
+def _principal(snapshots: np.ndarray, gram: np.ndarray, chosen: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """(3 m, k <= most) orthonormal modes of the chosen columns, the strongest first, each with its largest entry
-    positive."""
+    positive; (chosen, k) the mixture of the columns that each is."""
     sizes, mixes = np.linalg.eigh(gram[np.ix_(chosen, chosen)])
     sizes, mixes = sizes[::-1][:most], mixes[:, ::-1][:, :most]
     mixes = mixes[:, sizes > NOTHING**2 * max(sizes[0], np.finfo(float).tiny)]
     modes, upper = np.linalg.qr(snapshots[:, chosen] @ mixes)
-    modes = modes[:, np.abs(np.diag(upper)) > 0]
+    some = np.abs(np.diag(upper)) > 0
+    modes, mixes = modes[:, some], mixes[:, some] @ np.linalg.inv(upper[np.ix_(some, some)])
     largest = np.abs(modes).argmax(axis=0)
-    return modes * np.sign(modes[largest, np.arange(modes.shape[1])])
+    sign = np.sign(modes[largest, np.arange(modes.shape[1])])
+    return modes * sign, mixes * sign
 
 
 def _front(
@@ -105,7 +131,7 @@ def _front(
     folds = min(FOLDS, states)
     for fold in range(folds):
         chosen = np.flatnonzero(state % folds != fold) if folds > 1 else np.arange(len(state))
-        modes = _principal(snapshots, gram, chosen, most)
+        modes, _ = _principal(snapshots, gram, chosen, most)
         left = snapshots[:, fold:states:folds].copy()
         for count in range(most + 1):
             if 0 < count <= modes.shape[1]:

@@ -19,6 +19,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot.same import robot_of
 from cfem.robot.spec import SceneSpec
+from cfem.sample.skin import Inside
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
 _STEP = 1e-4
@@ -35,7 +36,7 @@ class Facts:
     best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
     scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
     for; inner: the number of inner motions whose mass is recorded; masses: t, by the name of the effector that is the
-    centre of that mass."""
+    centre of that mass; inside: the nodes that are not of the surface, None where there are none."""
 
     scene: str
     rows: Rows
@@ -53,6 +54,7 @@ class Facts:
     viscosity: tuple[Viscosity, ...] | None = None
     inner: int = 0
     masses: Mapping[str, float] = field(default_factory=dict)
+    inside: Inside | None = None
 
 
 class Solver(Protocol):
@@ -117,6 +119,8 @@ class FiniteElements:
         mass, stresses = mass_of(robot) if self.dynamics else None, None
         if mass is not None and robot.body.beam is not None and not self.parameters:
             stresses = rod_stresses(problem, mass)
+        surface = outer_surface(robot.X, robot.body.mesh.facets)
+        within = np.setdiff1d(np.arange(len(robot.X)), surface.nodes)
         facts = Facts(
             robot.name,
             replace(robot.rows, contacts=patch.names if patch else ()),
@@ -130,10 +134,11 @@ class FiniteElements:
             robot.forces,
             problem.kinematics.row is not None,
             robot_of(self.scene),
-            outer_surface(robot.X, robot.body.mesh.facets),
+            surface,
             tuple(one for one in robot.viscosity if not one.none) if self.dynamics else None,
             0 if stresses is None else stresses.shape[2],
             robot.masses,
+            Inside(within, robot.X[within]) if len(within) else None,
         )
         return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads, mass, stresses)
 

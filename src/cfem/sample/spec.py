@@ -103,6 +103,8 @@ class SkinSpec(Spec):
     """Number of modes, instead of a tolerance."""
     largest: int = Field(40, ge=1, le=100)
     """Largest number of modes that a tolerance may take."""
+    inner: bool = False
+    """Whether the modes reach the nodes inside as well, for stress and volumes."""
 
     @model_validator(mode="after")
     def _one_of_them(self) -> "SkinSpec":

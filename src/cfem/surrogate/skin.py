@@ -46,7 +46,12 @@ def fit_skin(dataset: Any, skin: Skin, form: Form, core: dict[str, np.ndarray]) 
     series, _, _ = fit_quantity(z, in_box(rows, to_box), MAX_DEGREE, MAX_TERMS, FOLDS)
     most = max(1 + z.shape[1], COMPLIANCE_NUMBERS // C.values.shape[2])
     compliance, _, _ = fit_quantity(z, in_box(C, to_box), MAX_DEGREE, min(most, MAX_TERMS), FOLDS)
-    return {
+    inside = {
+        "inner_nodes": skin.inner_nodes.astype(np.int32),
+        "inner_rest": skin.inner_rest,
+        "inner_modes": skin.inner_modes.astype(np.float32),
+    }
+    return (inside if len(skin.inner_nodes) else {}) | {
         "nodes": skin.nodes.astype(np.int32),
         "rest": skin.rest,
         "triangles": skin.triangles.astype(np.int32),
