@@ -10,9 +10,9 @@ from sample.synthetic import FACTS, Factory, SyntheticSolver
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.predictor import knot
 from cfem.equilibrium.solution import Status
+from cfem.sample.knots_file import knots_bytes, read_knots
 from cfem.sample.plan import actuation
 from cfem.sample.runner import sample
-from cfem.sample.knots_file import knots_bytes, read_knots
 from cfem.sample.spec import SampleSpec
 
 ASKED = actuation("pulling", np.array([0.5, 0.5]), FACTS.reach, FACTS.compliance)
