@@ -1,37 +1,15 @@
 """Model folders that move: written by training, read back, told by `cfem modes`."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cfem.cli.modes import as_text, modes
 from cfem.core.errors import InputError, SpecError
-from cfem.core.stage import Options, read_manifest
+from cfem.core.stage import read_manifest
 from cfem.motion.load import load_motion
 from cfem.motion.modes import natural_modes
-from cfem.robot import stage as mesh_stage
-from cfem.sample.stage import run as sample
-from cfem.surrogate.stage import run as train
-
-PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
-QUIET = Options(quiet=True)
-SAMPLES = ["splits.train.rows=10", "splits.test.rows=2", "skeleton=3", "skin=null", "dynamics=true"]
-
-
-@pytest.fixture(scope="module")
-def root(tmp_path_factory):
-    root = tmp_path_factory.mktemp("bar")
-    pipeline = shutil.copytree(PIPELINE, root / "pipelines" / "bar")
-    scene = pipeline / "scene.yaml"
-    heavy = "material: {young: 1 MPa, poisson: 0.45, density: 1070 kg/m^3, viscosity: {relaxation: 3 ms}}"
-    scene.write_text(scene.read_text().replace("material: {young: 1 MPa, poisson: 0.45}", heavy))
-    scene.write_text(scene.read_text().replace("size: 8 mm", "size: 12 mm\n  element: tet4"))
-    mesh_stage.run(scene, [], None, QUIET)
-    sample(pipeline / "sample.yaml", SAMPLES, None, QUIET, workers=1)
-    train(pipeline / "train.yaml", ["samples=null"], None, QUIET)
-    return root
 
 
 @pytest.fixture

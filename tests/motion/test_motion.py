@@ -1,11 +1,14 @@
 """The condensed model that moves, against the full finite elements that it was learned from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from motion.learned import LARGEST, dataset, model, problem, states
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.dynamics import modes as full_modes
+from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Scheme
 from cfem.dynamics.simulate import Pace
 from cfem.dynamics.simulate import simulate as full_simulate
@@ -140,3 +143,47 @@ def test_bad_input_says_so():
     dual = type("Dual", (), {"form": "force", "parameters": (), "rows": static.rows})()
     with pytest.raises(InputError, match="displacement"):
         MotionModel(dual, {}, [])
+
+
+def test_a_cable_goes_slack_instead_of_pushing_and_is_held_again():
+    """Let out faster than the bar swings back: against full finite elements, in which it goes slack too."""
+    solved, end, dt = states()[8], 0.02, 1e-4
+
+    def of(t):
+        return solved.delta_a * (1 - 0.9 * np.sin(np.pi * min(t / 0.008, 1.0)) ** 2)
+
+    start = at_rest(model(), solved.delta_a)
+    ours = simulate(model(), start, lambda t: Command(displacement=of(t)), end, dt, unilateral=np.array([True]))
+    slack, lam = np.array(ours.slack)[:, 0], np.array(ours.lam)[:, 0]
+    assert 5 < slack.sum() < 0.7 * len(slack) and not slack[-1]
+    assert (lam[slack] == 0).all() and (lam >= -1e-9 * lam.max()).all()
+    cables = np.array(ours.delta_a)[:, 0]
+    wanted = np.array([of(t)[0] for t in ours.t])
+    assert (cables[slack] >= wanted[slack] - 1e-6).all()
+    np.testing.assert_allclose(cables[~slack], wanted[~slack], atol=1e-9)
+    stiff = replace(problem().robot, unilateral=np.array([True]))
+    full = full_simulate(
+        MovingProblem(stiff),
+        full_at_rest(problem(), solved.state),
+        lambda t: displacement(of(t)),
+        end,
+        (0.008,),
+        Pace(2 * dt, tolerance=None),
+    )
+    full_slack = full.of("slack")[:, 0]
+    assert abs(full_slack.mean() - slack.mean()) < 0.15
+    tip = np.interp(full.t, ours.t, np.array(ours.delta_e)[:, 2])
+    # within 8 ms, much faster than the second vibration
+    assert np.abs(tip - full.of("delta_e")[:, 2]).max() < 0.1 * np.ptp(tip)
+
+
+def test_a_payload_swings_with_a_free_cable_and_keeps_its_energy():
+    still = model(viscous=False)
+    payload = Payload(2e-6, gravity=(0.0, 0.0, -9810.0))
+    start = at_rest(still, np.array([1.5]), payload)
+    lam, found, now = 0.9 * start.lam, [], start
+    for _ in range(200):
+        now = step(still, now, Command(force=lam), 5e-4, payload)
+        found.append(energy(still, now, payload) - float(lam @ now.q[:1]))
+    swing = abs(float(0.1 * start.lam @ start.q[:1]))
+    assert np.ptp(found) < 1e-2 * swing

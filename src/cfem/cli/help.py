@@ -9,7 +9,7 @@ from cfem.core.errors import EXIT_CODES
 
 GROUPS = {
     "Start": ("demo", "init", "run"),
-    "One stage at a time": ("mesh", "sample", "merge", "train", "export", "control", "report"),
+    "One stage at a time": ("mesh", "sample", "merge", "train", "export", "control", "simulate", "report"),
     "Which robot is it, which robot is best": ("material", "calibrate", "optimize-design"),
     "Robots that were measured": ("estimate", "measurements", "calibrate-cases", "predict-cases"),
     "Look at results": ("summary", "animate", "inspect", "modes", "verify"),

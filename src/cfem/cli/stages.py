@@ -32,6 +32,7 @@ def add_stages(app: typer.Typer) -> None:
     _stage(
         app, _plain("control"), "Follow trajectories with a model; the finite-element robot is the judge.", "control"
     )
+    _stage(app, _plain("motion"), "Move a model by commands over time; full finite elements beside it.", "simulate")
     _stage(
         app,
         _plain("calibrate"),

@@ -10,6 +10,7 @@ KINDS = {
     "sample": ("cfem.sample.spec", "SampleSpec", "simulate-sample"),
     "train": ("cfem.surrogate.spec", "TrainSpec", "train"),
     "export": ("cfem.export.spec", "ExportSpec", "export"),
+    "simulate": ("cfem.motion.spec", "SimulateSpec", "simulate"),
     "control": ("cfem.control.spec", "ControlSpec", "control"),
     "calibrate": ("cfem.calibrate.spec", "CalibrateSpec", "calibrate"),
     "estimate": ("cfem.estimation.spec", "EstimateSpec", "estimate"),

@@ -63,8 +63,8 @@ def solve(
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
     the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
     rows, by the factor at hand; keep: and what further derivatives start from; loads: and, with third_order, how the
-    effectors' compliance changes with loads on them; stresses: with mass, of the inner motions of a robot of sections in
-    a row (inner.py).
+    effectors' compliance changes with loads on them; stresses: with mass, of the inner motions of a robot of sections
+    in a row (inner.py).
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), Cost()

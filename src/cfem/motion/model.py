@@ -82,7 +82,8 @@ class Place:
 class MotionModel:
     """static: the energy model (cfem.predict.potential.PotentialPredictor) of form displacement; arrays: of motion.npz:
     to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale (n_q,): the
-    unit of each of q in which M and F are learned, stiffness: kappa, N mm; viscosity: of the material of each loss form."""
+    unit of each of q in which M and F are learned, stiffness: kappa, N mm; viscosity: that each loss form is multiplied
+    by."""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
         if static.form != "displacement" or static.parameters or not hasattr(static, "parts"):
@@ -123,7 +124,8 @@ class MotionModel:
         roots = rows[:, where["M"]][:, self._unpack] / self.scale
         H = rows[:, where["H"]].reshape(1 + n_a, n_e, self.n_r)
         half = roots[1:].swapaxes(1, 2) @ roots[0]
-        losses = (phi @ self._series_T[:, moving:]).reshape(len(self.losses), -1)[:, self._unpack] / self.scale
+        triangles = (phi @ self._series_T[:, moving:]).reshape(len(self.losses), where["M"].stop)
+        losses = triangles[:, self._unpack] / self.scale
         return Place(
             pull=part["gradient"],
             stiff=part["hessian"],

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,26 +12,28 @@ from cfem.motion.payload import Payload
 from cfem.motion.step import Command, Motion, step
 
 _HALVINGS = 8
+_ROUNDING = 1e-9  # of the largest force, below which a cable does not push
 _FAR = 5.0  # lengths of the robot that no tip gets away from its rest
 
 
 @dataclass
 class Run:
     """t (k,) s; delta_a (k, n_a); delta_e (k, n_e) mm from rest; lam (k, n_a): forces of the actuators in the step that
-    ends there; shortened: (t, dt, why) of steps that were halved; left: s, when the state was first unlike those that
-    the model has learned from, None where it never was."""
+    ends there; slack (k, n_a): cables that carried nothing in it; shortened: (t, dt, why) of steps that were halved;
+    left: s, when the state was first unlike those that the model has learned from, None where it never was."""
 
     t: list[float] = field(default_factory=list)
     delta_a: list[np.ndarray] = field(default_factory=list)
     delta_e: list[np.ndarray] = field(default_factory=list)
     lam: list[np.ndarray] = field(default_factory=list)
+    slack: list[np.ndarray] = field(default_factory=list)
     shortened: list[tuple[float, float, str]] = field(default_factory=list)
     left: float | None = None
     end: Motion | None = None
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The columns by name."""
-        return {name: np.array(getattr(self, name)) for name in ("t", "delta_a", "delta_e", "lam")}
+        return {name: np.array(getattr(self, name)) for name in ("t", "delta_a", "delta_e", "lam", "slack")}
 
 
 def simulate(
@@ -40,45 +43,78 @@ def simulate(
     until: float,
     dt: float,
     payload: Payload | None = None,
+    unilateral: np.ndarray | None = None,
 ) -> Run:
     """From `start` to the time `until`, s, in steps of dt. command: time at the end of a step -> what holds then
-    (displacements) or during it (forces). A step that is not found is taken in halves, and `shortened` says so.
-    NumericalError where that does not help, and where the motion grows far beyond the robot, as it may where `left`
-    says that the model knows nothing."""
-    run = Run()
-    _note(run, model, start)
+    (displacements) or during it (forces). unilateral: (n_a,) cables that go slack instead of pushing, and are held
+    again where they would be longer than commanded; none unless given. A step that is not found is taken in halves, and
+    `shortened` says so. NumericalError where that does not help, and where the motion grows far beyond the robot, as it
+    may where `left` says that the model knows nothing."""
+    run, none = Run(), np.zeros(model.n_a, dtype=bool)
+    advance = partial(_advance, model, none if unilateral is None else np.asarray(unilateral, bool))
+    _note(run, model, start, none)
     count = max(1, round((until - start.t) / dt))
     length = (until - start.t) / count
-    now = start
+    now, slack = start, none
     for index in range(count):
         end = start.t + (index + 1) * length
-        now = replace(_reach(model, now, command, end, payload, run, _HALVINGS), t=end)
-        _note(run, model, now)
+        now, slack = _reach(advance, now, slack, command, end, payload, run, _HALVINGS)
+        now = replace(now, t=end)
+        _note(run, model, now, slack)
     run.end = now
     return run
 
 
 def _reach(
-    model: MotionModel,
+    advance: Callable[..., tuple[Motion, np.ndarray]],
     now: Motion,
+    slack: np.ndarray,
     command: Callable[[float], Command],
     end: float,
     payload: Payload | None,
     run: Run,
     halvings: int,
-) -> Motion:
+) -> tuple[Motion, np.ndarray]:
     try:
-        return step(model, now, command(end), end - now.t, payload)
+        return advance(now, slack, command(end), end - now.t, payload)
     except NumericalError as error:
         if halvings == 0:
             raise
         run.shortened.append((now.t, end - now.t, error.what))
     middle = (now.t + end) / 2
-    half = _reach(model, now, command, middle, payload, run, halvings - 1)
-    return _reach(model, half, command, end, payload, run, halvings - 1)
+    half, slack = _reach(advance, now, slack, command, middle, payload, run, halvings - 1)
+    return _reach(advance, half, slack, command, end, payload, run, halvings - 1)
 
 
-def _note(run: Run, model: MotionModel, motion: Motion) -> None:
+def _advance(
+    model: MotionModel,
+    unilateral: np.ndarray,
+    now: Motion,
+    slack: np.ndarray,
+    command: Command,
+    dt: float,
+    payload: Payload | None,
+) -> tuple[Motion, np.ndarray]:
+    """One step, and which cables were slack in it: begun with those of the step before, changed one at a time, the
+    worst first. NumericalError where no choice fits."""
+    if command.displacement is None or not unilateral.any():
+        return step(model, now, command, dt, payload), slack & False
+    slack, tried = slack.copy(), set()
+    while tuple(slack) not in tried:
+        tried.add(tuple(slack))
+        found = step(model, now, replace(command, slack=slack), dt, payload)
+        force = max(float(np.abs(found.lam).max()), 1e-12)
+        pushes = np.where(unilateral & ~slack, -found.lam / (_ROUNDING * force), 0.0)
+        lacks = np.where(slack, (command.displacement - found.q[: model.n_a]) / (1e-9 * model.static.length), 0.0)
+        wrong = np.maximum(pushes, lacks)
+        worst = int(np.argmax(wrong))
+        if wrong[worst] <= 1.0:
+            return found, slack
+        slack[worst] = not slack[worst]
+    raise NumericalError(f"no choice of slack cables fits the step of {dt:g} s at {now.t:g} s", do="take shorter steps")
+
+
+def _note(run: Run, model: MotionModel, motion: Motion, slack: np.ndarray) -> None:
     delta_a = motion.q[: model.n_a]
     place = model.at(delta_a)
     if run.left is None and not model.static.domain.holds(delta_a, place.pull):
@@ -94,3 +130,4 @@ def _note(run: Run, model: MotionModel, motion: Motion) -> None:
     run.delta_a.append(delta_a)
     run.delta_e.append(delta_e)
     run.lam.append(motion.lam)
+    run.slack.append(slack)

@@ -1,0 +1,84 @@
+"""Commands over time from a table, and where a motion under them begins."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from cfem.core.errors import InputError, NumericalError
+from cfem.dataset.tables import read_table
+from cfem.motion.model import MotionModel
+from cfem.motion.payload import Payload
+from cfem.motion.step import Motion, at_rest
+
+Kind = Literal["displacement", "force"]
+_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class Commands:
+    """t (k,) s, ascending; values (k, n_a) mm or N (mm^3 or MPa of chambers)."""
+
+    kind: Kind
+    t: np.ndarray
+    values: np.ndarray
+
+    def at(self, t: float) -> np.ndarray:
+        """(n_a,) between the rows, linearly; the first before them and the last after."""
+        return np.array([np.interp(t, self.t, column) for column in self.values.T])
+
+
+def read_commands(path: Path, model: MotionModel) -> Commands:
+    """InputError naming the file and what is wrong in it."""
+    actuators, units = model.rows.actuators, {"time": "s"}
+    for name, (displacement, force) in zip(actuators, model.static.actuator_units, strict=True):
+        units |= {f"{name}.displacement": displacement, f"{name}.force": force}
+    columns = read_table(path, units)
+    kinds = [kind for kind in ("displacement", "force") if any(f"{name}.{kind}" in columns for name in actuators)]
+    if len(kinds) != 1:
+        what = "has both displacements and forces" if kinds else "has no commands"
+        example = f"{actuators[0]}.displacement [{units[f'{actuators[0]}.displacement']}]"
+        raise InputError(what, where=str(path), do=f"give each actuator one column, such as `{example}`")
+    wanted = ["time", *(f"{name}.{kinds[0]}" for name in actuators)]
+    missing = next((name for name in wanted if name not in columns), None)
+    if missing is not None:
+        raise InputError(f"has no column '{missing}'", where=str(path))
+    table = np.stack([columns[name] for name in wanted], axis=1)
+    if not len(table) or not np.isfinite(table).all():
+        what = "has no rows" if not len(table) else f"row {int((~np.isfinite(table)).any(axis=1).argmax()) + 1}: a gap"
+        raise InputError(what, where=str(path), do="give every command a number at every time")
+    if not (np.diff(table[:, 0]) > 0).all():
+        row = int((np.diff(table[:, 0]) <= 0).argmax()) + 2
+        raise InputError(
+            f"row {row}: its time is not after that of the row before", where=str(path), do="sort the rows"
+        )
+    return Commands("displacement" if kinds[0] == "displacement" else "force", table[:, 0], table[:, 1:])
+
+
+def starting(model: MotionModel, commands: Commands, payload: Payload | None = None) -> Motion:
+    """Standing still under the first command, at its time. NumericalError where no state of rest is found."""
+    first, n_a = commands.values[0], model.n_a
+    if commands.kind == "displacement":
+        return _at(at_rest(model, first, payload), commands)
+    states = model.static.domain.states
+    near = states[np.argmin(np.linalg.norm((states[:, n_a : 2 * n_a] - first) / _width(states[:, n_a:]), axis=1)), :n_a]
+    delta = near.copy()
+    for _ in range(_ITERATIONS):
+        rest = at_rest(model, delta, payload)
+        missing = first - rest.lam
+        change = np.linalg.solve(model.at(delta).stiff, missing)
+        delta = delta + change
+        if not np.isfinite(delta).all():
+            break
+        if np.abs(change).max() <= 1e-10 * model.static.length:
+            return _at(at_rest(model, delta, payload), commands)
+    raise NumericalError("no state of rest is found under the first forces", do="begin with others, such as none")
+
+
+def _at(motion: Motion, commands: Commands) -> Motion:
+    return Motion(float(commands.t[0]), *(getattr(motion, name) for name in ("q", "p", "v", "memory", "lam")))
+
+
+def _width(forces: np.ndarray) -> float:
+    return float(np.ptp(forces)) or 1.0

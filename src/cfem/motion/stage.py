@@ -1,0 +1,181 @@
+"""`cfem simulate`: a model that moves under commands over time, and full finite elements beside it where asked."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.actuator_units import CABLE
+from cfem.core.errors import InputError, SpecError
+from cfem.core.spec import load_spec
+from cfem.core.stage import Options, Stage, run_stage
+from cfem.motion.spec import SimulateSpec
+
+TABLE, FULL = "motion.parquet", "full.parquet"
+_STEPS_A_PERIOD = 50
+
+
+def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+    """The manifest; results: steps, travel of each effector, largest forces, slack cables, when the motion left what
+    the model has learned from, and the distance from full finite elements."""
+    made, spec = stage(spec_path, overrides, out), load_spec(spec_path, SimulateSpec, overrides)
+    return run_stage(made, partial(_work, spec=spec, base=spec_path.parent, mesh=made.inputs.get("mesh")), options)
+
+
+def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    spec, base = load_spec(spec_path, SimulateSpec, overrides), spec_path.parent
+    inputs, extra = {"model": base / spec.model, "commands": base / spec.commands}, {}
+    if spec.full is not None:
+        from cfem.robot.spec import SceneSpec, scene_meaning
+
+        scene = base / spec.full.scene
+        inputs["mesh"] = base / spec.full.mesh if spec.full.mesh else scene.parent / load_spec(scene, SceneSpec).out
+        extra = {"scene": scene_meaning(scene)}
+    return Stage(
+        name="simulate",
+        version=1,
+        spec=spec.model_copy(update={"full": None}),
+        inputs=inputs,
+        out=out or base / spec.out,
+        paths=("model", "commands", "out"),
+        extra=extra | {"full": spec.full is not None},
+        spec_path=spec_path,
+        overrides=overrides,
+    )
+
+
+def _work(folder: Path, spec: SimulateSpec, base: Path, mesh: Path | None) -> dict[str, Any]:
+    from cfem.core.progress import doing
+    from cfem.motion.commands import read_commands, starting
+    from cfem.motion.load import load_motion
+    from cfem.motion.modes import natural_modes
+    from cfem.motion.simulate import simulate
+    from cfem.motion.step import Command
+
+    model = load_motion(base / spec.model)
+    commands = read_commands(base / spec.commands, model)
+    until = float(commands.t[-1]) if spec.until is None else spec.until
+    if not until > commands.t[0]:
+        raise SpecError(f"the motion ends at {until:g} s, and its commands begin at {commands.t[0]:g} s", where="until")
+    payload, unilateral = _payload(spec, model), _unilateral(spec, model)
+    start = starting(model, commands, payload)
+    held = commands.kind == "displacement"
+    first = natural_modes(model, start.q[: model.n_a], held, 1, payload).frequency[0]
+    dt = 1 / (_STEPS_A_PERIOD * float(first)) if spec.step is None else spec.step
+
+    def told(t: float) -> Command:
+        return Command(displacement=commands.at(t)) if held else Command(force=commands.at(t - dt / 2))
+
+    doing("simulating")
+    run = simulate(model, start, told, until, dt, payload, unilateral)
+    found = run.arrays()
+    _write(folder / TABLE, model, found)
+    travel = _travel(found["delta_e"])
+    results: dict[str, Any] = {
+        "steps": len(run.t) - 1,
+        "step_s": dt,
+        "first_frequency_Hz": float(first),
+        "commanded": commands.kind,
+        "travel_mm": travel,
+        "largest_force": np.abs(found["lam"]).max(axis=0).tolist(),
+        "slack_steps": found["slack"].sum(axis=0).tolist(),
+        "shortened": len(run.shortened),
+        "left_s": run.left,
+    }
+    headline = [
+        f"{len(run.t) - 1} steps of {1000 * dt:.3g} ms to {until:g} s; first natural frequency {first:.3g} Hz",
+        f"the effectors travel {max(travel):.3g} mm; {TABLE}",
+    ]
+    if run.left is not None:
+        headline.insert(
+            0, f"from {run.left:.4g} s on the motion is unlike the training states: nothing is known of how right it is"
+        )
+    if run.shortened:
+        t, length, why = run.shortened[0]
+        headline.append(f"{len(run.shortened)} steps were halved; the first, of {length:.3g} s at {t:.4g} s: {why}")
+    slack = [name for name, count in zip(model.rows.actuators, results["slack_steps"], strict=True) if count]
+    if slack:
+        headline.append(f"slack for a while: {', '.join(slack)}")
+    if spec.full is not None:
+        results["full"] = beside = _beside(
+            folder, spec, base, mesh, (model, commands, payload, unilateral), found, dt, until
+        )
+        headline.append(
+            f"full finite elements: the effectors differ by {beside['largest_mm']:.3g} mm at most, "
+            f"{beside['percent_of_travel']:.2g} % of their travel"
+        )
+        if beside["why"]:
+            headline.insert(0, f"full finite elements ended early: {beside['why']}")
+    return {"headline": headline, **results}
+
+
+def _payload(spec: SimulateSpec, model: Any) -> Any:
+    from cfem.motion.payload import Payload
+
+    if spec.payload is None:
+        return None
+    names = [row.removesuffix(".x") for row in model.rows.effectors if row.endswith(".x")]
+    wanted = spec.payload.effector or names[0]
+    if wanted not in names:
+        raise SpecError(f"no effector '{wanted}'", where="payload.effector", do=f"name one of {', '.join(names)}")
+    first = model.rows.effectors.index(f"{wanted}.x")
+    gravity = (0.0, 0.0, 0.0) if spec.payload.gravity is None else tuple(map(float, spec.payload.gravity))
+    return Payload(spec.payload.mass, (first, first + 1, first + 2), gravity)
+
+
+def _unilateral(spec: SimulateSpec, model: Any) -> np.ndarray:
+    if spec.unilateral is not None:
+        return np.full(model.n_a, spec.unilateral)
+    return np.array([units == CABLE for units in model.static.actuator_units])
+
+
+def _travel(delta_e: np.ndarray) -> list[float]:
+    """mm, of each effector's point: the diagonal of the box that it stays in."""
+    ranges = np.ptp(delta_e, axis=0)
+    return [float(np.linalg.norm(ranges[k : k + 3])) for k in range(0, len(ranges) - 2, 3)]
+
+
+def _write(path: Path, model: Any, found: dict[str, np.ndarray]) -> None:
+    from cfem.dataset.writer import write_columns
+
+    columns, units = {"time": found["t"]}, {"time": "s"}
+    for i, (name, pair) in enumerate(zip(model.rows.actuators, model.static.actuator_units, strict=True)):
+        columns |= {f"{name}.displacement": found["delta_a"][:, i], f"{name}.force": found["lam"][:, i]}
+        columns[f"{name}.slack"] = found["slack"][:, i]
+        units |= {f"{name}.displacement": pair[0], f"{name}.force": pair[1]}
+    for i, (name, unit) in enumerate(zip(model.rows.effectors, model.rows.effector_units, strict=True)):
+        columns[name], units[name] = found["delta_e"][:, i], unit[0]
+    write_columns(path, columns, {"units": units, "scene": model.static.meta["scene"]})
+
+
+def _beside(
+    folder: Path, spec: SimulateSpec, base: Path, mesh: Path, motion: tuple, found: dict, dt: float, until: float
+) -> dict[str, Any]:
+    from cfem.motion.full import simulate_full
+    from cfem.robot.build import build_robot
+    from cfem.robot.load import load_scene_and_mesh
+    from cfem.robot.same import demand_robot
+
+    model, commands, payload, unilateral = motion
+    scene, read = load_scene_and_mesh(base / spec.full.scene, mesh)
+    demand_robot(
+        scene, model.static.meta.get("robot"), base / spec.model, "name the scene that the model was trained of"
+    )
+    run = simulate_full(build_robot(scene, read), commands, until, 2 * dt, payload, unilateral)
+    arrays = {"t": run.t, "delta_a": run.of("delta")[:, : model.n_a], "delta_e": run.of("delta_e")}
+    arrays |= {"lam": run.of("lam")[:, : model.n_a], "slack": run.of("slack")}
+    _write(folder / FULL, model, arrays)
+    if len(run.t) < 2:
+        raise InputError(f"full finite elements did not move: {run.why}", where=str(spec.full.scene))
+    ours = np.stack([np.interp(run.t, found["t"], column) for column in found["delta_e"].T], axis=1)
+    points = (ours - arrays["delta_e"])[:, : 3 * (ours.shape[1] // 3)].reshape(len(ours), -1, 3)
+    largest = float(np.linalg.norm(points, axis=2).max())
+    return {
+        "steps": len(run.t) - 1,
+        "refused": len(run.refused),
+        "largest_mm": largest,
+        "percent_of_travel": 100 * largest / max(max(_travel(arrays["delta_e"])), 1e-12),
+        "why": run.why,
+    }

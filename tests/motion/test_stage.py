@@ -1,0 +1,86 @@
+"""`cfem simulate`: tables of commands to motion, beside full finite elements, and what it says of bad input."""
+
+import numpy as np
+import pytest
+
+from cfem.core.errors import InputError, SpecError
+from cfem.core.stage import Options
+from cfem.dataset.parquet import read_parquet
+from cfem.motion.commands import read_commands, starting
+from cfem.motion.load import load_motion
+from cfem.motion.payload import Payload
+from cfem.motion.stage import FULL, TABLE, run
+from cfem.motion.step import Command, step
+
+QUIET = Options(quiet=True)
+RAMP = "time [s],cable.displacement [mm]\n0,2\n0.02,2.5\n0.06,2.5\n"
+
+
+@pytest.fixture
+def spec(root, tmp_path):
+    """Writes commands and a spec of the bar's model; more: lines of YAML."""
+
+    def write(commands, more=""):
+        (tmp_path / "commands.csv").write_text(commands)
+        path = tmp_path / "simulate.yaml"
+        model = root / "models" / "bar" / "spectral"
+        path.write_text(f"model: {model}\ncommands: commands.csv\nout: out\n{more}")
+        return path
+
+    return write
+
+
+def test_it_moves_as_full_finite_elements_do(root, spec):
+    """At the resolution that the model was learned from, with a payload."""
+    scene = root / "pipelines" / "bar" / "scene.yaml"
+    gravity = "{m/s^2: [0, 0, -9.81]}"
+    path = spec(RAMP, f"step: 0.5 ms\nfull: {{scene: {scene}}}\npayload: {{mass: 0.5 g, gravity: {gravity}}}\n")
+    results = run(path, [], None, QUIET)["results"]
+    assert results["steps"] == 120 and results["commanded"] == "displacement"
+    assert results["full"]["percent_of_travel"] < 3.0 and results["full"]["why"] is None
+    table, full = (read_parquet(path.parent / "out" / name) for name in (TABLE, FULL))
+    assert table.column_names == full.column_names and len(table) == 121
+    assert {"time", "cable.displacement", "cable.force", "cable.slack", "tip.x"} <= set(table.column_names)
+    np.testing.assert_allclose(table["cable.displacement"].to_numpy()[-1], 2.5, atol=1e-9)
+
+
+def test_forces_begin_at_rest_and_stay_there(root, spec):
+    model = load_motion(root / "models" / "bar" / "spectral")
+    path = spec("time [s],cable.force [N]\n0,0.6\n1,0.6\n")
+    commands = read_commands(path.parent / "commands.csv", model)
+    for payload in (None, Payload(5e-7, gravity=(0.0, 0.0, -9810.0))):
+        start = starting(model, commands, payload)
+        np.testing.assert_allclose(start.lam, 0.6, rtol=1e-8)
+        later = step(model, start, Command(force=start.lam), 1e-2, payload)
+        np.testing.assert_allclose(later.q, start.q, atol=1e-7)
+    assert max(run(path, ["until=0.05 s"], None, QUIET)["results"]["travel_mm"]) < 1e-6
+
+
+def test_it_says_where_the_model_knows_nothing(spec):
+    results = run(spec("time [s],cable.displacement [mm]\n0,7\n0.2,12\n"), ["step=2 ms"], None, QUIET)["results"]
+    assert results["left_s"] < 0.2 and "nothing is known" in results["headline"][0]
+
+
+@pytest.mark.parametrize(
+    ("commands", "message"),
+    [
+        ("time [s],cabel.displacement [mm]\n0,2\n", "expected one of time, cable.displacement"),
+        ("time [s],cable.displacement [N]\n0,2\n", "length"),
+        ("time [s]\n0\n", "no commands"),
+        ("cable.displacement [mm]\n2\n", "no column 'time'"),
+        ("time [s],cable.displacement [mm],cable.force [N]\n0,2,1\n", "both displacements and forces"),
+        ("time [s],cable.displacement [mm]\n0,2\n0.1,\n", "row 2: a gap"),
+        ("time [s],cable.displacement [mm]\n0,2\n0,3\n", "row 2: its time"),
+        ("time [s],cable.displacement [mm]\n", "no rows"),
+    ],
+)
+def test_a_bad_table_says_what_is_wrong(spec, commands, message):
+    with pytest.raises(InputError, match=message):
+        run(spec(commands), [], None, QUIET)
+
+
+def test_a_bad_spec_says_what_is_wrong(spec):
+    with pytest.raises(SpecError, match="begin"):
+        run(spec("time [s],cable.displacement [mm]\n1,2\n2,3\n"), ["until=0.5 s"], None, QUIET)
+    with pytest.raises(SpecError, match="no effector"):
+        run(spec(RAMP, "payload: {mass: 1 g, effector: hand}\n"), [], None, QUIET)
