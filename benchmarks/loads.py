@@ -16,6 +16,9 @@ import yaml
 
 import cfem
 from cfem.core.errors import InputError
+from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.energy import THIRD
 from cfem.predict.load import build, load_model
@@ -106,9 +109,41 @@ def gravity(folder: Path) -> None:
         )
 
 
+def modules(folder: Path) -> None:
+    for name in ("stiff-flop", "stiff-flop-module"):
+        shutil.copytree(PIPELINES / name, folder / "pipelines" / name)
+    whole, module = folder / "pipelines" / "stiff-flop", folder / "pipelines" / "stiff-flop-module"
+    edited(whole / "sample.yaml", lambda spec: [split.update(rows=10) for split in spec["splits"].values()])
+    for specs in (module, whole):
+        cfem.run_stage("mesh", specs / "scene.yaml")
+        cfem.run_stage("sample", specs / "sample.yaml")
+    cfem.run_stage("train", module / "train.yaml")
+    cfem.run_stage("train", whole / "train-serial.yaml")
+    model = load_model(folder / "models" / "stiff-flop" / "serial")
+    robot, rng = build_robot(*load_scene_and_mesh(whole / "scene.yaml")), np.random.default_rng(3)
+    rows, low, high = model.rows, *robot.forces.T
+    states = []
+    for share in rng.random((3, rows.n_a)):
+        free = solve(Problem(robot), force(low + share * (high - low))).condensed
+        direction = rng.normal(size=3)
+        states.append((free.delta_a, free, direction / np.linalg.norm(direction)))
+    print("force at the tip | the tip moves | error without D | with D | by W of the whole trunk")
+    for size in (1, 2, 5):
+        found = []
+        for at, free, direction in states:
+            push = 1e-3 * size * direction
+            truth = solve(Problem(pushed(robot, push)), displacement(at), slack=False).condensed.delta_e
+            C = free.W[rows.e, rows.e] - free.effector_jacobian @ free.W_ea.T
+            guesses = [loaded(one, push).at(at).delta_e for one in (without_third(model), model)]
+            apart = [np.linalg.norm(truth - one) for one in (free.delta_e, *guesses, free.delta_e + C @ push)]
+            found.append(apart)
+        low_high = zip(np.min(found, axis=0), np.max(found, axis=0), strict=True)
+        print(f"{size} mN | " + " | ".join(f"{low:.2g} to {high:.2g} mm" for low, high in low_high), flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    tables = {one.__name__: one for one in (bar, gravity)}
+    tables = {one.__name__: one for one in (bar, gravity, modules)}
     parser.add_argument("table", choices=tables)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
