@@ -8,6 +8,7 @@ from equilibrium.test_adjoint import CASES, EXACT, HELD, either_side, of_poisson
 from scipy.linalg import eigh, null_space
 from support.blocks import bar
 
+from cfem.core.errors import NumericalError
 from cfem.dynamics.modes import natural_modes
 from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium import actuation
@@ -118,3 +119,13 @@ def test_the_kinetic_form_is_that_of_the_mass_matrix(element):
     M = mass_matrix(body, density)
     expected = [sum(v @ (M @ v) for v in motions[:, :, k].T) for k in range(2)]
     np.testing.assert_allclose(kinetic_form(body, density, motions), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("held", "part"), [(True, "stand still"), (False, "pull with constant forces")])
+def test_an_unstable_equilibrium_has_no_frequency(held, part, monkeypatch):
+    robot = dense(bar(divisions=(3, 1, 1)))
+    _, state = pulled(robot)
+    grows = np.array([-1.0, 2.0]), np.zeros((1, 2)), np.zeros((2 if held else 0, 2))
+    monkeypatch.setattr("cfem.equilibrium.vibration.lowest_modes", lambda *_: grows)
+    with pytest.raises(NumericalError, match=part):
+        lowest(state.linear, mass_of(robot), held)

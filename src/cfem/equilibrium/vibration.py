@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from cfem.core.errors import NumericalError
 from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.explicit import Columns
 from cfem.equilibrium.inertia import times_mass
@@ -38,7 +39,8 @@ class Vibration:
 
 
 def lowest(linear: Linear, mass: sp.csr_array, held: bool) -> Vibration:
-    """held: whether the actuators stand still, or pull with constant forces. Undamped. mass: (n, n) t, of `mass_of`."""
+    """held: whether the actuators stand still, or pull with constant forces. Undamped. mass: (n, n) t, of `mass_of`.
+    NumericalError where the equilibrium is unstable so."""
     problem, at = linear.problem, linear.at
     n_a = problem.robot.rows.n_a if held else 0
     H = at.H[:, :n_a]
@@ -51,13 +53,16 @@ def lowest(linear: Linear, mass: sp.csr_array, held: bool) -> Vibration:
         return refined(problem, linear.data, linear.factor, b, EXACT)[0]  # the factor may be of a state nearby
 
     squares, shapes, pulls = lowest_modes(solve, H, heavy, n, _COUNT)
+    if not squares[0] > 0:
+        way = "stand still" if held else "pull with constant forces"
+        raise NumericalError(f"the equilibrium is unstable while its actuators {way}: it has no natural frequency")
     k = int((squares <= squares[0] + _TOGETHER * abs(squares[0])).sum())
     square = float(squares[:k].mean())
     watched = problem.robot.rows.watched.stop
     v = np.zeros((linear.Z.shape[1], k))
     v[watched : watched + n_a] = -pulls[:, :k]
-    frequency = float(np.sqrt(max(square, 0.0)) / (2 * np.pi))
-    share = -1 / (8 * np.pi**2 * max(frequency, 1e-12)) / k
+    frequency = float(np.sqrt(square) / (2 * np.pi))
+    share = -1 / (8 * np.pi**2 * frequency) / k
     return Vibration(frequency, Columns(v, shapes[:, :k], np.full(k, square)), share)
 
 
