@@ -34,7 +34,7 @@ SCRIPTS = (
 KINDS = ("spectral", "serial")
 LEAST = 1e-3  # mm: a smaller error is of no interest to those who look
 EXACT = 1e-7  # mm: the finest step of what is stored of places
-AT_REST = 1e-3  # of length and largest force: what a model may be off at rest, to be called right there
+AT_REST = 5e-3  # of length and largest force: what a model may be off at rest, to be called right there
 POINT = ("x", "y", "z")
 
 
@@ -70,6 +70,7 @@ def page(
             its_constants |= with_rest(one, its_constants, p)
         return block(its_model, defines, its_constants, skin_series(one, its_skin, p))
 
+    rest = np.zeros((int(right), predictor.rows.n_a))  # among the states that the reach is drawn from
     weighed = weight(predictor, skin, points[0]["rows"][0], block_of)
     drawn = body(skin["rest"], skin["modes"], skin["triangles"], lines(meta["robot"], predictor.length))
     said = {
@@ -90,7 +91,7 @@ def page(
         "rest": Fixed(drawn.rest, np.array([max(np.abs(drawn.rest).max() / 2**30, EXACT)])),
         "modes": drawn.modes.astype(np.float32),
         "triangles": drawn.triangles,
-        "states": predictor.domain.states[:, : predictor.rows.n_a],
+        "states": np.vstack([rest, predictor.domain.states[:, : predictor.rows.n_a]]),
     }
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}

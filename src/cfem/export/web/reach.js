@@ -27,11 +27,12 @@ function makeReach(robot) {
     }
   }
 
-  // Of the i-th pair of states, a point between them, the ends more often. Points that are close together are shown once.
+  // Of the i-th pair of states, a point between them, the ends more often; each third pair has the first state, the robot at rest.
+  // Points that are close together are shown once.
   function* cloud() {
     const { states } = robot, count = states.length / n_a, seen = new Set(), edge = APART * said.length;
     for (let i = 0; i < CLOUD && count; i++) {
-      const a = i % count, b = (i * 7919 + Math.floor(i / count) * 104729 + 1) % count, share = i < count ? 0 : (i * 0.6180339887) % 1 * 0.5;
+      const a = i % count, b = i % 3 ? (i * 7919 + Math.floor(i / count) * 104729 + 1) % count : 0, share = i < count ? 0 : (i * 0.6180339887) % 1 * (b ? 0.5 : 1);
       if (held(robot.set(Array.from({ length: n_a }, (_, j) => states[a * n_a + j] * (1 - share) + states[b * n_a + j] * share), false, false))) {
         const here = place(), cube = here.map(value => Math.round(value / edge)).join();
         if (!seen.has(cube)) { seen.add(cube); reach.places.push(...here); }
