@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.equilibrium.problem import Evaluation, Problem
-from cfem.mechanics.turning import change_of_work, moments
+from cfem.mechanics.turning import change_of_work, levers
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,
 # rounding with its inverse, both with the bulk modulus: of dW 2e-8 at nu = 0.3, 3e-7 at 0.49, 1e-6 at 0.499 (finger).
@@ -43,13 +43,13 @@ class SkinRowsChange:
 
     def __init__(self, problem: Problem, at: Evaluation):
         self.rows, self._kinematics, skin = problem.robot.rows.s, problem.kinematics, problem.robot.skin
-        self.moments = None
+        self.levers = None
         if skin is not None and problem.robot.rigid:
-            self.moments = moments(problem.kinematics, at.x, skin.nodes, skin.gradient(at.x))
+            self.levers = levers(problem.kinematics, at.x, skin.nodes, skin.gradient(at.x))
 
     def change(self, motion: np.ndarray, q: np.ndarray) -> np.ndarray | float:
         """(n_s, c): of B_s^T q with the motion (n_dof,) of the unknowns; q (n_dof, c)."""
-        return 0.0 if self.moments is None else change_of_work(self._kinematics, self.moments, motion, q)
+        return 0.0 if self.levers is None else change_of_work(self._kinematics, self.levers, motion, q)
 
 
 def load_derivatives(
