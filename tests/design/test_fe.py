@@ -117,12 +117,13 @@ def test_a_gradient_costs_one_solve_whatever_the_number_of_parameters(folder):
 
 ROBUST = (
     "objectives={stiff: {kind: stiffness, direction: [0, 0, 1]}, "
-    "sure: {kind: robust, of: stiff, scatter: {E: 0.01 MPa, z: 0.02 mm}}}"
+    "sure: {kind: robust, of: stiff, scatter: {E: 0.01 MPa, z: 0.02 mm}, "
+    "share: 0.8, robots: 24}}"
 )
 
 
 def test_a_robust_objective_is_that_of_scattered_robots_to_first_order(folder):
-    """Against 64 robots, solved one by one; E varies by its logarithm, and does not vary here but scatters."""
+    """Against 24 robots, solved one by one; E varies by its logarithm, and does not vary here but scatters."""
     mine = problem(folder, ROBUST, "vary=[E2, z]", "constraints={}")
     z = np.array([0.6, 0.3])
     value = mine(z[None]).objectives[0]
@@ -131,7 +132,7 @@ def test_a_robust_objective_is_that_of_scattered_robots_to_first_order(folder):
     robots = mine.family.at(mine.kind, mine.u, sure.parameters(p))
     sampled = sure(sure.of(robots)[None])[0]
     assert 0 < value[1] - value[0] < 1e-3
-    assert value[1] - value[0] == pytest.approx(sampled - value[0], rel=0.1)  # of 64 robots a quantile scatters
+    assert value[1] - value[0] == pytest.approx(sampled - value[0], rel=0.15)  # a quantile of few robots scatters
 
 
 def test_the_slopes_of_a_robust_objective_are_differences_of_its_values(folder):
