@@ -34,6 +34,7 @@ LONG = {
     "front_nsga.py": "make finger-shapes",
     "remeshing.py": "make finger-shapes",
     "shape_distance.py": "a trained model, see its help",
+    "skin.py": "a trained model, see its help",
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
     "page.py": "make pages",
