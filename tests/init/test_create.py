@@ -1,4 +1,4 @@
-"""`cfem init` as a user types it: six files that load, a robot that can be built, guesses said, nothing overwritten."""
+"""`cfem init` as a user types it: files that load, a robot that can be built, guesses said, nothing overwritten."""
 
 import io
 import json
@@ -19,11 +19,21 @@ from cfem.cli.schemas import schemas
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
+from cfem.export.page_block import ROOM
+from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
 from cfem.robot.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
-MADE = ("scene", "sample", "train", "export", "control", "report")  # calibration and design need parameters
+MADE = (
+    "scene",
+    "sample",
+    "train",
+    "export",
+    "export-page",
+    "control",
+    "report",
+)  # calibration and design need parameters
 STEP = Path(__file__).parents[2] / "docs" / "tutorial" / "s-arm.step"
 
 
@@ -36,8 +46,9 @@ def specs(folder):
     """Every file as its stage reads it, and as an editor checks it."""
     own = folder / "pipelines" / "own"
     for stage in MADE:
-        jsonschema.Draft7Validator(json.loads(schemas()[f"{stage}.json"])).validate(read_yaml(own / f"{stage}.yaml")[0])
-        yield stage, load_spec(own / f"{stage}.yaml", model_of(stage))
+        kind = stage.split("-")[0]
+        jsonschema.Draft7Validator(json.loads(schemas()[f"{kind}.json"])).validate(read_yaml(own / f"{stage}.yaml")[0])
+        yield stage, load_spec(own / f"{stage}.yaml", model_of(kind))
 
 
 def built(folder):
@@ -53,6 +64,7 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     assert (own / "own.step").read_bytes() == STEP.read_bytes()
     found = dict(specs(tmp_path))
     assert [found["control"].trajectories["closed-curve"].radii, found["train"].model.kind] == [[0.3] * 3, "spectral"]
+    assert found["report"].page.resolve() == found["export-page"].out.resolve()
     assert {found[stage].scene.name for stage in ("sample", "control", "report")} == {"scene.yaml"}
     scene, robot = built(tmp_path)
     assert robot.rows.n_a == 3 and scene.length == 120 and (robot.reach[:, 0] == 0).all()
@@ -64,6 +76,13 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     assert text.count("guessed: ") == 7
     assert "fixed:    # guessed: the face at one end of the longest axis (thicker)" in text
     assert f"then cfem run {own}" in done.stdout and "guessed" not in done.stdout
+
+
+def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
+    assert init(tmp_path, STEP, "--cables", "9").exit_code == 0
+    own = tmp_path / "pipelines" / "own"
+    assert not (own / "export-page.yaml").exists() and "page" not in read_yaml(own / "report.yaml")[0]
+    assert ROOM["CFEM_NA"][0] == ON_PAGE
 
 
 def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):

@@ -18,7 +18,7 @@ from cfem.init.ends import Proposal, place, propose
 from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
 from cfem.init.question import Answer, Ask, Question, point, positive, whole
 from cfem.init.shape import Shape, Source, make_shape, natural_unit, read_source
-from cfem.init.texts import STAGES, NewScene, number, short, texts, vector
+from cfem.init.texts import SPECS, NewScene, number, short, texts, vector
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.robot.build import build_robot
 from cfem.robot.meshing import make_mesh
@@ -56,7 +56,7 @@ def create(
     _demand_use(source, stated)
     target = folder / name
     copy = f"{name}{path.suffix.lower()}"
-    _demand_room(target, [*(f"{stage}.yaml" for stage in STAGES), copy], path, force)
+    _demand_room(target, [*(f"{spec}.yaml" for spec in SPECS), copy], path, force)
     robot = _robot(name, copy, source, cables, stated, ask)
     made = texts(robot)
     cells = _try(made["scene.yaml"], copy, path)

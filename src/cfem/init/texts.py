@@ -10,7 +10,8 @@ from cfem.init.cables import CableLine
 from cfem.init.hold import AXES, Hold
 from cfem.init.question import Answer
 
-STAGES = ("scene", "sample", "train", "export", "control", "report")
+SPECS = ("scene", "sample", "train", "export", "export-page", "control", "report")
+ON_PAGE = 8  # actuators for which the page of a robot has room
 _FEW, _ROWS, _MORE_ROWS = 3, 60, 100  # training rows for so many cables, and for more
 
 
@@ -58,10 +59,11 @@ def vector(values: Sequence[float]) -> str:
 
 def texts(robot: NewScene) -> dict[str, str]:
     """File name -> text."""
-    writers = (_scene, _sample, _train, _export, _control, _report)
+    writers = (_scene, _sample, _train, _export, _export_page, _control, _report)
     return {
-        f"{stage}.yaml": f"# yaml-language-server: $schema=../../schemas/{stage}.json\n{write(robot)}"
-        for stage, write in zip(STAGES, writers, strict=True)
+        f"{name}.yaml": f"# yaml-language-server: $schema=../../schemas/{name.split('-')[0]}.json\n{write(robot)}"
+        for name, write in zip(SPECS, writers, strict=True)
+        if name != "export-page" or _has_page(robot)
     }
 
 
@@ -154,6 +156,18 @@ out: ../../models/{robot.name}/spectral-export
 """
 
 
+def _has_page(robot: NewScene) -> bool:
+    return len(robot.cables) <= ON_PAGE
+
+
+def _export_page(robot: NewScene) -> str:
+    return f"""# The robot to move, one file that any browser opens: `cfem export export-page.yaml`.
+model: ../../models/{robot.name}/spectral
+out: ../../models/{robot.name}/page
+formats: [html]
+"""
+
+
 def _control(robot: NewScene) -> str:
     n = len(robot.cables)
     return f"""# Goals to follow with the learned model, in the finite-element robot: `cfem control control.yaml`.
@@ -172,6 +186,7 @@ trajectories:
 
 
 def _report(robot: NewScene) -> str:
+    page = f"page: ../../models/{robot.name}/page          # the robot to move, beside the report\n"
     return f"""# One page on all of it: `cfem report report.yaml`.
 scene: scene.yaml
 mesh: ../../data/{robot.name}/mesh
@@ -179,7 +194,7 @@ samples: ../../data/{robot.name}/samples
 models:
   spectral: ../../models/{robot.name}/spectral
 control: ../../data/{robot.name}/control
-out: ../../data/{robot.name}/report
+{page if _has_page(robot) else ""}out: ../../data/{robot.name}/report
 """
 
 

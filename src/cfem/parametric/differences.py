@@ -1,8 +1,8 @@
 """Derivatives of functions that are evaluated in batches, by central differences of high order.
 
 Where a response is analytic, as those of the learned energy models are, order 6 with 1 % of a parameter's range as step
-has an error of about 1e-10 of the response: truncation h^6 f^(7) / 140, rounding 1e-16 / h (Fornberg, Math. Comp. 51, 1988,
-table 1, has the weights)."""
+has an error of about 1e-10 of the response: truncation h^6 f^(7) / 140, rounding 1e-16 / h (Fornberg, Math. Comp. 51,
+1988, table 1, has the weights)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

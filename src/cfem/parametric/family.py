@@ -1,4 +1,4 @@
-"""One interface to robots that differ in p: a learned model that takes parameters, or finite elements rebuilt for each p."""
+"""One interface to robots that differ in p: a learned model with parameters, or finite elements rebuilt for each p."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
