@@ -2,8 +2,8 @@
 
     python benchmarks/motion.py soft-finger stiff-flop [--quick]
 
-Of each pipeline named it samples and trains a copy whose materials have 1070 kg/m^3 and a relaxation time of 3 ms (under
-data/motion/; what is up to date stays), and prints JSON:
+Of each pipeline named it samples and trains a copy whose materials have 1070 kg/m^3 and a relaxation time of 3 ms
+(under data/motion/; what is up to date stays), and prints JSON:
 
 frequency_error: largest relative error of the first three natural frequencies over 20 test states, actuators held and
 free. tip_error: largest distance of the tip from that of full finite elements, over its travel, after a step within a
@@ -137,7 +137,8 @@ def energy_drift(model: MotionModel, periods: int) -> float:
     for _ in range(periods * a_period):
         now = step(still, now, Command(force=lam), period / a_period)
         found.append(energy(still, now) - float(lam @ now.q[: model.n_a]))
-    own = max(0.5 * float((start.lam - lam) @ np.linalg.solve(model.at(start.q[: model.n_a]).stiff, start.lam - lam)), 0)
+    missing = start.lam - lam
+    own = max(0.5 * float(missing @ np.linalg.solve(model.at(start.q[: model.n_a]).stiff, missing)), 0)
     ten = 10 * a_period
     return float(abs(np.mean(found[-ten:]) - np.mean(found[:ten])) / own)
 

@@ -6,8 +6,8 @@
 Designs lie on a line from the reference to a corner of the ranges, and beyond where the morph reaches. Prints JSON, a
 record a design: share of the way; smallest volume left of a morphed cell; W and tip on the morphed mesh against those
 on the design's own mesh; and the own mesh's error by one with `ratio` times as many cells. Errors of W in %, as in
-many_inputs.py; of the tip in mm. --beyond: designs to which the morph does not reach, which `cfem optimize-design` gives
-meshes of their own: the jump where such a mesh takes over, as its results state it."""
+many_inputs.py; of the tip in mm. --beyond: designs to which the morph does not reach, to which `cfem optimize-design`
+gives meshes of their own: the jump where such a mesh takes over, as its results state it."""
 
 import argparse
 import json
