@@ -200,3 +200,42 @@ def test_a_push_moves_the_fe_effector_by_its_compliance():
     np.testing.assert_allclose(
         after.x_e - before.x_e, W[:3, :3] @ push, rtol=1e-3, atol=1e-4 * np.abs(W[:3, :3] @ push).max()
     )
+
+
+def test_a_controller_adapts_to_a_robot_that_changes(tmp_path, tmp_path_factory):
+    folder = train_folder(tmp_path_factory.mktemp("p"), "{kind: spectral, max_degree: 8}", train=80, parameters=True)
+    adapt = "loop.controllers={plain: {mode: open}, adaptive: {mode: open, adapt: {noise: 0.02 mm, find: [young]}}}"
+    drift = "loop.real={drift: {stiffness: 0.9, within: 2 s}}"
+    more = ("loop.seeds=[1]", "loop.goal_every=3 s", "loop.approach=3 s")
+    results = control(tmp_path, load(tmp_path, adapt, drift, *more), folder)["loop"]["points"]
+    assert results["adaptive"]["parameters"]["young"] == pytest.approx(2.7, rel=0.02)
+    assert results["adaptive"]["error_at_goals"]["max"] < 0.3 * results["plain"]["error_at_goals"]["max"]
+    rows = pq.read_table(tmp_path / "loop.parquet").to_pylist()
+    known = {row["controller"]: row["parameters"] for row in rows}
+    assert np.isnan(known["plain"]).all() and np.isfinite(known["adaptive"]).all()
+
+
+def test_a_model_without_parameters_adapts_nothing(tmp_path, model_folder):
+    adapt = "loop.controllers={adaptive: {mode: open, adapt: {noise: 0.02 mm}}}"
+    with pytest.raises(SpecError, match="has no parameters"):
+        control(tmp_path, load(tmp_path, adapt), model_folder)
+
+
+@pytest.mark.parametrize(
+    ("controller", "said"),
+    [
+        ("{mode: policy}", "mode: policy needs policy"),
+        ("{mode: open, policy: some.onnx}", "mode: policy needs policy"),
+        ("{mode: policy, policy: some.onnx, gains: {integral: 0.1}}", "mode: policy takes none"),
+        ("{mode: open, model: fe-based, adapt: {noise: 1 mm}}", "adapt needs a learned model"),
+    ],
+)
+def test_controllers_that_contradict_themselves_are_refused(tmp_path, controller, said):
+    with pytest.raises(SpecError, match=said):
+        load(tmp_path, f"loop.controllers={{one: {controller}}}")
+
+
+def test_a_policy_that_is_not_there_gets_one_sentence(tmp_path, model_folder):
+    one = "loop.controllers={one: {mode: policy, policy: none.onnx}}"
+    with pytest.raises(InputError, match="no such file"):
+        control(tmp_path, load(tmp_path, one, "loop.command={kind: displacement}"), model_folder)

@@ -63,11 +63,26 @@ class GainsSpec(Spec):
         return self
 
 
+class AdaptSpec(Spec):
+    """Which parameters are tracked while the robot works."""
+
+    noise: Annotated[Length, Field(gt=0)]
+    """Standard deviation of each measured coordinate, with what the model misses."""
+    find: list[str] | None = Field(None, min_length=1)
+    """Parameters of the model. All unless given."""
+    forget: Annotated[Time, Field(gt=0)] = 2.0
+    """Time after which a sample counts for 1/e, for Young's modulus and losses. The other parameters are taken to
+    change 100 times as slowly."""
+    loss: Annotated[Effort | Displacement, Field(gt=0)] | None = None
+    """What an actuator loses of its command, standard deviation: slack of a cable that is told displacements, friction
+    of one that is told forces. None is tracked unless given."""
+
+
 class ControllerSpec(Spec):
     """One way to control."""
 
-    mode: Literal["open", "closed"]
-    """open: no feedback. closed: with gains on the measured error."""
+    mode: Literal["open", "closed", "policy"]
+    """open: no feedback. closed: with gains on the measured error. policy: a trained policy."""
     model: str | None = None
     """One of `models`, or fe-based for FE matrices. The first unless given."""
     observer: Literal["measured", "previous_step", "equilibrium"] = "equilibrium"
@@ -83,6 +98,10 @@ class ControllerSpec(Spec):
     """Whether inertia and viscosity are computed along the goals ahead. Mode open."""
     mpc: MpcSpec | None = None
     """Model predictive control instead, with an observer of its own in mode closed."""
+    policy: Path | None = None
+    """File of the policy, .onnx, for mode: policy."""
+    adapt: AdaptSpec | None = None
+    """Parameters that are tracked meanwhile, of a model that has some."""
 
     @property
     def moves(self) -> bool:
@@ -91,8 +110,18 @@ class ControllerSpec(Spec):
 
     @model_validator(mode="after")
     def _gains_are_closed(self):
-        if self.mode == "open" and self.gains is not None:
-            raise ValueError("gains: mode: open takes none")
+        if self.mode != "closed" and self.gains is not None:
+            raise ValueError(f"gains: mode: {self.mode} takes none")
+        return self
+
+    @model_validator(mode="after")
+    def _learned_ways(self):
+        if (self.mode == "policy") != (self.policy is not None):
+            raise ValueError("mode: policy needs policy, a file, and the other modes take none")
+        if self.mode == "policy" and (self.adapt is not None or self.moves or self.model == "fe-based"):
+            raise ValueError("mode: policy takes neither adapt, shaping, feedforward, mpc nor model: fe-based")
+        if self.adapt is not None and (self.moves or self.model == "fe-based" or self.observer != "equilibrium"):
+            raise ValueError("adapt needs a learned model, observer: equilibrium, and no shaping, feedforward or mpc")
         return self
 
     @model_validator(mode="after")
@@ -140,6 +169,15 @@ class WallSpec(Spec):
     """Direction, x, y and z, of the side where the effector may be."""
 
 
+class DriftSpec(Spec):
+    """How the material of the real robot changes."""
+
+    stiffness: float = Field(gt=0)
+    """Stiffness at the end, relative to that at first."""
+    within: Annotated[Time, Field(gt=0)]
+    """Time of the change."""
+
+
 class RealSpec(Spec):
     """How the real robot differs from the model."""
 
@@ -153,6 +191,8 @@ class RealSpec(Spec):
     """Stiffness relative to the model's (plant: model)."""
     viscosity: float = Field(1.0, ge=0)
     """Viscosity relative to the model's, beyond what stiffness makes of it (plant: model that moves)."""
+    drift: DriftSpec | None = None
+    """A stiffness that changes while the robot works, of one material without loads (plant: fem, model)."""
 
 
 class DisturbanceSpec(Spec):
@@ -204,6 +244,8 @@ class LoopSpec(Spec):
             raise ValueError("laps have a goal at each tick: leave out goal_every")
         if self.moving is not None and self.real.wall is not None:
             raise ValueError("real.wall does not go with moving yet")
+        if self.moving is not None and self.real.drift is not None:
+            raise ValueError("real.drift does not go with moving yet")
         if self.moving is None and self.real.viscosity != 1:
             raise ValueError("real.viscosity needs moving")
         return self

@@ -17,8 +17,9 @@ from cfem.control.controller import Gains
 from cfem.control.gains import integral_for, late_samples
 from cfem.control.inverse import Limits
 from cfem.control.loads import under_loads
+from cfem.control.loop_controllers import at_the_end, controller_of, known, parameters_of
 from cfem.control.moving.account import over_time, saturation
-from cfem.control.moving.built import Situation, controller_of, standing_at
+from cfem.control.moving.built import Situation, standing_at
 from cfem.control.moving.laps import laps
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
@@ -30,6 +31,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.motion.altered import Altered
 from cfem.motion.load import load_motion
 from cfem.motion.model import MotionModel
+from cfem.plant.drifting_plant import DriftingPlant
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
 from cfem.plant.moving_plant import MovingFemPlant, MovingModelPlant
@@ -56,7 +58,7 @@ def run_controllers(
     loop, dt = spec.loop, 1 / spec.loop.rate
     motions, standing = _motions(spec, base, predictors), replace(pilot, limits=_bounded(pilot.limits, spec.loop))
     plant_of = _plants(spec, base, robot, predictors, motions)
-    records, results, run_ups = [], {}, {}
+    records, results, run_ups, adapting = [], {}, {}, parameters_of(loop, predictors)
     if loop.laps:
         run, goals = loop.laps, dict(goals)
         for name in list(goals):
@@ -75,25 +77,28 @@ def run_controllers(
             for name, controller in loop.controllers.items():
                 model, gains = _model(controller, predictors, robot), _gains(controller, loop)
                 flown = _flown(pilot, controller, loop, model, robot)
-                runs = []
+                runs, ended = [], []
                 for seed in _seeds(controller, loop):
                     tell, count = partial(record, trajectory, name, seed, loop.rate), _Counter(advance)
+                    motion = motions.get(_name(controller, predictors))
+                    told = controller_of(controller, flown, gains, motion, at, base)
 
-                    def after(one: Moment, tell=tell, count=count) -> None:
+                    def after(one: Moment, tell=tell, count=count, told=told) -> None:
                         count(one.index)
-                        records.append(tell(one))
+                        records.append(tell(one) | known(told, adapting))
                         append(records[-1])
 
-                    told = controller_of(controller, flown, gains, motions.get(_name(controller, predictors)), at)
                     with plant_of(seed) as plant:
                         if loop.moving:
                             plant.settle(told.belief.u, flown.command)
                         runs.append(run_loop(points, flown, plant, robot.rest_e, pace, after=after, controller=told))
+                    ended.append(known(told, adapting))
                 results[trajectory][name] = {
                     "gains": gains and {"proportional": gains.proportional, "integral": gains.integral},
                     **summarise(runs, len(points), pace, loop.rate),
                     "over_time": over_time(runs, loop.rate),
                     "saturated": saturation(runs, flown, robot.rows.actuators),
+                    **at_the_end(ended, model, controller),
                 }
         _write(folder / "loop.parquet", records, robot)
     return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
@@ -175,7 +180,7 @@ def _known_course(model: Model, robot: Robot) -> np.ndarray:
 
 
 def _gains(controller: ControllerSpec, loop: LoopSpec) -> Gains | None:
-    if controller.mode == "open" or controller.mpc is not None:
+    if controller.mode != "closed" or controller.mpc is not None:
         return None
     spec = controller.gains
     bound = np.inf if spec is None or spec.bound is None else spec.bound
@@ -227,7 +232,13 @@ def _plants(
 
     @contextmanager
     def of(seed: int) -> Iterator[Plant]:
-        yield ImperfectPlant(plain, imperfection, seed, pushed, since)
+        both = (plain, pushed)
+        if loop.real.drift:  # from the beginning in each run
+            both = tuple(
+                one and DriftingPlant(one, loop.real.drift.stiffness, loop.ticks(loop.real.drift.within))
+                for one in both
+            )
+        yield ImperfectPlant(both[0], imperfection, seed, both[1], since)
 
     return of
 

@@ -29,13 +29,15 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     spec, base = load_spec(spec_path, ControlSpec, overrides), spec_path.parent
     real = spec.loop.real.mesh if spec.loop else None
+    controllers = spec.loop.controllers if spec.loop else {}
+    policies = {f"policy {name}": base / one.policy for name, one in controllers.items() if one.policy is not None}
     inputs = {"mesh": base / spec.mesh} | {f"model {name}": base / path for name, path in spec.models.items()}
     inputs |= {f"obstacle {name}": base / one.file for name, one in spec.obstacles.items() if one.kind == "mesh"}
     return Stage(
         name="control",
         version=VERSION,
         spec=spec,
-        inputs=inputs | ({"real mesh": base / real} if real else {}),
+        inputs=inputs | policies | ({"real mesh": base / real} if real else {}),
         out=out or base / spec.out,
         paths=("scene", "mesh", "models", "out"),
         precious=spec.plant == "pipe",  # what hardware did cannot be computed again

@@ -20,6 +20,8 @@ EXTRAS = {
     "pyarrow": "fe",
     "rslab": "fe",
     "gmsh": "mesh",
+    "gymnasium": "gym",
+    "stable_baselines3": "policies",
     "onnx": "train",
     "onnxruntime": "train",
     "onnxscript": "train",

@@ -1,0 +1,66 @@
+"""A controller whose model follows the robot: parameters are tracked from the samples of the effectors."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.condensed.model import under_force
+from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.controller import Controller, Gains
+from cfem.control.tick import Belief, Pilot
+from cfem.core.errors import NumericalError
+from cfem.plant.protocol import Measurement
+
+
+class AdaptiveController(Controller):
+    """pilot.model: an `Adapted`, whose parameters change here; tracker: what is tracked, and what of it is used."""
+
+    def __init__(
+        self,
+        pilot: Pilot,
+        rest_e: np.ndarray,
+        tracker: Tracker,
+        gains: Gains | None = None,
+        start: np.ndarray | None = None,
+    ):
+        super().__init__(pilot, rest_e, gains, start)
+        self.tracker, self._sent, self._sampled = tracker, {}, 0
+
+    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:
+        """As `Controller.tick`; a sample that has just arrived is learned from first."""
+        if measured is not None and measured.t > self._sampled and measured.t in self._sent:
+            self._sampled = measured.t
+            sent, near = self._sent[measured.t]
+            self._sent = {tick: one for tick, one in self._sent.items() if tick > measured.t}
+            if self.tracker.sample(sent, measured.x_e - self._rest_e, near):
+                self._changed()
+        belief = super().tick(goal, measured, ahead)
+        sent = replace(belief, u=self._within(belief.u + self.tracker.used_b))
+        self._sent[self._tick] = sent.u, belief.iterate.condensed
+        return sent
+
+    def _changed(self) -> None:
+        """The model becomes another: where the robot stands under the last command is found again. What the feedback
+        had added up for the faults of the model before is taken back as far as the change accounts for it."""
+        model, old = self._pilot.model, self.belief.iterate
+        assert isinstance(model, Adapted)
+        before, model.p = model.p, self.tracker.used_p
+        try:
+            now = model.at_displacement(old.condensed.delta_a)
+            if self._pilot.command == "force":
+                now = under_force(model, self.belief.u, now)
+        except NumericalError:  # a robot that the model does not know: it stays what it was
+            model.p = before
+            return
+        self.belief = replace(self.belief, iterate=replace(old, condensed=now))
+        if self._correction:
+            shift = np.where(self._pilot.weights > 0, now.delta_e - old.condensed.delta_e, 0.0)
+            total = self._correction.total
+            back = np.where(shift * total < 0, np.sign(shift) * np.minimum(np.abs(shift), np.abs(total)), 0.0)
+            self._correction.total = total + back
+            self._moved = self._moved + back
+
+    def _within(self, u: np.ndarray) -> np.ndarray:
+        limits = self._pilot.limits
+        return np.clip(u, *(limits.delta_a.T if self._pilot.command == "displacement" else limits.lambda_a.T))

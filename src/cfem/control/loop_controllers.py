@@ -1,0 +1,75 @@
+"""Controllers of the `loop:` part as the spec has them, and what those that track parameters found for the table."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.model import Model
+from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptive import AdaptiveController
+from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
+from cfem.control.controller import Gains
+from cfem.control.moving import built
+from cfem.control.moving.built import Situation
+from cfem.control.tick import Pilot
+from cfem.core.errors import SpecError
+from cfem.motion.model import MotionModel
+from cfem.predict.protocol import Predictor
+
+
+def controller_of(
+    spec: ControllerSpec, pilot: Pilot, gains: Gains | None, motion: MotionModel | None, at: Situation, base: Path
+) -> Any:
+    """As `moving.built.controller_of`, and a policy (base: folder of the spec) or one that adapts. SpecError where the
+    model has no parameters to adapt, InputError where a policy is none of this robot."""
+    start = None if at.start is None else at.start.delta_a
+    if spec.policy is not None:
+        from cfem.control.policy import PolicyController
+        from cfem.gym.policy import Policy
+
+        return PolicyController(pilot, at.rest_e, Policy(base / spec.policy), start)
+    if spec.adapt is None:
+        return built.controller_of(spec, pilot, gains, motion, at)
+    model, loop = pilot.model, at.loop
+    if not isinstance(model, Predictor) or not (model.parameters or spec.adapt.loss):
+        do = "use a model that was sampled with parameters, or state a loss"
+        raise SpecError("the controller's model has no parameters", where="loop.controllers.adapt", do=do)
+    tracker = Tracker(
+        model,
+        loop.command.kind,
+        spec.adapt.noise,
+        None if spec.adapt.find is None else tuple(spec.adapt.find),
+        float(spec.adapt.loss or 0.0),
+        max(spec.adapt.forget * loop.rate / loop.ticks_a_sample, 2.0),
+        pilot.weights > 0,
+    )
+    own = replace(pilot, model=Adapted(model, tracker.used_p))
+    return AdaptiveController(own, at.rest_e, tracker, gains, start)
+
+
+def parameters_of(loop: LoopSpec, predictors: Mapping[str, Predictor]) -> int:
+    """How many numbers `known` gives for a row of the table: 0 where no controller adapts."""
+    adapting = [one for one in loop.controllers.values() if one.adapt is not None]
+    sizes = [len(predictors[one.model or next(iter(predictors))].parameters) for one in adapting]
+    return max(sizes, default=0)
+
+
+def known(controller: Any, count: int) -> dict[str, Any]:
+    """Columns of a row: parameters that the controller uses now, nan for one that tracks none."""
+    if not count:
+        return {}
+    numbers = np.full(count, np.nan)
+    if isinstance(controller, AdaptiveController):
+        numbers[: len(controller.tracker.used_p)] = controller.tracker.used_p
+    return {"parameters": numbers}
+
+
+def at_the_end(ended: Sequence[Mapping[str, Any]], model: Model, spec: ControllerSpec) -> dict[str, Any]:
+    """Of the summary: each parameter at the end, the mean of the runs."""
+    if spec.adapt is None or not ended or not ended[0]:
+        return {}
+    found = np.mean([one["parameters"] for one in ended], axis=0)
+    return {"parameters": {one.name: float(value) for one, value in zip(model.parameters, found, strict=False)}}

@@ -1,0 +1,25 @@
+"""Learned robots as Gymnasium environments: `import cfem.gym` registers cfem/Reach-v0, cfem/Follow-v0, cfem/Press-v0.
+
+    env = gymnasium.make("cfem/Reach-v0", model="models/soft-finger/spectral")
+    many = gymnasium.make_vec("cfem/Reach-v0", 1024, vectorization_mode="vector_entry_point", model=...)
+
+It needs `pip install 'cfem[gym]'`."""
+
+NAMES = {"cfem/Reach-v0": "reach", "cfem/Follow-v0": "follow", "cfem/Press-v0": "press"}
+
+
+def register() -> None:
+    """Makes the names known to Gymnasium. MissingPackageError without it."""
+    from cfem.core.optional import demand
+
+    demand("gymnasium", "numba", where="cfem.gym")
+    import gymnasium
+
+    for name, task in NAMES.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(
+                name,
+                entry_point="cfem.gym.environments:RobotEnv",
+                vector_entry_point="cfem.gym.environments:RobotVectorEnv",
+                kwargs={"task": task},
+            )

@@ -1,0 +1,102 @@
+"""Gymnasium environments of learned robots, one at a time and many at once."""
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from cfem.gym.tasks import LARGEST
+from cfem.gym.world import Randomised, World
+from cfem.predict.protocol import Predictor
+
+
+def _spaces(world: World) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
+    seen, acts = world.sizes
+    return (
+        gymnasium.spaces.Box(-LARGEST, LARGEST, (seen,), np.float32),
+        gymnasium.spaces.Box(-1.0, 1.0, (acts,), np.float32),
+    )
+
+
+def _randomised(given: dict[str, Any] | Randomised | None) -> Randomised | None:
+    return Randomised(**given) if isinstance(given, dict) else given
+
+
+class RobotEnv(gymnasium.Env):
+    """One robot. model: folder of a spectral model, or the model; task: reach, follow or press; step: share of the
+    reach a tick; randomise: keys of `Randomised`; length: ticks of an episode."""
+
+    metadata = {"render_modes": []}
+
+    def __init__(
+        self,
+        model: Predictor | Path | str,
+        task: str = "reach",
+        step: float = 0.05,
+        randomise: dict[str, Any] | Randomised | None = None,
+        length: int | None = None,
+        render_mode: str | None = None,
+    ):
+        self.render_mode = render_mode
+        self.world = World(model, task, 1, step, _randomised(randomise), length)
+        self.observation_space, self.action_space = _spaces(self.world)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        self.world.rng = self.np_random
+        self.world.reset(np.zeros(1, int))
+        return self.world.observe()[0], self._info(None)
+
+    def step(self, action: np.ndarray):
+        rewards, errors, over = self.world.step(np.asarray(action)[None])
+        return self.world.observe()[0], float(rewards[0]), False, bool(over[0]), self._info(float(errors[0]))
+
+    def _info(self, error: float | None) -> dict[str, Any]:
+        info = {"tip": self.world.states.tip[0].copy(), "command": self.world.u[0].copy()}
+        if error is not None:
+            info["error"] = error
+        if hasattr(self.world.task, "force"):
+            info["force"] = float(self.world.task.force(self.world.states, self.world.goals)[0])
+        return info
+
+
+class RobotVectorEnv(VectorEnv):
+    """Many robots in one batch. An episode that is over is followed by a new one in the same step (SAME_STEP), its last
+    observation in info['final_obs']. Arguments as `RobotEnv`."""
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def __init__(
+        self,
+        model: Predictor | Path | str,
+        num_envs: int = 1,
+        task: str = "reach",
+        step: float = 0.05,
+        randomise: dict[str, Any] | Randomised | None = None,
+        length: int | None = None,
+        render_mode: str | None = None,
+    ):
+        self.render_mode, self.num_envs = render_mode, num_envs
+        self.world = World(model, task, num_envs, step, _randomised(randomise), length)
+        self.single_observation_space, self.single_action_space = _spaces(self.world)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        self.world.rng = self.np_random
+        self.world.reset(np.arange(self.num_envs))
+        return self.world.observe(), {}
+
+    def step(self, actions: np.ndarray):
+        rewards, errors, over = self.world.step(actions)
+        info: dict[str, Any] = {"error": errors, "_error": np.ones(self.num_envs, bool)}
+        seen = self.world.observe()
+        if over.any():
+            info["final_obs"], info["_final_obs"] = seen.copy(), over
+            self.world.reset(np.flatnonzero(over))
+            seen = self.world.observe()
+        return seen, rewards, np.zeros(self.num_envs, bool), over, info

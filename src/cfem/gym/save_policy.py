@@ -1,0 +1,42 @@
+"""A torch module as the file of a policy, for controllers without torch."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from cfem.core.optional import demand
+from cfem.gym.policy import FORMAT, KEY
+from cfem.gym.world import World
+
+
+def facts_of(world: World) -> dict[str, Any]:
+    """What a controller needs beside the weights: plain data."""
+    scales, rows = world.scales, world.model.rows
+    return {
+        "format": FORMAT,
+        "task": world.name,
+        "effectors": list(rows.effectors),
+        "actuators": list(rows.actuators),
+        "scale": scales.scale,
+        "near": scales.near,
+        "step": scales.step.tolist(),
+        "low": scales.low.tolist(),
+        "reach": scales.reach.tolist(),
+    }
+
+
+def save_policy(module: Any, path: Path | str, world: World) -> None:
+    """module: a torch module, observations (B, n) -> actions (B, n_a), the mean of what it would try. Writes ONNX."""
+    demand("torch", "onnx", "onnxscript", where="save_policy")
+    import onnx
+    import torch
+
+    seen, _ = world.sizes
+    batch = torch.export.Dim("batch")
+    program = torch.onnx.export(
+        module.eval(), (torch.zeros(2, seen),), dynamic_shapes=({0: batch},), dynamo=True, verbose=False,
+        input_names=["observation"], output_names=["action"],
+    )  # fmt: skip
+    model = program.model_proto
+    onnx.helper.set_model_props(model, {KEY: json.dumps(facts_of(world))})
+    onnx.save(model, str(path))

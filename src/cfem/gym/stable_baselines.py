@@ -1,0 +1,54 @@
+"""The environments as Stable-Baselines3 has them: a batch of robots behind its `VecEnv`."""
+
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+from cfem.gym.environments import RobotVectorEnv
+
+
+class RobotVecEnv(VecEnv):
+    """env: a batch. Episodes end by time alone, which the infos say, so that values are bootstrapped."""
+
+    def __init__(self, env: RobotVectorEnv):
+        self.env = env
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self._returns, self._actions = np.zeros(env.num_envs), None
+
+    def reset(self) -> np.ndarray:
+        self._returns[:] = 0.0
+        return self.env.reset(seed=self._seeds[0])[0]
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        seen, rewards, _, over, info = self.env.step(self._actions)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self._returns += rewards
+        for i in np.flatnonzero(over):
+            episode = {"r": float(self._returns[i]), "l": self.env.world.length, "t": 0.0}
+            infos[i] = {
+                "terminal_observation": info["final_obs"][i],
+                "TimeLimit.truncated": True,
+                "episode": episode,
+                "error": float(info["error"][i]),
+            }
+        self._returns[over] = 0.0
+        return seen, rewards.astype(np.float32), over, infos
+
+    def close(self) -> None:
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self.env, attr_name, None)] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        setattr(self.env, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        return [getattr(self.env, method_name)(*args, **kwargs)] * self.num_envs
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        return [False] * self.num_envs

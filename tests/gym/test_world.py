@@ -1,0 +1,87 @@
+"""Episodes in a batch: what is observed, what is rewarded, what differs from robot to robot."""
+
+import numpy as np
+import pytest
+from surrogate.stored import train_folder
+
+from cfem.core.errors import InputError
+from cfem.gym.tasks import LARGEST
+from cfem.gym.world import Randomised, World
+from cfem.predict.load import load_model
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    folder = train_folder(tmp_path_factory.mktemp("p"), "{kind: spectral, max_degree: 8}", train=80, parameters=True)
+    return load_model(folder)
+
+
+def begun(model, task, count=40, **options):
+    world = World(model, task, count, **options)
+    world.reset(np.arange(count))
+    return world
+
+
+@pytest.mark.parametrize("task", ["reach", "follow", "press"])
+def test_a_step_is_finite_and_ends_by_time(model, task):
+    world, rng = begun(model, task), np.random.default_rng(0)
+    for tick in range(1, world.length + 1):
+        rewards, errors, over = world.step(rng.uniform(-1, 1, (40, 2)))
+        assert np.isfinite(rewards).all() and (errors >= 0).all() and over.all() == (tick == world.length)
+        seen = world.observe()
+        assert seen.shape == (40, world.sizes[0]) and seen.dtype == np.float32 and np.abs(seen).max() <= LARGEST
+
+
+def test_goals_can_be_reached(model):
+    """Commands at which the pool of goals was solved lead there, whatever the parameters: of forces alone."""
+    world = begun(model, "reach", randomised=Randomised(parameters=False))
+    pool = world.task._pool
+    world.goals.path[:] = pool.tip[:40, None]
+    world.u = pool.delta_a[:40].copy()
+    rewards, errors, _ = world.step(np.zeros((40, 2)))
+    assert errors.max() < 1e-3 and rewards.min() > 0.99
+
+
+def test_a_smaller_error_is_rewarded(model):
+    world = begun(model, "reach", 2, randomised=Randomised(parameters=False))
+    pool = world.task._pool
+    world.goals.path[:] = pool.tip[:1, None]
+    world.u = np.stack([pool.delta_a[0], pool.delta_a[0] + 0.5])
+    rewards, errors, _ = world.step(np.zeros((2, 2)))
+    assert errors[0] < errors[1] and rewards[0] > rewards[1]
+
+
+def test_actions_change_commands_by_at_most_a_step(model):
+    world = begun(model, "reach", step=0.03)
+    before = world.u.copy()
+    world.step(np.full((40, 2), 7.0))
+    width = world.scales.reach - world.scales.low
+    assert (world.u - before <= 0.03 * width + 1e-12).all() and (world.u <= world.scales.reach).all()
+    world.step(np.full((40, 2), np.nan))
+    assert np.isfinite(world.u).all()
+
+
+def test_a_pressed_plane_is_not_passed_and_carries_the_force_that_compliance_gives(model):
+    world = begun(model, "press")
+    goals, states = world.goals, world.states
+    states.tip = goals.path[:, 0] - goals.depth[:, None] * goals.normal
+    assert world.task.errors(states, goals, world.t).max() < 1e-9
+    force = world.task.force(states, goals)
+    soft = np.einsum("bi,bij,bj->b", goals.normal, states.compliance, goals.normal)
+    assert force * soft == pytest.approx(goals.depth)
+    seen = world.task.tip(states, goals)
+    assert np.abs(((seen - goals.path[:, 0]) * goals.normal).sum(axis=1)).max() < 1e-9
+
+
+def test_what_is_randomised_differs_from_episode_to_episode(model):
+    world = begun(model, "reach", randomised=Randomised(slack=0.2, gain=0.05, noise=0.1))
+    assert len(np.unique(world.p[:, 1])) == 40 and len(np.unique(world.slack)) == 80 and (world.slack >= 0).all()
+    assert np.abs(world.gain - 1).max() <= 0.05
+    assert np.abs(world.observe() - world.observe()).max() > 0
+    plain = begun(model, "reach", randomised=Randomised(parameters=False))
+    assert np.ptp(plain.p, axis=0).max() == 0.0 and np.array_equal(plain.observe(), plain.observe())
+
+
+def test_an_unknown_task_is_refused(model):
+    with pytest.raises(InputError, match="no task 'carry'"):
+        World(model, "carry", 1)
