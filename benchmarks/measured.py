@@ -9,9 +9,16 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
 python benchmarks/measured.py rods [--quick]
 
     The tentacle at tensions of its first tendon as a rod and as tetrahedra of smaller and smaller size: how far p1 to
-    p4 are apart, mm, and the volume of the tetrahedra by that of the cones. Three minutes."""
+    p4 are apart, mm, and the volume of the tetrahedra by that of the cones. Three minutes.
+
+python benchmarks/measured.py motion [--young 276.4] [--quick]
+
+    The beam's free oscillation about its own weight: natural frequency (Hz) at the modulus (kPa) that static cases
+    gave, and its damping with the one viscosity that meets the damping of cycles 5 to 9, beside what was measured.
+    loaded: with 102 g as a heavy slice of 3 mm at the free end, as the weight moves with the tip. A second."""
 
 import argparse
+import csv
 import json
 import sys
 import tempfile
@@ -21,6 +28,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.spec import load_spec
+from cfem.dynamics.modes import natural_modes
+from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
@@ -30,6 +39,7 @@ from cfem.robot.spec import SceneSpec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
+BEAM = Path("pipelines/measured-beam")
 SCENE = Path("pipelines/measured-tentacle/scene.yaml")
 TENSIONS, SIZES = (3.077, 6.154), (10.0, 8.0, 6.0)
 PLACES, RADII = (0.0, 305.0, 360.0), (15.41, 6.42, 4.80)
@@ -61,6 +71,50 @@ def rods(tensions: tuple[float, ...], sizes: tuple[float, ...]) -> list[dict]:
             rows[-1] |= {"apart_mm": [round(float(each), 2) for each in apart]}
         rows[-1]["cpu_seconds"] = round(time.process_time() - begin, 1)
     return rows
+
+
+def motion(young: float, size: float) -> dict:
+    with open(BEAM / "frequencies.csv", newline="", encoding="utf-8") as file:
+        measured = [(float(row["natural_frequency_Hz"]), float(row["damping_ratio"])) for row in csv.DictReader(file)]
+    slow = _oscillation(young, size, [])
+    relaxation = measured[-1][1] / (np.pi * measured[-1][0])
+    viscous = [f"{key}.viscosity={{relaxation: {relaxation} s}}" for key in ("material", "materials.0.material")]
+    damped = _oscillation(young, size, viscous)
+    heavy = 1070 + 0.102 / (3e-3 * 30e-3 * 30e-3)
+    slice_ = "{kind: box, corners: {mm: [[97, -15, -15], [100, 15, 15]]}}"
+    end = f"{{region: {slice_}, material: {{young: {young} kPa, poisson: 0.499, density: {heavy:.0f} kg/m^3}}}}"
+    clamp = "{region: {kind: box, corners: {mm: [[0, -15, -15], [4, 15, 15]]}}, material: "
+    clamp += f"{{young: {young} kPa, poisson: 0.499, density: 1070 kg/m^3}}}}"
+    loaded = _oscillation(young, size, [f"materials=[{clamp}, {end}]"])
+    return {
+        "frequency_Hz": slow[0],
+        "measured_Hz": [each[0] for each in measured],
+        "stiffer_in_motion": (measured[-1][0] / slow[0]) ** 2,
+        "relaxation_ms": 1e3 * relaxation,
+        "damping": damped[1],
+        "measured_damping": [each[1] for each in measured],
+        "loaded_Hz": loaded[0],
+    }
+
+
+def _oscillation(young: float, size: float, overrides: list[str]) -> tuple[float, float]:
+    """Frequency (Hz) and damping of the lowest mode in the vertical plane."""
+    base = [
+        f"material.young={young} kPa",
+        f"materials.0.material.young={young} kPa",
+        f"mesh={{size: {size} mm, mirror: y}}",
+    ]
+    scene = load_spec(BEAM / "scene.yaml", SceneSpec, base + overrides)
+    with tempfile.TemporaryDirectory() as folder:
+        mesh, _ = make_mesh(scene, Path(folder))
+    problem = MovingProblem(build_robot(scene, mesh))
+    free = force(np.zeros(1))
+    found = solve(problem, free, condense=False)
+    if not found.converged:
+        raise SystemExit(f"no equilibrium under its weight: {found.status.value}")
+    modes = natural_modes(problem, found.state, 2, held=free)
+    upright = int(np.argmax(np.abs(modes.shapes[:, 2]).sum(axis=0)))
+    return float(modes.frequency[upright]), float(modes.damping[upright])
 
 
 def _problem(overrides: list[str]) -> tuple[Problem, float]:
@@ -98,12 +152,15 @@ def _markers(problem: Problem, tension: float) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "rods"])
+    parser.add_argument("what", choices=["coverage", "rods", "motion"])
+    parser.add_argument("--young", type=float, default=276.4)
     parser.add_argument("--trials", type=int, default=400)
     parser.add_argument("--quick", action="store_true")
     given = parser.parse_args()
     if given.what == "coverage":
         rows = coverages(4 if given.quick else given.trials)
+    elif given.what == "motion":
+        rows = motion(given.young, 15.0 if given.quick else 7.5)
     else:
         rows = rods((0.5,), (14.0,)) if given.quick else rods(TENSIONS, SIZES)
     print(json.dumps(rows, indent=2))
