@@ -4,7 +4,8 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
 
     Hundreds of simulated calibrations by markers that are linear in all unknowns: share of coordinates of new cases
     within their 95 % intervals and of markers within their 95 % radius. lacks: what the model lacks, one pattern a
-    case, as a multiple of the noise. Two minutes.
+    case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best; with
+    more than one, a fifth of the trials. Three minutes.
 
 python benchmarks/measured.py rods [--quick]
 
@@ -49,11 +50,12 @@ def coverages(trials: int) -> list[dict]:
     from cases.linear import coverage
 
     rows = []
-    for cases, offset_sd in ((4, 0.0), (5, 5.0), (8, 5.0)):
-        for lacks in (0.0, 1.0, 3.0):
-            coordinates, markers = coverage(trials, cases, lacks, offset_sd)
-            row = {"cases": cases, "offsets_sd_mm": offset_sd, "lacks": lacks, "trials": trials}
-            rows.append(row | {"coordinates": round(coordinates, 3), "markers": round(markers, 3)})
+    asked = [(cases, sd, lacks, 1) for cases, sd in ((4, 0.0), (5, 5.0), (8, 5.0)) for lacks in (0.0, 1.0, 3.0)]
+    for cases, offset_sd, lacks, models in [*asked, (5, 5.0, 1.0, 12), (5, 5.0, 3.0, 12)]:
+        count = trials if models == 1 else max(trials // 5, 1)
+        coordinates, markers = coverage(count, cases, lacks, offset_sd, models)
+        row = {"cases": cases, "offsets_sd_mm": offset_sd, "lacks": lacks, "models": models, "trials": count}
+        rows.append(row | {"coordinates": round(coordinates, 3), "markers": round(markers, 3)})
     return rows
 
 

@@ -13,7 +13,7 @@ from cfem.cases.predict import predict
 from cfem.cases.rig import Seen
 from cfem.cases.table import Cases
 
-K, N_Z, PRIOR = 4, 4, 3  # markers, parameters, of which so many have a prior
+K, N_Z, PRIOR = 4, 5, 4  # markers, parameters, of which so many have a prior
 
 
 @dataclass(frozen=True)
@@ -60,23 +60,53 @@ def disturbed(rng: np.random.Generator, f: np.ndarray, lacks: float, noise: floa
     return noise * rng.standard_normal((len(f), K, 3)) + lacks * f[:, None, None] * shape.reshape(-1, K, 3)
 
 
-def trial(rng: np.random.Generator, m: int, lacks: float, offset_sd: float, noise: float = 1.0, new: int = 6):
-    """One calibration by m cases, as cfem calibrate-cases does it, and the prediction of new ones."""
+class Part:
+    """A rig that knows some of the parameters only."""
+
+    def __init__(self, whole: LinearRig, columns: list[int]):
+        self._whole, self._columns = whole, columns
+        self.unknowns = tuple(whole.unknowns[i] for i in columns)
+        self.d_sd, self.blocks, self.sessions, self.robots = whole.d_sd, whole.blocks, whole.sessions, whole.robots
+
+    @property
+    def n_d(self) -> int:
+        return self._whole.n_d
+
+    def see(self, cases: Cases, z: np.ndarray, d: np.ndarray, slopes: bool = True) -> Seen:
+        every = np.zeros(len(self._whole.unknowns))
+        every[self._columns] = z
+        seen = self._whole.see(cases, every, d, slopes)
+        return Seen(seen.y, seen.by_z[..., self._columns], seen.by_d, seen.posed)
+
+
+def trial(
+    rng: np.random.Generator, m: int, lacks: float, offset_sd: float, models: int = 1, noise: float = 1.0, new: int = 6
+):
+    """One calibration by m cases, as cfem calibrate-cases does it, and the prediction of new ones. models: above 1 that
+    of so many, each of some of the parameters, which predicts left-out cases best."""
     rig = LinearRig(rng, offset_sd)
     z, d = rng.standard_normal(N_Z), rng.standard_normal(rig.n_d) * rig.d_sd
     f = np.concatenate([np.linspace(0.3, 1, m), rng.uniform(0.3, 1, new)])
     blank = cases_of(f, np.zeros((m + new, K, 3)))
     measured = cases_of(f, rig.see(blank, z, d).y + disturbed(rng, f, lacks, noise))
     given, asked = measured.only(np.arange(m)), measured.only(np.arange(m, m + new))
-    found = fit_cases(rig, given, noise)
-    left = leave_one_out(rig, given, found)
-    degrees = left.degrees(found.count - found.free)
-    names = tuple(one.name for one in rig.unknowns)
+    kept = None
+    for _ in range(models):
+        columns = sorted(rng.choice(N_Z, rng.integers(1, N_Z), replace=False)) if models > 1 else list(range(N_Z))
+        part = Part(rig, [int(i) for i in columns])
+        found = fit_cases(part, given, noise)
+        left = leave_one_out(part, given, found)
+        if kept is None or left.distance.mean() < kept[2].distance.mean():
+            kept = part, found, left
+    part, found, left = kept
+    degrees = left.degrees(found.count - found.free if models == 1 else 0.0)
+    names = tuple(one.name for one in part.unknowns)
     known = Calibrated(names, found.z, found.d, found.covariance, found.scatter, left.inflation, degrees, rig.sessions)
-    return predict(rig, asked, known, 0.95)
+    return predict(part, asked, known, 0.95)
 
 
-def coverage(trials: int, m: int, lacks: float, offset_sd: float) -> tuple[float, float]:
+def coverage(trials: int, m: int, lacks: float, offset_sd: float, models: int = 1) -> tuple[float, float]:
     """Share of coordinates within their 95 % intervals and of markers within their 95 % radius, over all trials."""
-    found = [trial(np.random.default_rng([seed, m]), m, lacks, offset_sd).covered() for seed in range(trials)]
+    rngs = (np.random.default_rng([seed, m]) for seed in range(trials))
+    found = [trial(rng, m, lacks, offset_sd, models).covered() for rng in rngs]
     return tuple(float(share) for share in np.mean(found, axis=0))

@@ -25,7 +25,13 @@ def test_intervals_cover_what_they_say(m, lacks, offset_sd):
     """Whether the model is right, or lacks as much or three times as much as the noise, in one pattern a case."""
     coordinates, markers = coverage(200, m, lacks, offset_sd)
     assert 0.93 < coordinates < 0.97
-    assert 0.92 < markers < 0.98
+    assert 0.90 < markers < 0.97  # errors of one pattern a case are along one axis, which the radius does not know
+
+
+@pytest.mark.slow
+def test_intervals_of_a_model_that_was_chosen_from_others_are_wider():
+    coordinates, markers = coverage(60, 5, 1.0, 5.0, models=12)
+    assert 0.94 < coordinates < 0.99 and 0.94 < markers < 1
 
 
 def test_cases_that_err_as_one_count_as_few():

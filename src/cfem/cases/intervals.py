@@ -36,7 +36,8 @@ def degrees_of_freedom(ratios: np.ndarray, most: float) -> float:
 
     The markers of a case err together where the model lacks something, so that a case counts as fewer numbers than it
     has. How few, the spread of the cases' ratios tells (Satterthwaite, Biometrics Bull. 2, 1946): their mean has
-    2 m mean^2 / variance, times (m - 1) / (m + 1) as few cases tell the variance itself."""
+    2 m mean^2 / variance, times (m - 1) / (m + 1) as few cases tell the variance itself. Errors of left-out cases by
+    which a model was chosen from others look better than those of new cases: `most` is then 0."""
     m = len(ratios)
     least = float(max(m - 1, 1))
     if m < 2 or ratios.var(ddof=1) == 0:
@@ -80,7 +81,7 @@ class LeftOut:
         return inflation(self.ratios)
 
     def degrees(self, most: float) -> float:
-        """Of freedom, of the inflation; most: those of the scatter."""
+        """Of freedom, of the inflation; most: those of the scatter, 0 where these errors chose the model."""
         return degrees_of_freedom(self.ratios, most)
 
     def covered(self, most: float, confidence: float) -> tuple[float, float]:

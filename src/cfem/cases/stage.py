@@ -67,7 +67,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         if name == "kept":
             kept = rig, found, left
     rig, found, left = kept
-    degrees = left.degrees(found.count - found.free)
+    most = 0.0 if spec.compare else found.count - found.free
+    degrees = left.degrees(most)
     write_calibrated(folder / FILE, found, rig, left.inflation, degrees)
     known = read_calibrated(folder / FILE)
     fitted = predict(rig, cases, known, spec.confidence)
@@ -91,7 +92,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         f"errors, mean over markers: {np.nanmean(fitted.distance):.3g} mm in the fit, "
         f"{np.nanmean(left.distance):.3g} mm of cases left out of it"
     )
-    inside, near = left.covered(found.count - found.free, spec.confidence)
+    inside, near = left.covered(most, spec.confidence)
     if np.isfinite(inside):
         headline.append(
             f"of left-out cases {100 * inside:.0f} % of coordinates lie within their {100 * spec.confidence:g} % "
