@@ -12,11 +12,23 @@ python benchmarks/measured.py rods [--quick]
     The tentacle at tensions of its first tendon as a rod and as tetrahedra of smaller and smaller size: how far p1 to
     p4 are apart, mm, and the volume of the tetrahedra by that of the cones. Three minutes.
 
+python benchmarks/measured.py cylinder [--quick]
+
+    A straight cylinder with a cable off its axis: curvature (1/m) at its middle by least energy of fibres on an arc,
+    with stiff sections and with sections that swell as they are compressed; by the rod; by tetrahedra, whose cable
+    presses into the rubber as well. Half a minute.
+
 python benchmarks/measured.py motion [--young 276.4] [--quick]
 
     The beam's free oscillation about its own weight: natural frequency (Hz) at the modulus (kPa) that static cases
     gave, and its damping with the one viscosity that meets the damping of cycles 5 to 9, beside what was measured.
-    loaded: with 102 g as a heavy slice of 3 mm at the free end, as the weight moves with the tip. A second."""
+    loaded: with 102 g as a heavy slice of 3 mm at the free end, as the weight moves with the tip. A second.
+
+python benchmarks/measured.py law [--quick]
+
+    The model that pipelines/measured-tentacle keeps, with fibres of rubber and with linear ones: errors, mean over
+    markers in mm, of cases in the fit, left out of it, and of each left-out case. Two minutes; needs
+    `cfem mesh pipelines/measured-tentacle/scene.yaml`."""
 
 import argparse
 import csv
@@ -27,7 +39,12 @@ import time
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize
 
+from cfem.cases.compare import leave_one_out
+from cfem.cases.fit import fit_cases
+from cfem.cases.load import load_lab
+from cfem.cases.spec import CasesSpec
 from cfem.core.spec import load_spec
 from cfem.dynamics.modes import natural_modes
 from cfem.dynamics.problem import MovingProblem
@@ -42,6 +59,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 BEAM = Path("pipelines/measured-beam")
 SCENE = Path("pipelines/measured-tentacle/scene.yaml")
+RADIUS, OFF, YOUNG = 10.0, 5.0, 0.4  # mm, mm, MPa, of the cylinder
 TENSIONS, SIZES = (3.077, 6.154), (10.0, 8.0, 6.0)
 PLACES, RADII = (0.0, 305.0, 360.0), (15.41, 6.42, 4.80)
 
@@ -72,6 +90,86 @@ def rods(tensions: tuple[float, ...], sizes: tuple[float, ...]) -> list[dict]:
             rows.append({"size_mm": size, "tension_N": tension, "volume": round(volume, 4), "tip_moves_mm": moved})
             rows[-1] |= {"apart_mm": [round(float(each), 2) for each in apart]}
         rows[-1]["cpu_seconds"] = round(time.process_time() - begin, 1)
+    return rows
+
+
+def cylinder(tensions: tuple[float, ...], size: float) -> list[dict]:
+    rod, solid = (_curved(each) for each in ("10 mm, element: beam", f"{size} mm"))
+    rows = []
+    for tension in tensions:
+        row = {"tension_N": tension, "stiff_sections": _on_arc(tension, 0.0), "swelling": _on_arc(tension, 0.5)}
+        row |= {"rod": _curvature(rod, tension), "tetrahedra": _curvature(solid, tension)}
+        rows.append({name: round(number, 3) for name, number in row.items()})
+    return rows
+
+
+def _on_arc(tension: float, swells: float) -> float:
+    """1/m of least energy: E / 6 (l^2 + 2 / l - 3) of fibres, summed over the disc, and tension times length. Places in
+    the section go with (1 + eps)^-swells."""
+    r, phi = (np.arange(100) + 0.5) / 100 * RADIUS, (np.arange(60) + 0.5) / 60 * 2 * np.pi
+    z, ring = np.outer(r, np.sin(phi)), 2 * np.pi * r * RADIUS / 100
+
+    def energy(u: np.ndarray) -> float:
+        wide = (1 + u[0]) ** -swells
+        lam = 1 + u[0] + u[1] * wide * z / RADIUS
+        fibres = (ring * (YOUNG / 6 * (lam**2 + 2 / lam - 3)).mean(axis=1)).sum()
+        return float(fibres + tension * (1 + u[0] - u[1] * wide * OFF / RADIUS))
+
+    found = minimize(energy, [-0.02, 0.05], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-13})
+    return float(1e3 * found.x[1] / RADIUS)
+
+
+def _curved(mesh: str) -> Problem:
+    points = ", ".join(f"[{x:g}, 0, {OFF}]" for x in np.arange(0, 201, 2.5))
+    rod = "beam" in mesh
+    held = "radius: 2 mm, through_air: true, " if not rod else ""
+    watched = ", ".join(
+        f"{{name: e{x}, point: {{mm: [{x}, 0, 0]}}, orientation: true{'' if rod else ', carrier_radius: 9 mm'}}}"
+        for x in (60, 140)
+    )
+    text = f"""name: cylinder
+out: out
+length: 200 mm
+geometry: {{kind: taper, places: {{mm: [0, 200]}}, radii: {{mm: [{RADIUS}, {RADIUS}]}}}}
+mesh: {{size: {mesh}}}
+material: {{law: neo-hookean, young: {YOUNG} MPa, poisson: 0.499}}
+fixed: [{{kind: plane, point: {{mm: [0, 0, 0]}}, normal: [-1, 0, 0]}}]
+{"" if rod else "rigid: [{kind: plane, point: {mm: [200, 0, 0]}, normal: [1, 0, 0]}]"}
+actuators: [{{kind: cable, name: c, {held}points: {{mm: [{points}]}}, reach: {{mm: [0, 90]}}}}]
+effectors: [{watched}]
+"""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.yaml"
+        path.write_text(text)
+        scene = load_spec(path, SceneSpec)
+        return Problem(build_robot(scene, make_mesh(scene, path.parent)[0]))
+
+
+def _curvature(problem: Problem, tension: float) -> float:
+    """1/m, between the two places."""
+    found = solve(problem, force(np.array([tension])), condense=False)
+    if not found.converged:
+        raise SystemExit(f"no equilibrium at {tension:g} N: {found.status.value}")
+    turn = found.delta_e.reshape(2, 6)[:, 4]
+    return float(1e3 * abs(turn[1] - turn[0]) / 80)
+
+
+def laws(find: list[str]) -> list[dict]:
+    rows, spec = [], load_spec(SCENE.parent / "cases.yaml", CasesSpec)
+    for law in ("neo-hookean", "corotational"):
+        with tempfile.TemporaryDirectory() as folder:
+            changed = Path(folder) / "scene.yaml"
+            changed.write_text(SCENE.read_text(encoding="utf-8").replace("material: {", f"material: {{law: {law}, "))
+            other = spec.model_copy(update={"scene": changed, "mesh": Path("data/measured-tentacle/mesh").resolve()})
+            lab = load_lab(other, SCENE.parent)
+            cases = lab.read(SCENE.parent / spec.measurements)
+            rig = lab.rig(find, tuple(dict.fromkeys(cases.sessions)))
+            found = fit_cases(rig, cases, spec.scatter)
+            left = leave_one_out(rig, cases, found).distance.mean(axis=1)
+        values = {one.name: float(one.value(z)) for one, z in zip(rig.unknowns, found.z, strict=True)}
+        in_fit = float(np.linalg.norm(found.residuals, axis=2).mean())
+        rows.append({"law": law, "in_fit_mm": in_fit, "left_out_mm": float(left.mean()), "values": values})
+        rows[-1] |= {"each_left_out_mm": dict(zip(cases.names, left.tolist(), strict=True))}
     return rows
 
 
@@ -154,13 +252,17 @@ def _markers(problem: Problem, tension: float) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "rods", "motion"])
+    parser.add_argument("what", choices=["coverage", "rods", "cylinder", "motion", "law"])
     parser.add_argument("--young", type=float, default=276.4)
     parser.add_argument("--trials", type=int, default=400)
     parser.add_argument("--quick", action="store_true")
     given = parser.parse_args()
     if given.what == "coverage":
         rows = coverages(4 if given.quick else given.trials)
+    elif given.what == "cylinder":
+        rows = cylinder((1.0,), 12.0) if given.quick else cylinder((4.0, 8.0), 6.0)
+    elif given.what == "law":
+        rows = laws(["young"] if given.quick else load_spec(SCENE.parent / "cases.yaml", CasesSpec).find)
     elif given.what == "motion":
         rows = motion(given.young, 15.0 if given.quick else 7.5)
     else:

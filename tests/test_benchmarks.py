@@ -15,6 +15,7 @@ QUICK = {
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
     "measured.py coverage": ["--quick"],
+    "measured.py cylinder": ["--quick"],
     "measured.py motion": ["--quick"],
     "measured.py rods": ["--quick"],
     "motion.py": [BAR, "mesh.size=10 mm"],
