@@ -22,13 +22,7 @@ python benchmarks/measured.py motion [--young 276.4] [--quick]
 
     The beam's free oscillation about its own weight: natural frequency (Hz) at the modulus (kPa) that static cases
     gave, and its damping with the one viscosity that meets the damping of cycles 5 to 9, beside what was measured.
-    loaded: with 102 g as a heavy slice of 3 mm at the free end, as the weight moves with the tip. A second.
-
-python benchmarks/measured.py law [--quick]
-
-    The model that pipelines/measured-tentacle keeps, with fibres of rubber and with linear ones: errors, mean over
-    markers in mm, of cases in the fit, left out of it, and of each left-out case. Two minutes; needs
-    `cfem mesh pipelines/measured-tentacle/scene.yaml`."""
+    loaded: with 102 g as a heavy slice of 3 mm at the free end, as the weight moves with the tip. A second."""
 
 import argparse
 import csv
@@ -41,10 +35,6 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from cfem.cases.compare import leave_one_out
-from cfem.cases.fit import fit_cases
-from cfem.cases.load import load_lab
-from cfem.cases.spec import CasesSpec
 from cfem.core.spec import load_spec
 from cfem.dynamics.modes import natural_modes
 from cfem.dynamics.problem import MovingProblem
@@ -154,25 +144,6 @@ def _curvature(problem: Problem, tension: float) -> float:
     return float(1e3 * abs(turn[1] - turn[0]) / 80)
 
 
-def laws(find: list[str]) -> list[dict]:
-    rows, spec = [], load_spec(SCENE.parent / "cases.yaml", CasesSpec)
-    for law in ("neo-hookean", "corotational"):
-        with tempfile.TemporaryDirectory() as folder:
-            changed = Path(folder) / "scene.yaml"
-            changed.write_text(SCENE.read_text(encoding="utf-8").replace("material: {", f"material: {{law: {law}, "))
-            other = spec.model_copy(update={"scene": changed, "mesh": Path("data/measured-tentacle/mesh").resolve()})
-            lab = load_lab(other, SCENE.parent)
-            cases = lab.read(SCENE.parent / spec.measurements)
-            rig = lab.rig(find, tuple(dict.fromkeys(cases.sessions)))
-            found = fit_cases(rig, cases, spec.scatter)
-            left = leave_one_out(rig, cases, found).distance.mean(axis=1)
-        values = {one.name: float(one.value(z)) for one, z in zip(rig.unknowns, found.z, strict=True)}
-        in_fit = float(np.linalg.norm(found.residuals, axis=2).mean())
-        rows.append({"law": law, "in_fit_mm": in_fit, "left_out_mm": float(left.mean()), "values": values})
-        rows[-1] |= {"each_left_out_mm": dict(zip(cases.names, left.tolist(), strict=True))}
-    return rows
-
-
 def motion(young: float, size: float) -> dict:
     with open(BEAM / "frequencies.csv", newline="", encoding="utf-8") as file:
         measured = [(float(row["natural_frequency_Hz"]), float(row["damping_ratio"])) for row in csv.DictReader(file)]
@@ -252,7 +223,7 @@ def _markers(problem: Problem, tension: float) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "rods", "cylinder", "motion", "law"])
+    parser.add_argument("what", choices=["coverage", "rods", "cylinder", "motion"])
     parser.add_argument("--young", type=float, default=276.4)
     parser.add_argument("--trials", type=int, default=400)
     parser.add_argument("--quick", action="store_true")
@@ -261,8 +232,6 @@ def main() -> None:
         rows = coverages(4 if given.quick else given.trials)
     elif given.what == "cylinder":
         rows = cylinder((1.0,), 12.0) if given.quick else cylinder((4.0, 8.0), 6.0)
-    elif given.what == "law":
-        rows = laws(["young"] if given.quick else load_spec(SCENE.parent / "cases.yaml", CasesSpec).find)
     elif given.what == "motion":
         rows = motion(given.young, 15.0 if given.quick else 7.5)
     else:

@@ -9,6 +9,8 @@ from cases.lab import CASES, NOISE, QUIET, ROLL, YOUNG, lab, write
 
 from cfem.cases.prediction.stage import run as predict
 from cfem.cases.stage import run as calibrate
+from cfem.cases.table import Cases
+from cfem.cases.written import repeats
 from cfem.core.errors import InputError, SpecError
 
 
@@ -37,6 +39,18 @@ def test_other_cases_are_predicted_to_the_noise(folder):
     with open(folder / "predicted" / "predicted.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 12 and float(rows[0]["half_x_mm"]) > NOISE
+
+
+def test_cases_of_the_calibration_are_no_predictions(folder, tmp_path):
+    results = predict(folder / "predict.yaml", ["table=given.csv"], tmp_path / "out", QUIET)["results"]
+    assert results["in_fit"] == 4 and "4 of 4 cases are of the calibration" in results["headline"][0]
+
+
+def test_repeats_are_cases_of_the_same_forces():
+    places = np.zeros((3, 2, 3))
+    places[1, 0, 2], places[2] = 3.0, 50.0
+    cases = Cases(("a", "b", "c"), ("", "", ""), np.array([[1.0], [1.0], [2.0]]), np.ones(3), places, None)
+    assert repeats(cases) == {"a": 3.0, "b": 3.0}
 
 
 def test_cases_that_nobody_measured_are_predicted_too(folder, tmp_path):
