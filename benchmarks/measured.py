@@ -10,7 +10,7 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
 python benchmarks/measured.py rods [--quick]
 
     The tentacle at tensions of its first tendon as a rod and as tetrahedra of smaller and smaller size: how far p1 to
-    p4 are apart, mm, and the volume of the tetrahedra by that of the cones. Three minutes.
+    p4 are apart, mm, and the volume of the tetrahedra by that of the cones. Half a minute.
 
 python benchmarks/measured.py cylinder [--quick]
 
