@@ -75,6 +75,14 @@ def test_a_marker_at_the_wrong_place_is_called_so_first(recorded):
     assert "marker m3 was left out" in results["judgement"][0]["what"]
 
 
+def test_a_noise_that_is_far_too_small_is_called_so_first(recorded):
+    overrides = ["noise=0.01 mm"]
+    results = cfem.run_stage("estimate", recorded / "estimate.yaml", overrides=overrides, out=recorded / "quiet")[
+        "results"
+    ]
+    assert "5 of 5 markers were left out of most frames" in results["judgement"][0]["what"]
+
+
 @pytest.mark.parametrize(
     ("change", "said", "code"),
     [

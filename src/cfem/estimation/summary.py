@@ -25,7 +25,7 @@ def summarise(
     last = found[-1]
     for place, name in enumerate(estimator.loaded, estimator.model.rows.n_a):
         value, sd = 1e3 * last.loads[place - estimator.model.rows.n_a], 1e3 * last.deviation[place]
-        seen = "not observed in any frame" if unseen[name] == len(found) else f"not observed in {unseen[name]} frames"
+        seen = f"observed in {len(found) - unseen[name]} of {len(found)} frames"
         headline.append(f"{name}: {value:.3g} mN in the last frame, standard deviation {sd:.2g} mN; {seen}")
     if outliers:
         headline.append("left out: " + ", ".join(f"{name} in {count} frames" for name, count in outliers.most_common()))
@@ -37,9 +37,14 @@ def summarise(
             f"the markers miss the model by {ratio:.1f} times their noise: look at their places, the frame, the noise"
         )
         judged.append(poor(what))
-    for name, count in outliers.items():
-        if count > LOST * len(found):
-            judged.append(poor(f"marker {name} was left out of {count} of {len(found)} frames: look at its place"))
+    often = [name for name, count in outliers.items() if count > LOST * len(found)]
+    if len(often) > LOST * len(markers):
+        what = f"{len(often)} of {len(markers)} markers were left out of most frames: look at the noise and the frame"
+        judged.append(poor(what))
+    else:
+        for name in often:
+            what = f"marker {name} was left out of {outliers[name]} of {len(found)} frames: look at its place"
+            judged.append(poor(what))
     results = {
         "frames": len(found),
         "estimated": len(good),
