@@ -1,0 +1,171 @@
+"""What a tick of predictive control takes, part by part, and what solves its quadratic programs fastest.
+
+    python benchmarks/mpc.py MODEL [--horizon 20] [--rate 100]
+
+MODEL: a folder of `cfem train` that has learned to move. The condensed model, 10 % stiffer and 20 % more viscous, with
+noise of 0.1 mm and a delay of a tick, stands for the robot; forces swing between 0.3 and 0.7 of the largest that the
+model knows. Prints JSON: milliseconds of CPU time of a tick (median, 99th percentile) and of its parts (medians), and
+for each solver of the same programs, once with open bounds and once where bounds of force and rate hold: milliseconds
+(median), constraints that hold (mean), and the largest difference from the exact solution as a share of the largest
+command. Solvers other than cfem's and OSQP are taken where installed: pip install daqp piqp clarabel."""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+import cfem.control.moving.horizon as horizon
+from cfem.condensed.model import under_force
+from cfem.control.moving.clocked import Clocked
+from cfem.control.moving.horizon import Bounds, Cost
+from cfem.control.moving.mpc import Mpc, Plan
+from cfem.control.moving.observer import Doubt
+from cfem.control.qp import QpSolution, solve_qp
+from cfem.motion.altered import Altered
+from cfem.motion.load import load_motion
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
+from cfem.plant.moving_plant import MovingModelPlant
+
+TICKS = 150
+
+
+def spent(watch: dict[str, list[float]], name: str, function):
+    """The function, its CPU seconds noted under a name."""
+
+    def timed(*args, **options):
+        begin = time.process_time()
+        out = function(*args, **options)
+        watch[name].append(time.process_time() - begin)
+        return out
+
+    return timed
+
+
+def fly(model, ticks: int, rate: float, tight: bool) -> tuple[dict[str, list[float]], list[tuple]]:
+    """CPU seconds of the parts of TICKS ticks, and their programs."""
+    static, largest = model.static, model.static.domain.lambda_a[1]
+    t = np.arange(TICKS + ticks) / rate
+    share = 0.5 + 0.1 * (np.sin(2 * np.pi * 4 * t)[:, None] + np.sin(2 * np.pi * 2 * t)[:, None] * [1, -1])
+    share = share if len(largest) == 2 else np.repeat(share[:, :1], len(largest), axis=1)
+    near = under_force(static, 0.5 * largest, static.at_displacement(static.domain.nearest(0.5 * largest, "force")))
+    start, goals = near, []
+    for one in share:
+        near = under_force(static, one * largest, near)
+        goals.append(model.rest_e + near.delta_e)
+    size = static.length / largest
+    cost = Cost(np.ones(len(model.rest_e)), np.sqrt(1e-3) * size, 1e-5 * size)
+    high, speed = (0.58, 0.02) if tight else (1.0, np.inf)
+    bounds = Bounds(np.stack([0 * largest, high * largest], 1), speed * largest, static.domain.delta_a.T)
+    mpc = Mpc(Clocked(model, "force", 1 / rate, start.delta_a), Plan(ticks, cost, bounds), model.rest_e, start, Doubt())
+    body = MovingModelPlant(Altered(model, 1.1, 1.2), 1 / rate, 4)
+    body.settle(start.lambda_a, "force")
+    plant = ImperfectPlant(body, Imperfection(0.1, 1.0, 1), 0)
+    watch = {name: [] for name in ("observer", "linearisation", "program", "tick")}
+    programs: list[tuple] = []
+
+    def noted(*args) -> QpSolution:
+        programs.append(args[:6])
+        begin = time.process_time()
+        out = solve_qp(*args)
+        watch["program"].append(time.process_time() - begin)
+        return out
+
+    horizon.solve_qp = noted
+    linear = mpc._clocked.linear
+    mpc._present = spent(watch, "observer", mpc._present)
+    mpc._clocked.linear = lambda guess, material, every=1: (
+        spent(watch, "linearisation", linear)(guess, material, every) if every > 1 else linear(guess, material, every)
+    )
+    tick, measured = spent(watch, "tick", mpc.tick), None
+    for k in range(TICKS):
+        measured = plant.step(tick(goals[k], measured, goals[k:]).u, "force")
+    horizon.solve_qp = solve_qp
+    return watch, programs
+
+
+def solvers() -> dict[str, object]:
+    """name -> (H, f, A, low, high, box) -> x, by what is installed."""
+    found = {}
+    try:
+        import daqp
+
+        def by_daqp(H, f, A, low, high, box):
+            low, high = np.concatenate([box[:, 0], low]), np.concatenate([box[:, 1], high])
+            return daqp.solve(H, f, np.ascontiguousarray(A), high, low)[0]
+
+        found["daqp"] = by_daqp
+    except ImportError:
+        pass
+    try:
+        import piqp
+
+        def by_piqp(H, f, A, low, high, box):
+            solver = piqp.DenseSolver()
+            solver.settings.eps_abs = solver.settings.eps_rel = 1e-9
+            solver.setup(H, f, np.zeros((0, len(f))), np.zeros(0), A, low, high, box[:, 0], box[:, 1])
+            solver.solve()
+            return solver.result.x
+
+        found["piqp"] = by_piqp
+    except ImportError:
+        pass
+    try:
+        import clarabel
+
+        def by_clarabel(H, f, A, low, high, box):
+            G = np.vstack([A, np.eye(len(f))])
+            low, high = np.concatenate([low, box[:, 0]]), np.concatenate([high, box[:, 1]])
+            above, below = np.isfinite(high), np.isfinite(low)
+            K, h = np.vstack([G[above], -G[below]]), np.concatenate([high[above], -low[below]])
+            settings = clarabel.DefaultSettings()
+            settings.verbose = False
+            cones = [clarabel.NonnegativeConeT(len(h))]
+            solver = clarabel.DefaultSolver(sp.csc_matrix(np.triu(H)), f, sp.csc_matrix(K), h, cones, settings)
+            return np.array(solver.solve().x)
+
+        found["clarabel"] = by_clarabel
+    except ImportError:
+        pass
+    return found
+
+
+def compared(programs: list[tuple]) -> dict[str, dict[str, float]]:
+    exact = [solve_qp(*one) for one in programs]
+    holds = float(np.mean([(np.abs(one.y) > 0).sum() + (np.abs(one.z) > 0).sum() for one in exact]))
+    size = max(float(np.abs(one.x).max()) for one in exact)
+    ways = {
+        "active_set": lambda M, d, A, low, high, box: solve_qp(M, d, A, low, high, box).x,
+        "osqp": lambda M, d, A, low, high, box: solve_qp(M, d, A, low, high, box, "osqp").x,
+    }
+    for name, way in solvers().items():
+        ways[name] = lambda M, d, A, low, high, box, way=way: way(M.T @ M, -M.T @ d, A, low, high, box)
+    table = {}
+    for name, way in ways.items():
+        watch: dict[str, list[float]] = {name: []}
+        answers = [spent(watch, name, way)(*one) for one in programs]
+        off = max(float(np.abs(x - one.x).max()) for x, one in zip(answers, exact, strict=True)) / size
+        table[name] = {"ms": 1e3 * float(np.median(watch[name])), "hold": holds, "off": off}
+    return table
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("model", type=Path)
+    parser.add_argument("--horizon", type=int, default=20)
+    parser.add_argument("--rate", type=float, default=100.0)
+    options = parser.parse_args()
+    model = load_motion(options.model)
+    out = {"n_a": model.n_a, "n_q": model.n_q, "horizon": options.horizon}
+    for name, tight in (("open", False), ("bounded", True)):
+        watch, programs = fly(model, options.horizon, options.rate, tight)
+        ms = {part: 1e3 * float(np.median(values)) for part, values in watch.items()}
+        out[name] = {"ms": ms | {"tick_p99": 1e3 * float(np.percentile(watch["tick"], 99))}}
+        out[name]["solvers"] = compared(programs)
+    print(json.dumps(out, indent=1))
+
+
+if __name__ == "__main__":
+    main()
