@@ -1,6 +1,6 @@
 """What a tick of predictive control takes, part by part, and what solves its quadratic programs fastest.
 
-    python benchmarks/mpc.py MODEL [--horizon 20] [--rate 100]
+    python benchmarks/mpc.py MODEL [--horizon 20] [--rate 100] [--moves 8]
 
 MODEL: a folder of `cfem train` that has learned to move. The condensed model, 10 % stiffer and 20 % more viscous, with
 noise of 0.1 mm and a delay of a tick, stands for the robot; forces swing between 0.3 and 0.7 of the largest that the
@@ -44,7 +44,7 @@ def spent(watch: dict[str, list[float]], name: str, function):
     return timed
 
 
-def fly(model, ticks: int, rate: float, tight: bool) -> tuple[dict[str, list[float]], list[tuple]]:
+def fly(model, ticks: int, rate: float, moves: int | None, tight: bool) -> tuple[dict[str, list[float]], list[tuple]]:
     """CPU seconds of the parts of TICKS ticks, and their programs."""
     static, largest = model.static, model.static.domain.lambda_a[1]
     t = np.arange(TICKS + ticks) / rate
@@ -59,7 +59,13 @@ def fly(model, ticks: int, rate: float, tight: bool) -> tuple[dict[str, list[flo
     cost = Cost(np.ones(len(model.rest_e)), np.sqrt(1e-3) * size, 1e-5 * size)
     high, speed = (0.58, 0.02) if tight else (1.0, np.inf)
     bounds = Bounds(np.stack([0 * largest, high * largest], 1), speed * largest, static.domain.delta_a.T)
-    mpc = Mpc(Clocked(model, "force", 1 / rate, start.delta_a), Plan(ticks, cost, bounds), model.rest_e, start, Doubt())
+    mpc = Mpc(
+        Clocked(model, "force", 1 / rate, start.delta_a),
+        Plan(ticks, cost, bounds, moves=moves),
+        model.rest_e,
+        start,
+        Doubt(),
+    )
     body = MovingModelPlant(Altered(model, 1.1, 1.2), 1 / rate, 4)
     body.settle(start.lambda_a, "force")
     plant = ImperfectPlant(body, Imperfection(0.1, 1.0, 1), 0)
@@ -155,12 +161,13 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("model", type=Path)
     parser.add_argument("--horizon", type=int, default=20)
+    parser.add_argument("--moves", type=int)
     parser.add_argument("--rate", type=float, default=100.0)
     options = parser.parse_args()
     model = load_motion(options.model)
     out = {"n_a": model.n_a, "n_q": model.n_q, "horizon": options.horizon}
     for name, tight in (("open", False), ("bounded", True)):
-        watch, programs = fly(model, options.horizon, options.rate, tight)
+        watch, programs = fly(model, options.horizon, options.rate, options.moves, tight)
         ms = {part: 1e3 * float(np.median(values)) for part, values in watch.items()}
         out[name] = {"ms": ms | {"tick_p99": 1e3 * float(np.percentile(watch["tick"], 99))}}
         out[name]["solvers"] = compared(programs)

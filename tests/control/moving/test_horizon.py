@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from control.moving.bar import clocked, standing
+from scipy.optimize import minimize
 
 from cfem.control.moving.horizon import (
     Bounds,
@@ -10,6 +11,7 @@ from cfem.control.moving.horizon import (
     HalfSpace,
     Predicted,
     best_commands,
+    blocks,
     condensed_forces,
     condensed_states,
 )
@@ -73,6 +75,25 @@ def test_bounds_and_rates_hold():
     steps = np.diff(np.concatenate([state.u[None], held.U]), axis=0)
     assert held.U.max() <= 1.1 * state.u[0] + 1e-9 and np.abs(steps).max() <= 0.05 + 1e-9
     assert np.abs(steps).max() == pytest.approx(0.05)
+
+
+def test_commands_held_in_blocks_are_those_of_equal_commands():
+    """The same program with equalities in the place of blocks, by another solver."""
+    begins = blocks(N, 3)
+    assert begins.tolist() == [0, 1, 2] and blocks(20, 10)[:5].tolist() == [0, 1, 2, 3, 4] and len(blocks(20, 1)) == 1
+    state, found = effectors()
+    goals = found.at(np.repeat(state.u, N)) + np.array([-0.3, 0.0, -0.6])
+    held = best_commands(found, None, goals, state.u, state.u, COST, FREE, begins=begins)
+    assert np.ptp(held.U[2:]) == 0 and np.ptp(held.U) > 0.05
+
+    def cost(V):
+        U = np.repeat(V, [1, 1, N - 2])
+        missed = goals - found.at(U)
+        steps = np.diff(np.concatenate([state.u, U]))
+        return 0.5 * (missed**2).sum() + 0.5 * COST.smooth[0] ** 2 * (steps**2).sum()
+
+    best = minimize(cost, state.u.repeat(3), tol=1e-14).x
+    np.testing.assert_allclose(held.U[[0, 1, 2], 0], best, atol=1e-4)
 
 
 def test_two_solvers_agree():

@@ -73,7 +73,7 @@ def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation,
     size = at.length / full
     cost = Cost(pilot.weights, np.sqrt(own.smooth) * size, np.sqrt(own.effort) * size)
     bounds = Bounds(command, np.full(len(full), pilot.rate), course, _planes(own, len(at.rest_e)))
-    plan = Plan(own.horizon, cost, bounds, pilot.settings.backend)
+    plan = Plan(own.horizon, cost, bounds, pilot.settings.backend, own.moves)
     clocked = Clocked(motion, pilot.command, 1 / at.loop.rate, start.delta_a)
     doubt = None if spec.mode == "open" else doubt_of(own.doubt, at.loop.sensor.noise)
     return Mpc(clocked, plan, at.rest_e, start, doubt)

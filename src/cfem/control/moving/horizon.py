@@ -116,35 +116,56 @@ def best_commands(
     cost: Cost,
     bounds: Bounds,
     backend: Backend = "active_set",
+    begins: np.ndarray | None = None,
 ) -> Commands:
     """effectors (N, n_e) and course (N, n_a) as predicted; goals (N, n_e) mm from rest; told (n_a,): the command
-    before; rest (n_a,): what effort is counted from."""
-    n, n_a = len(goals), len(told)
+    before; rest (n_a,): what effort is counted from; begins (m,): ticks at which the command changes, the first of
+    them 0, None: all."""
+    ticks, n_a = len(goals), len(told)
+    begins = np.arange(ticks) if begins is None else begins
+    effectors, course = _held(effectors, begins, n_a), None if course is None else _held(course, begins, n_a)
+    lasting = np.diff(np.append(begins, ticks))
+    n = len(begins)  # of commands
     D = np.kron(np.eye(n) - np.eye(n, k=-1), np.eye(n_a))
     first = np.zeros(n * n_a)
     first[:n_a] = told
-    M = [(cost.weights[:, None] * effectors.slope).reshape(-1, n * n_a)[np.tile(cost.weights > 0, n)]]
-    d = [(cost.weights * (goals - effectors.value)).ravel()[np.tile(cost.weights > 0, n)]]
+    M = [(cost.weights[:, None] * effectors.slope).reshape(-1, n * n_a)[np.tile(cost.weights > 0, ticks)]]
+    d = [(cost.weights * (goals - effectors.value)).ravel()[np.tile(cost.weights > 0, ticks)]]
     M.append(np.tile(cost.smooth, n)[:, None] * D)
     d.append(np.tile(cost.smooth, n) * first)
     if cost.effort.any():
-        M.append(np.diag(np.tile(cost.effort, n)))
-        d.append(np.tile(cost.effort * rest, n))
+        effort = np.outer(np.sqrt(lasting), cost.effort)
+        M.append(np.diag(effort.ravel()))
+        d.append((effort * rest).ravel())
     M, d = np.concatenate(M), np.concatenate(d)
     hard, soft = _rows(D, first, np.tile(bounds.rate, n), np.tile(bounds.rate, n)), []
     if course is not None:
-        low, high = (np.tile(column, n) - course.value.ravel() for column in bounds.course.T)
+        low, high = (np.tile(column, ticks) - course.value.ravel() for column in bounds.course.T)
         soft.append(_finite(course.slope.reshape(-1, n * n_a), low, high))
     for plane in bounds.planes:
         level = plane.level - effectors.value @ plane.normal
-        soft.append(_finite(plane.normal @ effectors.slope, level, np.full(n, np.inf)))
+        soft.append(_finite(plane.normal @ effectors.slope, level, np.full(ticks, np.inf)))
     A, low, high = (np.concatenate(each) for each in zip(hard, *soft, strict=True))
     box = np.tile(bounds.command, (n, 1))
     qp = solve_qp(M, d, A, low, high, box, backend)
     softened = qp.status is QpStatus.INFEASIBLE and len(A) > len(hard[0])
     if softened:
         qp = _softened(M, d, A, low, high, box, len(hard[0]), backend)
-    return Commands(qp.x[: n * n_a].reshape(n, n_a), qp, softened)
+    return Commands(np.repeat(qp.x[: n * n_a].reshape(n, n_a), lasting, axis=0), qp, softened)
+
+
+def blocks(ticks: int, moves: int) -> np.ndarray:
+    """(m,) ticks at which a command changes, m at most `moves`: the next ones apart, later ones held longer."""
+    ends = np.unique(np.geomspace(1, ticks, min(moves, ticks)).round().astype(int)) if moves > 1 else np.array([ticks])
+    return np.concatenate([[0], ends[:-1]])
+
+
+def _held(found: Predicted, begins: np.ndarray, n_a: int) -> Predicted:
+    """Affine in the commands of the blocks."""
+    if len(begins) == len(found.value):
+        return found
+    by_tick = found.slope.reshape(*found.slope.shape[:2], -1, n_a)
+    return Predicted(found.value, np.add.reduceat(by_tick, begins, axis=2).reshape(*found.slope.shape[:2], -1))
 
 
 def _rows(D: np.ndarray, centre: np.ndarray, below: np.ndarray, above: np.ndarray) -> tuple[np.ndarray, ...]:

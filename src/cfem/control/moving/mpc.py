@@ -18,6 +18,7 @@ from cfem.control.moving.horizon import (
     HalfSpace,
     Predicted,
     best_commands,
+    blocks,
     condensed_forces,
     condensed_states,
 )
@@ -43,12 +44,14 @@ class Told:
 
 @dataclass(frozen=True)
 class Plan:
-    """How a horizon is planned. ticks: N; cost, bounds: see `horizon`; backend: of the quadratic program."""
+    """How a horizon is planned. ticks: N; cost, bounds: see `horizon`; backend: of the quadratic program; moves:
+    commands that differ, None: all."""
 
     ticks: int
     cost: Cost
     bounds: Bounds
     backend: Backend = "active_set"
+    moves: int | None = None
 
 
 class Mpc:
@@ -60,6 +63,7 @@ class Mpc:
         self._clocked, self._rest_e = clocked, rest_e
         shifted = [HalfSpace(one.normal, one.level - float(one.normal @ rest_e)) for one in plan.bounds.planes]
         self._plan = replace(plan, bounds=replace(plan.bounds, planes=tuple(shifted)))
+        self._begins = None if plan.moves is None else blocks(plan.ticks, plan.moves)
         state = clocked.at_rest(start)
         self.observer = None if doubt is None else Observer(clocked, state, plan.cost.weights, doubt)
         self._state, self._rest = state, state.u
@@ -127,5 +131,7 @@ class Mpc:
             course = Predicted(states.value[:, : clocked.n_a], states.slope[:, : clocked.n_a])
         else:
             course = condensed_forces(steps, states, now.z, guess.state, acting)
-        found = best_commands(effectors, course, goals, now.u, self._rest, plan.cost, plan.bounds, plan.backend)
+        found = best_commands(
+            effectors, course, goals, now.u, self._rest, plan.cost, plan.bounds, plan.backend, self._begins
+        )
         return found, states.at(found.U.ravel())

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.control.moving.clocked import Clocked, State
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.motion.linear import Linear, Material
 from cfem.plant.protocol import Measurement
 
@@ -64,19 +64,21 @@ class Observer:
         self._commands.append(np.asarray(u, float))
 
     def hear(self, measured: Measurement | None, rest_e: np.ndarray) -> None:
-        """A sample, with the number of its tick; one heard before changes nothing."""
+        """A sample, with the number of its tick; one heard before changes nothing, and one without a position does not
+        correct. NumericalError where the estimate is not finite."""
         if measured is None or measured.t <= self.heard:
             return
         if measured.t > self.heard + len(self._commands):
             what = f"the sample is of tick {measured.t}, and {self.heard + len(self._commands)} commands were given"
             raise InputError(what, do="number the samples by the command that they follow, from 1 on")
-        if not np.isfinite(measured.x_e[self._measured]).all():
-            return
         for u in self._commands[: measured.t - self.heard]:
             self._predict(u)
         self._commands = self._commands[measured.t - self.heard :]
         self.heard = measured.t
-        self._correct(measured.x_e - rest_e)
+        if np.isfinite(measured.x_e[self._measured]).all():
+            self._correct(measured.x_e - rest_e)
+        if not np.isfinite(self.state.z.sum() + self.covariance.sum()):
+            raise NumericalError("the observer has lost the robot: its estimate is not finite")
 
     def now(self) -> State:
         """Where the commands given since the last sample have led."""

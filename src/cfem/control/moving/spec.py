@@ -58,6 +58,9 @@ class MpcSpec(Spec):
 
     horizon: PositiveInt = 20
     """Ticks that are planned ahead."""
+    moves: PositiveInt | None = None
+    """Commands that are planned apart, later ones held for several ticks. As many as the horizon has ticks unless
+    given."""
     smooth: float = Field(1e-3, gt=0)
     """Cost of a change of command by its full range in one tick, relative to missing the goal by the robot's length."""
     effort: NonNegativeFloat = 1e-10
