@@ -18,7 +18,7 @@ QUICK = {
     "measured.py cylinder": ["--quick"],
     "measured.py motion": ["--quick"],
     "measured.py rods": ["--quick"],
-    "motion.py": [BAR, "mesh.size=10 mm"],
+    "motion.py": ["bar", "--quick"],
     "stiff_flop.py rest": ["--quick"],
     "stiff_flop.py bending": ["--quick"],
     "stiff_flop.py solid": ["--quick"],
