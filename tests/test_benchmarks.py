@@ -28,7 +28,9 @@ QUICK = {
 
 # What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
 LONG = {
+    "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
     "contact_anywhere.py": "make soft-finger",
+    "contact_random.py": "nothing: it takes minutes",
     "control_process.py": "an exported model",
     "designs.py": "make parametric-finger",
     "embedded.py": "make embedded",
@@ -39,8 +41,11 @@ LONG = {
     "remeshing.py": "make finger-shapes",
     "shape_distance.py": "a trained model, see its help",
     "skin.py": "a trained model, see its help",
+    "shape_gain.py": "make finger-shapes",
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
+    "gym.py": "make soft-finger",
+    "loads.py": "minutes of finite elements: see its help",
     "page.py": "make pages",
     "throughput.py": "make soft-finger",
 }
