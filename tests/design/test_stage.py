@@ -249,3 +249,22 @@ def test_designs_are_refined_by_finite_elements(folder):
 def test_refining_needs_a_scene_and_a_mesh(folder):
     with pytest.raises(SpecError, match="refine: needs scene and mesh"):
         run(folder / "design.yaml", [*QUICK, "mesh=null", "refine={}"], None, QUIET)
+
+
+def test_a_design_to_which_the_mesh_does_not_stretch_is_checked_on_its_own(folder, monkeypatch):
+    """Its mesh counts as stretched too far where a cell has less than 0.93 of its volume: the thinnest bar is."""
+    monkeypatch.setattr("cfem.robot.morph.THINNEST", 0.93)
+    overrides = [
+        *QUICK[1:],
+        "front=null",
+        "blends={}",
+        "sensitivity=null",
+        "objectives={effort: {kind: python, function: 'own.py:effort'}}",
+    ]
+    found = run(folder / "design.yaml", overrides, folder / "own-mesh", QUIET)["results"]
+    (own,) = found["meshes"]
+    assert own["p"]["height"] == pytest.approx(9.0) and own["cells"] > 10
+    entry = found["designs"]["effort"]
+    # another mesh of linear tetrahedra has another error: the gap is that of the two, and still small
+    assert 0 < abs(entry["fe"]["gap"]["effort"]) < 0.2 * entry["objectives"]["effort"]
+    assert any("which has a mesh of its own of" in line for line in found["headline"])
