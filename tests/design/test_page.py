@@ -8,7 +8,7 @@ import pytest
 from design.problems import plain
 
 from cfem.design.front import best_of_each, pareto_front
-from cfem.design.page import STEPS, front_page, moving
+from cfem.design.page import STEPS, front_page, moving, write_page
 from cfem.design.search import evaluate_grid
 
 
@@ -56,3 +56,20 @@ def test_the_page_says_what_the_front_is(made):
 def test_the_page_needs_no_network_and_escapes_names(made):
     text = made[3]
     assert not re.search(r"(src|href)=.?https?:", text) and "own &lt;finger&gt;" in text and "<finger>" not in text
+
+
+def test_designs_on_meshes_of_their_own_are_left_out(made, tmp_path, monkeypatch):
+    problem, front, shapes, _ = made
+    x, tips = shapes[1]
+    others = [shapes[0], (np.zeros((STEPS, 5, 3)), tips), *shapes[2:]]
+    monkeypatch.setattr("cfem.design.page.moving", lambda *_: others)
+
+    class OnItsMesh(Exact):
+        robot = Robot()
+        robot.X = x[0]
+
+    assert write_page(tmp_path, problem, front, OnItsMesh(), None) == "front.html"
+    text = (tmp_path / "front.html").read_text()
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
+    assert len(data["designs"]) == len(front.designs) - 1
+    assert data["values"][1] == pytest.approx(front.designs[2].objectives.tolist())
