@@ -80,7 +80,8 @@ def test_bounds_and_rates_hold():
 def test_commands_held_in_blocks_are_those_of_equal_commands():
     """The same program with equalities in the place of blocks, by another solver."""
     begins = blocks(N, 3)
-    assert begins.tolist() == [0, 1, 2] and blocks(20, 10)[:5].tolist() == [0, 1, 2, 3, 4] and len(blocks(20, 1)) == 1
+    assert begins.tolist() == [0, 1, 2] and blocks(20, 8).tolist() == [0, 1, 2, 3, 4, 6, 8, 13]
+    assert blocks(20, 20).tolist() == blocks(20, 50).tolist() == list(range(20)) and blocks(20, 1).tolist() == [0]
     state, found = effectors()
     goals = found.at(np.repeat(state.u, N)) + np.array([-0.3, 0.0, -0.6])
     held = best_commands(found, None, goals, state.u, state.u, COST, FREE, begins=begins)

@@ -155,8 +155,11 @@ def best_commands(
 
 
 def blocks(ticks: int, moves: int) -> np.ndarray:
-    """(m,) ticks at which a command changes, m at most `moves`: the next ones apart, later ones held longer."""
-    ends = np.unique(np.geomspace(1, ticks, min(moves, ticks)).round().astype(int)) if moves > 1 else np.array([ticks])
+    """(m,) ticks at which a command changes, m = `moves` or `ticks` where that is less: later ones are held longer."""
+    count = min(moves, ticks)
+    ends = np.geomspace(1, ticks, count).round().astype(int) if count > 1 else np.array([ticks])
+    for k in range(1, count):
+        ends[k] = max(ends[k], ends[k - 1] + 1)
     return np.concatenate([[0], ends[:-1]])
 
 
