@@ -15,7 +15,8 @@ controller uses an estimate only where four guards let it:
 - gate: a sample that is not likely under P' and R (1 in 1000) changes nothing; only a long run of them opens P again.
   R is the square of the stated noise, or what the samples of late have shown where that is more;
 - excitation: a parameter counts once its standard deviation has come down to half of its first;
-- proof: the estimate must have predicted the samples of late better than the first values do, else those are used.
+- proof: the estimate must have predicted the samples of late better than the first values do, and to 5 % of the
+  robot's length, else the first values are used: a robot so far from its model is none of the family.
 
 What is used changes by a bounded step a tick."""
 
@@ -36,6 +37,7 @@ STEP = 1e-3  # of a range: of differences
 GATE = 0.999
 ITERATIONS, NEAR = 6, 0.02  # of an update; of the first standard deviation: a step that ends it
 SEEN = 0.5  # of the first standard deviation: below it a parameter counts
+FAR = 0.05  # of the robot's length: a model that misses by more says nothing of this robot
 STEADY = 100.0  # times as long are samples kept of what does not change with time
 PATIENCE = 20  # refused samples after which the robot has changed
 RATE = 20.0  # times `forget`: in so many samples a drift crosses a parameter's standard deviation
@@ -185,10 +187,12 @@ class Tracker:
         return x, keep @ P @ keep.T + K @ R @ K.T, float(size)  # Joseph's form stays positive
 
     def _use(self) -> bool:
-        """What the controller uses: the estimate where it is excited and proved, else the first values."""
+        """What the controller uses: the estimate once it is excited, what it used before until then, and the first
+        values where the estimate is not proved."""
         seen = bool((self.deviation < SEEN * self._sd)[self._kinds < 2].any())
-        proved = self._misses["tracked"] <= self._misses["first"]
-        wanted = self.x if seen and proved else self._first
+        fits = self.noise * np.sqrt(self._spread) <= FAR * self.predictor.length
+        proved = fits and self._misses["tracked"] <= self._misses["first"]
+        wanted = (self.x if seen else self._used) if proved else self._first
         most = MOST * np.where(self._kinds == 1, self._sd / SD, 1.0)
         moved = self._used + np.clip(wanted - self._used, -most, most)
         changed = not np.array_equal(moved, self._used)
