@@ -88,7 +88,16 @@ def test_a_mesh_that_is_not_closed_is_refused(bar):
         cfem.run_stage("control", control(bar, "open", {"thing": {"kind": "mesh", "file": "open.stl"}}))
 
 
-@pytest.mark.parametrize("more", [{"fe_based": True}, {"loads": {"tip": {"force": {"N": [0, 0, 1]}}}}])
+def test_a_payload_and_an_obstacle_go_together(bar):
+    """The plan knows that the load presses too."""
+    obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
+    search, loads = {"step": "0.5 mm", "weights": [0, 0, 0]}, {"tip": {"force": {"N": [0, 0.004, -0.01]}}}
+    spec = control(bar, "loaded-press", obstacles, search=search, loads=loads)
+    found = cfem.run_stage("control", spec)["results"]
+    assert found["obstacles"]["ceiling"]["error_max"] < 0.05 * 0.03 and found["load_error"] > 0
+
+
+@pytest.mark.parametrize("more", [{"fe_based": True}, {"design": {"young": "1 MPa"}}])
 def test_what_does_not_go_together_is_refused(bar, more):
     with pytest.raises(SpecError, match="obstacles"):
         cfem.run_stage("control", control(bar, "both", {"ceiling": CEILING}, **more))

@@ -94,6 +94,14 @@ def test_friction_holds_what_slides_without_it(touchable):
     assert slips[1] < 1e-6 < 1e-3 < slips[0]
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_what_no_longer_touches_is_free_and_holds_nothing(touchable, mu):
+    pressed = touch_step(touchable, DELTA, [wall(touchable, 0.3)], mu=mu)
+    away = touch_step(touchable, DELTA, [wall(touchable, -5.0)], mu=mu, before=pressed)
+    assert pressed.forces.any() and away.converged
+    assert not len(away.patches) and not len(away.modes) and np.isnan(away.stuck).all()
+
+
 def test_the_forces_of_actuators_are_those_of_the_loaded_energy(touchable):
     rng, h, none = np.random.default_rng(0), 1e-4, np.zeros(0)
     w, skin = 0.05 * rng.normal(size=len(touchable.model.skin)), touchable.model.skin

@@ -229,8 +229,8 @@ class ControlSpec(Spec):
 
     @model_validator(mode="after")
     def _obstacles_alone(self):
-        if self.obstacles and (self.object or self.design or self.loads or self.loop or self.runtime == "onnx"):
-            raise ValueError("obstacles do not go with an object, a design, loads, a loop or runtime: onnx yet")
+        if self.obstacles and (self.object or self.design or self.loop or self.runtime == "onnx"):
+            raise ValueError("obstacles do not go with an object, a design, a loop or runtime: onnx yet")
         if self.obstacles and (self.fe_based or self.plant == "pipe"):
             raise ValueError("obstacles need fe_based: false, and plant: fem or model")
         return self

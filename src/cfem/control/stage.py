@@ -60,25 +60,24 @@ def _work(
 
     scene_and_mesh, robot, predictors, shift = _loaded(spec, base, mesh, models)
     demand_units(spec, robot.actuator_units)
-    world = touched = None
+    world = touched = under = None
     if spec.object:
         from cfem.control.assembled import assembled, touching
 
         touched = touching(spec, robot) if spec.object.law != "bilateral" else None
         robot, predictors, fem = assembled(spec, robot, predictors, models)
         plant = touched or fem
-    elif spec.obstacles:
-        from cfem.control.among import among
-
-        _demand_same_rows(robot, predictors, models)
-        fem = FemPlant(robot) if spec.plant == "fem" else None
-        world, predictors, touched = among(spec, base, robot, predictors, models)
-        plant = touched if fem else ModelPlant(next(iter(predictors.values())), world.rest(robot.rest_e))
     else:
         _demand_same_rows(robot, predictors, models)
         robot, predictors = carrying(spec, robot, predictors, models)
-        fem = FemPlant(robot) if spec.plant == "fem" else None
-        plant = fem or ModelPlant(next(iter(predictors.values())), robot.rest_e)
+        fem, rest_e = FemPlant(robot) if spec.plant == "fem" else None, robot.rest_e
+        if spec.obstacles:
+            from cfem.control.among import among
+
+            under = _load_error(spec, predictors)
+            world, predictors, touched = among(spec, base, robot, predictors, models)
+            rest_e = world.rest(rest_e)
+        plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
     goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
     if world:
         goals = {name: world.goals(points) for name, points in goals.items()}
@@ -112,7 +111,7 @@ def _work(
     costs = ("solves", "factorizations", "seconds")
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held, met = headline(results, refined, cost), None, None
-    under = max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
+    under = _load_error(spec, predictors) if under is None else under
     if spec.loads:
         lines.append(f"under the loads the models miss by about {under:.2g} mm, of second order in the loads")
     if spec.object:
@@ -153,6 +152,11 @@ def _loaded(spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path]) 
     from cfem.control.design import designed
 
     return scene_and_mesh, *designed(*scene_and_mesh, predictors, spec.design)
+
+
+def _load_error(spec: ControlSpec, predictors) -> float | None:
+    """mm, None without loads."""
+    return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
 
 
 def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:

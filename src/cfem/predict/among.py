@@ -48,9 +48,15 @@ class Among:
         return Rows((*own.effectors, *more), own.actuators)
 
     @cached_property
+    def stiffnesses(self) -> np.ndarray:
+        """(N,) N/mm: of each patch to a force on it, of any direction; infinite where the body is held."""
+        mean = np.diagonal(self.touchable.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).mean(axis=1)
+        return 1.0 / np.maximum(mean, 1e-12 * mean.max())
+
+    @property
     def stiffness(self) -> float:
-        """N/mm: of a patch to a force on it, the median."""
-        return float(1.0 / np.median(np.diagonal(self.touchable.own, axis1=1, axis2=2)))
+        """N/mm: that of the patches, the median."""
+        return float(np.median(self.stiffnesses))
 
     def touched(self, delta_a: np.ndarray, like: Touched | None = None) -> Touched | None:
         """The contact state at delta_a (n_a,) mm, None without anything solid; like: one nearby, whose forces are a
@@ -106,6 +112,6 @@ class Among:
         missing = [number for number, name in enumerate(self.pressed) if not pressed[number]]
         if missing:
             for number in missing:
-                gap = self.solid[self.pressed[number]].distance(touched.everywhere).min()
-                pressed[number] = -self.stiffness * max(gap, 0.0)
+                gaps = np.maximum(self.solid[self.pressed[number]].distance(touched.everywhere), 0.0)
+                pressed[number] = -(self.stiffnesses * gaps).min()
         return np.concatenate([touched.delta_e, pressed]), touched.lambda_a

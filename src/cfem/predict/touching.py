@@ -94,7 +94,7 @@ def touch_step(
         touching = distance <= 0
         touching[chosen[forces.any(axis=1)]] = True
         last, chosen = _spread(chosen, forces, count), np.flatnonzero(touching)
-        forces = last[chosen]
+        forces, modes = last[chosen], ()
         if not 0 < len(chosen) <= MOST:
             status = TouchedStatus.MANY if len(chosen) else TouchedStatus.CONVERGED
             break
@@ -126,11 +126,11 @@ def touch_step(
             status = TouchedStatus.CONVERGED
             break
     if mu:
-        sticks = np.array([mode is Mode.STICK for mode in modes], dtype=bool)
+        sticks = np.array([mode is Mode.STICK for mode in modes or (None,) * len(chosen)], dtype=bool)
         free = np.ones(count, dtype=bool)
-        free[chosen[: len(modes)][sticks]] = False
+        free[chosen[sticks]] = False
         stuck[free] = np.nan
-        slides = chosen[: len(modes)][~sticks & forces[: len(modes)].any(axis=1)]
+        slides = chosen[~sticks & forces.any(axis=1)]
         stuck[slides] = places[slides]
     model, w = touchable.model, held.work(chosen, forces)
     base = model.at_displacement(delta_a)
