@@ -195,6 +195,7 @@ def _follow(
     searched = _pilot(spec, robot, predictor)
     if world:
         searched = world.pilot(searched)
+        predictors = {name: replace(model, before=None) for name, model in predictors.items()}  # a way of its own
     settings, rest_e = searched.settings, world.rest(robot.rest_e) if world else robot.rest_e
     pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
         f"{first}@{n}": replace(
