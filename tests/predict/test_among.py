@@ -98,7 +98,7 @@ def test_friction_remembers_where_the_robot_stands(touchable, table):
     """On the way back from a settled state friction acts against the motion: another force of the cable."""
     forth, back = (Among(touchable, {"table": table}, mu=0.8) for _ in range(2))
     back.settle(DELTA + 0.5)
-    assert abs(forth.at_displacement(DELTA).lambda_a[0] - back.at_displacement(DELTA).lambda_a[0]) > 1e-4
+    assert abs(forth.at_displacement(DELTA).lambda_a[0] - back.at_displacement(DELTA).lambda_a[0]) > 1e-5
     smooth = Among(touchable, {"table": table})
     before = smooth.at_displacement(DELTA).lambda_a[0]
     smooth.settle(DELTA + 0.5)

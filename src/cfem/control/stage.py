@@ -195,7 +195,9 @@ def _follow(
     searched = _pilot(spec, robot, predictor)
     if world:
         searched = world.pilot(searched)
-        predictors = {name: replace(model, before=None) for name, model in predictors.items()}  # a way of its own
+        predictors = {
+            name: replace(model, before=None, at=None) for name, model in predictors.items()
+        }  # a way of its own
     settings, rest_e = searched.settings, world.rest(robot.rest_e) if world else robot.rest_e
     pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
         f"{first}@{n}": replace(
@@ -227,7 +229,7 @@ def _updated_once(model):
     from cfem.predict.among import Among
 
     if isinstance(model, Among):
-        return replace(model, before=None)  # where it stands is its own
+        return replace(model, before=None, at=None)  # where it stands is its own
     return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
 
 

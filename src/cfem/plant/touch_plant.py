@@ -26,8 +26,8 @@ from cfem.equilibrium.touch import PlacedRobot, Touch, TouchStatus, touch
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
 from cfem.plant.quasi_static import CONVERGED, carried_out
+from cfem.predict.among import SHARE
 
-SHARE = 0.05  # of its reach: the longest way of an actuator in one quasi-static step
 OVERLAP = 1e-6  # of the length: how far a patch that is no contact point may be within an obstacle
 NEAR = 0.6  # distances of patches: nearer to an obstacle than this a patch is a contact point
 MOST = 40  # contact points

@@ -25,13 +25,15 @@ from cfem.predict.touchable import Touchable
 from cfem.predict.touching import Touched, touch_step
 
 STEP = 1e-4  # of the reach: of the differences
+SHARE = 0.05  # of its reach: the longest way of an actuator in one quasi-static step under friction
 
 
 @dataclass
 class Among:
     """`Model`. solid: obstacles that the robot may touch, by name; pressed: those of them whose force is a row, in
-    their order; avoided: obstacles whose distance is a row. It remembers the contact state that the robot stands in
-    (`settle`), from which a step begins: friction and the side of an edge depend on it."""
+    their order; avoided: obstacles whose distance is a row. It remembers the contact state `before` in which the robot
+    stands, actuators `at` (n_a,) mm (`settle`): there a step begins, as friction and the side of an edge depend on the
+    way."""
 
     touchable: Touchable
     solid: Mapping[str, Obstacle]
@@ -40,6 +42,7 @@ class Among:
     law: Law = "coulomb"
     mu: float = 0.0
     before: Touched | None = None
+    at: np.ndarray | None = None
 
     @cached_property
     def rows(self) -> Rows:
@@ -58,15 +61,23 @@ class Among:
         """N/mm: that of the patches, the median."""
         return float(np.median(self.stiffnesses))
 
-    def touched(self, delta_a: np.ndarray, like: Touched | None = None) -> Touched | None:
-        """The contact state at delta_a (n_a,) mm, None without anything solid; like: one nearby, whose forces are a
-        first guess. NumericalError where there is none."""
+    def touched(self, delta_a: np.ndarray) -> Touched | None:
+        """The contact state at delta_a (n_a,) mm, None without anything solid. NumericalError where there is none."""
+        return self._step(delta_a, self._way(delta_a))
+
+    def _way(self, delta_a: np.ndarray) -> Touched | None:
+        """The state in which the last step to delta_a (n_a,) mm begins: with friction the way is gone in steps."""
+        state, begin = self.before, np.zeros(len(delta_a)) if self.at is None else self.at
+        if self.mu > 0 and self.solid:
+            longest = SHARE * np.abs(self.touchable.model.reach).max(axis=1)
+            count = int(np.ceil((np.abs(delta_a - begin) / longest).max()))
+            for step in range(1, count):
+                state = self._step(begin + step / count * (delta_a - begin), state)
+        return state
+
+    def _step(self, delta_a: np.ndarray, before: Touched | None) -> Touched | None:
         if not self.solid:
             return None
-        before = self.before
-        if like is not None:
-            stuck = np.full_like(like.stuck, np.nan) if before is None else before.stuck
-            before = replace(like, stuck=stuck)
         found = touch_step(self.touchable, delta_a, tuple(self.solid.values()), self.law, self.mu, before)
         if not found.converged:
             raise NumericalError(f"learned contact: {found.status.value}")
@@ -74,18 +85,21 @@ class Among:
 
     def settle(self, delta_a: np.ndarray) -> None:
         """The robot stands at delta_a (n_a,) mm now: further steps begin there."""
-        self.before = self.touched(np.asarray(delta_a, float))
+        delta_a = np.asarray(delta_a, float)
+        self.before, self.at = self.touched(delta_a), delta_a
 
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
         """NumericalError where there is no contact state."""
         delta_a = np.asarray(delta_a, float)
-        here = self.touched(delta_a)
+        before = self._way(delta_a)
+        here = self._step(delta_a, before)
+        near = None if here is None else replace(here, stuck=_nothing(here) if before is None else before.stuck)
         e, lam = self._values(delta_a, here)
         n_a = len(delta_a)
         J, K = np.zeros((len(e), n_a)), np.zeros((n_a, n_a))
         for axis, reach in enumerate(self.touchable.model.reach):
             step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
-            ahead, behind = (self._values(one, self.touched(one, here)) for one in (delta_a + step, delta_a - step))
+            ahead, behind = (self._values(one, self._step(one, near)) for one in (delta_a + step, delta_a - step))
             J[:, axis], K[:, axis] = ((a - b) / (2 * step[axis]) for a, b in zip(ahead, behind, strict=True))
         for one in self.avoided.values():
             apart = clearance(self.touchable.model, delta_a, one)
@@ -115,3 +129,8 @@ class Among:
                 gaps = np.maximum(self.solid[self.pressed[number]].distance(touched.everywhere), 0.0)
                 pressed[number] = -(self.stiffnesses * gaps).min()
         return np.concatenate([touched.delta_e, pressed]), touched.lambda_a
+
+
+def _nothing(state: Touched) -> np.ndarray:
+    """(N, 3) friction holds no patch."""
+    return np.full_like(state.stuck, np.nan)
