@@ -69,6 +69,8 @@ class Among:
         """The state in which the last step to delta_a (n_a,) mm begins: with friction the way is gone in steps."""
         state, begin = self.before, np.zeros(len(delta_a)) if self.at is None else self.at
         if self.mu > 0 and self.solid:
+            if state is None:
+                state = self._step(begin, None)
             longest = SHARE * np.abs(self.touchable.model.reach).max(axis=1)
             count = int(np.ceil((np.abs(delta_a - begin) / longest).max()))
             for step in range(1, count):
@@ -93,7 +95,9 @@ class Among:
         delta_a = np.asarray(delta_a, float)
         before = self._way(delta_a)
         here = self._step(delta_a, before)
-        near = None if here is None else replace(here, stuck=_nothing(here) if before is None else before.stuck)
+        near = here
+        if before is not None:  # friction counts from there, forces are like those here
+            near = replace(here, stuck=before.stuck, everywhere=before.everywhere)
         e, lam = self._values(delta_a, here)
         n_a = len(delta_a)
         J, K = np.zeros((len(e), n_a)), np.zeros((n_a, n_a))
@@ -129,8 +133,3 @@ class Among:
                 gaps = np.maximum(self.solid[self.pressed[number]].distance(touched.everywhere), 0.0)
                 pressed[number] = -(self.stiffnesses * gaps).min()
         return np.concatenate([touched.delta_e, pressed]), touched.lambda_a
-
-
-def _nothing(state: Touched) -> np.ndarray:
-    """(N, 3) friction holds no patch."""
-    return np.full_like(state.stuck, np.nan)

@@ -82,10 +82,12 @@ def touch_step(
     yet). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
     delta_a = np.asarray(delta_a, float)
     held, count = touchable.held(delta_a), len(touchable.patches)
-    stuck = np.full((count, 3), np.nan) if before is None else before.stuck.copy()
+    stuck = np.full((count, 3), np.nan)
     chosen = np.zeros(0, dtype=np.int64) if before is None else before.patches
     forces = np.zeros((0, 3)) if before is None else before.forces
     places, mu = held.places(chosen, forces), mu if law == "coulomb" else 0.0
+    if before is not None and mu:  # what did not touch slides from where it was
+        stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
     distance, which = nearest(obstacles, places)
     into, modes = np.zeros((0, 3, 3)), ()
     status, iteration = TouchedStatus.ITERATIONS, 0
