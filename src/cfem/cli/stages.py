@@ -26,7 +26,7 @@ def add_stages(app: typer.Typer) -> None:
     _stage(
         app,
         _plain("export"),
-        "Write a model as arrays, ONNX, TorchScript, C or a page to move the robot, and compare each with the original.",
+        "Write a model as arrays, ONNX, TorchScript, C or a page, and compare each with the original.",
         "export",
     )
     _stage(
