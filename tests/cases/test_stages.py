@@ -46,6 +46,14 @@ def test_cases_of_the_calibration_are_no_predictions(folder, tmp_path):
     assert results["in_fit"] == 4 and "4 of 4 cases are of the calibration" in results["headline"][0]
 
 
+def test_larger_forces_than_those_of_the_calibration_are_told(folder, tmp_path):
+    header = ("case", "session", "tension_N", "marker")
+    write(tmp_path / "asked.csv", [["c", "a", 0.5, "t"], ["d", "a", 1.5, "t"]], header)
+    manifest = predict(folder / "predict.yaml", [f"table={tmp_path / 'asked.csv'}"], tmp_path / "out", QUIET)
+    (said,) = manifest["results"]["judgement"]
+    assert "1 of 2 cases are of larger forces than the calibration, the first d" in str(said)
+
+
 def test_repeats_are_cases_of_the_same_forces():
     places = np.zeros((3, 2, 3))
     places[1, 0, 2], places[2] = 3.0, 50.0

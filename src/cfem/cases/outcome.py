@@ -10,6 +10,7 @@ import numpy as np
 
 from cfem.cases.fit import CaseFit
 from cfem.cases.rig import Rig
+from cfem.cases.table import Cases
 from cfem.cases.unknowns import Sought
 from cfem.core.errors import InputError
 from cfem.core.files import write_json
@@ -20,7 +21,8 @@ FILE = "calibrated.json"
 @dataclass(frozen=True)
 class Calibrated:
     """names: of the unknowns, in the order of z; sessions: that were measured; degrees: of Student's t; inflation: of
-    the sd that the fit states of itself."""
+    the sd that the fit states of itself; given: marks of the cases that it was made from; largest (n_a,) N or MPa: of
+    their forces."""
 
     names: tuple[str, ...]
     z: np.ndarray
@@ -30,9 +32,11 @@ class Calibrated:
     inflation: float
     degrees: float
     sessions: tuple[str, ...]
+    given: tuple[str, ...] = ()
+    largest: tuple[float, ...] = ()
 
 
-def write_calibrated(path: Path, found: CaseFit, rig: Rig, inflation: float, degrees: float) -> None:
+def write_calibrated(path: Path, found: CaseFit, rig: Rig, inflation: float, degrees: float, cases: Cases) -> None:
     data = {
         "unknowns": [one.name for one in rig.unknowns],
         "z": found.z,
@@ -42,6 +46,8 @@ def write_calibrated(path: Path, found: CaseFit, rig: Rig, inflation: float, deg
         "inflation": inflation,
         "degrees_of_freedom": degrees,
         "sessions": list(rig.sessions),
+        "cases": cases.marks,
+        "largest_forces": np.abs(cases.forces).max(axis=0),
     }
     write_json(path, data)
 
@@ -52,9 +58,11 @@ def read_calibrated(path: Path) -> Calibrated:
         data = json.loads(path.read_text(encoding="utf-8"))
         arrays = (np.array(data[name], float) for name in ("z", "offsets_mm", "covariance"))
         numbers = (float(data["scatter_mm"]), float(data["inflation"]), float(data["degrees_of_freedom"]))
-        return Calibrated(tuple(data["unknowns"]), *arrays, *numbers, tuple(data["sessions"]))
+        told = (tuple(data[name]) for name in ("sessions", "cases", "largest_forces"))
+        return Calibrated(tuple(data["unknowns"]), *arrays, *numbers, *told)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"is no calibration by cases: {error}", where=str(path)) from None
+        do = "run cfem calibrate-cases again"
+        raise InputError(f"is no calibration by cases of this version: {error}", where=str(path), do=do) from None
 
 
 def widened(known: Calibrated, rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -31,7 +31,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec, base = load_spec(spec_path, CasesSpec, overrides), spec_path.parent
     return Stage(
         name="calibrate-cases",
-        version=2,
+        version=3,
         spec=spec,
         inputs={"measurements": base / spec.measurements, "mesh": base / spec.mesh},
         out=out or base / spec.out,
@@ -69,7 +69,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     rig, found, left = kept
     most = 0.0 if spec.compare else found.count - found.free
     degrees = left.degrees(most)
-    write_calibrated(folder / FILE, found, rig, left.inflation, degrees)
+    write_calibrated(folder / FILE, found, rig, left.inflation, degrees, cases)
     known = read_calibrated(folder / FILE)
     fitted = predict(rig, cases, known, spec.confidence)
     write_predictions(folder / TABLE, cases, lab.markers, fitted, left)

@@ -1,6 +1,7 @@
 """The table of load cases: one row for each marker of each case."""
 
 import csv
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +34,12 @@ class Cases:
     def target(self) -> np.ndarray:
         """(m, k, 3) what a model has to meet: places, or displacements from rest."""
         return self.places if self.rest is None else self.places - self.rest
+
+    @property
+    def marks(self) -> list[str]:
+        """(m,) by which each case is known again: of what was measured, '' where nothing was."""
+        numbers = [one if np.isfinite(one).any() else None for one in self.places]
+        return ["" if one is None else hashlib.sha256(one.tobytes()).hexdigest()[:16] for one in numbers]
 
     def only(self, chosen: np.ndarray) -> "Cases":
         """Those of a mask or of numbers."""

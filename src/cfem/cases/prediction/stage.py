@@ -13,11 +13,13 @@ from cfem.cases.prediction.spec import PredictSpec
 from cfem.cases.spec import CasesSpec
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import poor
 from cfem.core.spec import load_spec, meaning
 from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.robot.spec import scene_meaning
 
 _PATHS = ("cases", "calibrated", "table", "out")
+_FAR = 1.03
 RESULT, TABLE, FIGURE = "prediction.json", "predicted.csv", "shapes.png"
 
 
@@ -33,7 +35,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     scene = scene_meaning((base / spec.cases).parent / cases.scene)
     return Stage(
         name="predict-cases",
-        version=2,
+        version=3,
         spec=spec,
         inputs={"calibrated": base / spec.calibrated, "table": base / spec.table},
         out=out or base / spec.out,
@@ -64,7 +66,8 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     if spec.figure:
         _draw(folder / FIGURE, lab, cases, found)
     measured = np.isfinite(found.distance)
-    known_before = _in_fit(lab, path.parent, cases)
+    known_before = sum(bool(mark) and mark in known.given for mark in cases.marks)
+    beyond = [name for name, forces in zip(cases.names, cases.forces, strict=True) if _beyond(forces, known.largest)]
     if len(found.failed) == len(cases):
         raise NumericalError(f"no case has an equilibrium; the first: {next(iter(found.failed.values()))}")
     half = float(np.nanmedian(found.half))
@@ -80,6 +83,9 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
         )
     results: dict[str, Any] = {"headline": headline, "cases": len(cases), "median_half_mm": half, "failed": failed}
     results["in_fit"] = known_before
+    if beyond:
+        what = f"{len(beyond)} of {len(cases)} cases are of larger forces than the calibration, the first {beyond[0]}"
+        results["judgement"] = [poor(f"{what}: errors grow with the load, which their intervals do not know")]
     if measured.any():
         coordinates, markers = found.covered()
         by_marker = {name: _mean(found.distance[:, j]) for j, name in enumerate(lab.markers)}
@@ -109,14 +115,9 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     return results
 
 
-def _in_fit(lab: Any, base: Path, cases: Any) -> int:
-    """How many of the cases the calibration was made from, as far as its table is still there."""
-    path = base / lab.spec.measurements
-    if not path.exists():
-        return 0
-    given = lab.read(path)
-    places = [given.places[i].tobytes() for i in range(len(given))]
-    return sum(np.isfinite(one).any() and one.tobytes() in places for one in cases.places)
+def _beyond(forces: np.ndarray, largest: Sequence[float]) -> bool:
+    """Whether any force is larger, by more than a thirtieth, than all that the calibration knows."""
+    return bool(len(largest)) and bool((np.abs(forces) > _FAR * np.array(largest) + 1e-12).any())
 
 
 def _mean(distance: np.ndarray) -> float | None:
