@@ -7,7 +7,8 @@ import pytest
 
 from cfem.cli.modes import as_text, modes
 from cfem.core.errors import InputError, SpecError
-from cfem.core.stage import read_manifest
+from cfem.core.stage import Options, read_manifest
+from cfem.export.stage import run as export
 from cfem.motion.load import load_motion
 from cfem.motion.modes import natural_modes
 
@@ -33,6 +34,14 @@ def test_modes_are_told_along_the_workspace(folder, tmp_path):
     assert one["states"][0]["delta_a"] == [2.0] and one["actuators"] == "free"
     with pytest.raises(SpecError, match="--at"):
         modes(folder, ["2.0, 1.0"])
+
+
+def test_an_export_moves_as_the_model_does(root, folder):
+    export(root / "pipelines" / "bar" / "export.yaml", ["formats=[arrays, c]"], None, Options(quiet=True))
+    exported = load_motion(root / "models" / "bar" / "spectral-export")
+    delta = np.array([2.0])
+    np.testing.assert_array_equal(exported.at(delta).M, load_motion(folder).at(delta).M)
+    assert (root / "models" / "bar" / "spectral-export" / "c" / "cfem_motion_data.c").exists()
 
 
 def test_a_model_that_cannot_move_says_so(folder, tmp_path):

@@ -187,3 +187,24 @@ def test_a_payload_swings_with_a_free_cable_and_keeps_its_energy():
         found.append(energy(still, now, payload) - float(lam @ now.q[:1]))
     swing = abs(float(0.1 * start.lam @ start.q[:1]))
     assert np.ptp(found) < 1e-2 * swing
+
+
+def test_a_robot_without_viscous_material_moves_undamped():
+    bare = dataset()
+    bare.moving.viscosity, bare.moving.loss = [], bare.moving.loss[:, :0]
+    arrays, facts = fit_motion(bare, max_degree=8, folds=3)
+    still = MotionModel(model().static, arrays, facts["viscosity"])
+    assert still.at(np.array([1.0])).F.shape == (0, still.n_q, still.n_q)
+    found = natural_modes(still, np.array([1.0]))
+    assert (found.damping == 0).all()
+    np.testing.assert_allclose(found.frequency, natural_modes(model(), np.array([1.0])).frequency, rtol=2e-2)
+
+
+def test_materials_of_one_viscosity_have_one_loss_form():
+    twice = dataset()
+    one = twice.moving.viscosity[0]
+    twice.moving.viscosity, twice.moving.loss = [one, one], np.concatenate([twice.moving.loss / 2] * 2, axis=1)
+    arrays, facts = fit_motion(twice, max_degree=8, folds=3)
+    same = MotionModel(model().static, arrays, facts["viscosity"])
+    assert len(same.losses) == 1
+    np.testing.assert_allclose(same.at(np.array([1.3])).F, model().at(np.array([1.3])).F, rtol=1e-6, atol=1e-9)

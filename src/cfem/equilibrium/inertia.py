@@ -71,30 +71,45 @@ def inertia(
     """Of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing needs it.
     mass: of `mass_of`; stresses: of `inner.rod_stresses`, for inner motions; derivatives: whether dV will be asked
     for."""
-    Z = condensation.Z
-    heavy, Y, symmetric = times_mass(problem, mass, at.x, Z), None, lambda each: (each + each.T) / 2
-    if stresses is None or derivatives:
-        Y = refined(problem, condensation.data, condensation.factor, heavy)[0]
-    V = symmetric(Z.T @ heavy)
-    if stresses is not None:
-        return Inertia(V, None, None, None, inner=inner_motions(problem, mass, at, condensation, stresses)), Y
+    Z, Y, symmetric = condensation.Z, None, lambda each: (each + each.T) / 2
+    G = None if stresses is None else _answers(problem, at, condensation, stresses)
+    heavy = times_mass(problem, mass, at.x, Z if G is None else np.hstack([Z, G.motions]))
+    by_rows = heavy[:, : Z.shape[1]]
+    if G is None or derivatives:
+        Y = refined(problem, condensation.data, condensation.factor, by_rows)[0]
+    V = symmetric(Z.T @ by_rows)
+    if G is not None:
+        return Inertia(V, None, None, None, inner=_inner(problem, at, condensation, G, heavy)), Y
     V2, V3 = Y.T @ heavy, Y.T @ times_mass(problem, mass, at.x, Y)
     return Inertia(V, symmetric(V2), symmetric(V3), loss_forms(problem, at, np.hstack([Z, Y]))), Y
 
 
-def inner_motions(
-    problem: Problem, mass: sp.csr_array, at: Evaluation, condensation: Condensation, stresses: np.ndarray
-) -> Inner:
+@dataclass(frozen=True)
+class _Answers:
+    """motions (n_dof, k) that leave the actuators alone, under the forces (n_dof, k) of stresses; quasi (n_dof, n_a):
+    quasi-static motions of the actuators."""
+
+    motions: np.ndarray
+    pulls: np.ndarray
+    quasi: np.ndarray
+
+
+def _answers(problem: Problem, at: Evaluation, condensation: Condensation, stresses: np.ndarray) -> _Answers:
     """With the factor at hand; stresses: (m, 6, k) of the rod's elements."""
     rows, W = problem.robot.rows, condensation.condensed.W
-    H = at.H[:, : rows.n_a]
     X = condensation.Z[:, rows.a] @ np.linalg.inv(W[rows.a, rows.a])
     pulls = problem.rod_forces(at, stresses)
     G = refined(problem, condensation.data, condensation.factor, pulls)[0]
-    G = G - X @ (H.T @ G)
-    both = np.hstack([X, G])
-    M, K = both.T @ times_mass(problem, mass, at.x, both), pulls.T @ G
-    e = problem.gradients(problem.robot.effectors, at.x).T @ G
+    return _Answers(G - X @ (at.H[:, : rows.n_a].T @ G), pulls, X)
+
+
+def _inner(problem: Problem, at: Evaluation, condensation: Condensation, found: _Answers, heavy: np.ndarray) -> Inner:
+    """heavy: mass times Z of all rows and the inner motions."""
+    rows, n = problem.robot.rows, condensation.Z.shape[1]
+    K_aa = np.linalg.inv(condensation.condensed.W[rows.a, rows.a])
+    both = np.hstack([found.quasi, found.motions])
+    M, K = both.T @ np.hstack([heavy[:, rows.a] @ K_aa, heavy[:, n:]]), found.pulls.T @ found.motions
+    e = problem.gradients(problem.robot.effectors, at.x).T @ found.motions
     return Inner((K + K.T) / 2, (M + M.T) / 2, loss_forms(problem, at, both), e)
 
 
@@ -110,7 +125,7 @@ def loss_forms(problem: Problem, at: Evaluation, q: np.ndarray) -> np.ndarray:
     forms = np.zeros((len(numbers), q.shape[1], q.shape[1]))
     if not len(numbers):
         return forms
-    motions = problem.kinematics.spread(at.x, q)
+    motions = problem.kinematics.spread(at.x, q) if body.solids else np.zeros((0, 3, q.shape[1]))
     for index, number in enumerate(numbers):
         unit = viscous.damping(body, at.response, number)
         forms[index] = viscous.solid_form(body, at.response, unit, motions)

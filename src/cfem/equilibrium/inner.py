@@ -19,7 +19,7 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.vibration import lowest_modes
 
 STATES, MODES = 16, 3  # equilibria besides that at rest, and vibrations of each
-LEAST = 2e-3  # of the strongest component's energy
+LEAST = 1e-3  # of the strongest component's energy
 
 
 def rod_stresses(problem: Problem, mass: sp.csr_array) -> np.ndarray:

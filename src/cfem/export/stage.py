@@ -18,6 +18,7 @@ from cfem.core.stage import Options, Stage, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.skin import write_skin
 from cfem.export.spec import ExportSpec
+from cfem.motion import load as motion
 from cfem.predict import serial_skin
 from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
 from cfem.predict.load_spec import forces_of
@@ -27,6 +28,7 @@ from cfem.predict.skin import FILE
 from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec
 
+MOTION = motion.FILE
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c", "html": "page.html"}
 CONTROLLERS = {"c", "html"}
 PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
@@ -53,7 +55,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 
     return Stage(
         name="export",
-        version=4,
+        version=5,
         spec=spec,
         inputs={"model": base / spec.model} | ({"skin": base / spec.skin} if spec.skin else {}),
         out=out or base / spec.out,
@@ -80,9 +82,10 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page_file import sources
 
         return sources()
-    from cfem.export import c_export, c_skin
+    from cfem.export import c_export, c_motion, c_skin
 
-    paths = [path for folder in (c_export.SOURCES, c_skin.SOURCES) for path in folder.iterdir()]
+    folders = (c_export.SOURCES, c_skin.SOURCES, c_motion.SOURCES)
+    paths = [path for folder in folders for path in folder.iterdir()]
     return {path.name: file_sha256(path) for path in sorted(paths)}
 
 
@@ -110,6 +113,8 @@ def work(
         page_bytes = write_page(folder / FILES["html"], spec, meta, arrays, model_folder, skin, embedded)
     if "arrays" in spec.formats:
         write_npz(folder / FILES["arrays"], arrays)
+        if has_file(model_folder, MOTION) and not spec.loads:  # loads move the states that it was learned at
+            write_npz(folder / MOTION, read_arrays(model_folder, MOTION))
     if {"onnx", "torchscript"} & set(spec.formats):
         doing("importing PyTorch, writing ONNX and TorchScript")
         write_graphs(folder, spec, meta, arrays)
@@ -125,6 +130,11 @@ def work(
     if "c" in spec.formats:
         report = write_embedded(folder / FILES["c"], spec.c, meta, arrays, vectors["s"], embedded)
         sizes["c"] = report["coefficient_bytes"]
+        if has_file(model_folder, MOTION) and not spec.loads:
+            from cfem.export.c_motion import write_c_motion
+
+            moving = read_arrays(model_folder, MOTION)
+            report["motion_bytes"] = write_c_motion(folder / FILES["c"], meta, arrays, moving)
         if report["parity"] is not None:
             parity["c"] = report["parity"]
     if has_skin(model_folder):

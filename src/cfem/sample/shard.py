@@ -252,17 +252,15 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
 def _motion(inertia: Inertia, rows: Rows) -> Record:
     """Columns of the mass and viscosity of all rows but the contacts'."""
     n, all_rows = rows.c.start, rows.n
-    record = {"V": pack_upper(inertia.V[:n, :n])}
-    if inertia.inner is not None:
-        inner = inertia.inner
+    record, both = {"V": pack_upper(inertia.V[:n, :n])}, np.r_[0:n, all_rows : all_rows + n]
+    if (inner := inertia.inner) is not None:
         record |= {"inner_K": pack_upper(inner.K), "inner_M": pack_upper(inner.M), "inner_e": inner.e.ravel()}
-        losses = {"inner_loss": pack_upper(inner.loss).ravel()}
+        name, loss = "inner_loss", inner.loss
     else:
-        both = np.r_[0:n, all_rows : all_rows + n]
         record |= {name: pack_upper(getattr(inertia, name)[:n, :n]) for name in ("V2", "V3")}
-        losses = {"loss": pack_upper(inertia.loss[:, both[:, None], both]).ravel()}
-    if len(inertia.loss if inertia.inner is None else inertia.inner.loss):
-        record |= losses
+        name, loss = "loss", inertia.loss[:, both[:, None], both]
+    if len(loss):
+        record[name] = pack_upper(loss).ravel()
     if inertia.dV is not None:
         record["dV"] = pack_upper(inertia.dV[: rows.n_a, :n, :n]).ravel()
     return record

@@ -15,6 +15,7 @@ from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
 
 VERSION = 8
+INERTIA = 2  # likewise, of what `dynamics: true` adds
 
 
 def run(
@@ -93,7 +94,8 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
         out=out or spec_path.parent / spec.out,
         paths=("scene", "mesh", "out", "parameters"),  # parameters: by their values, not by their spelling
         precious=True,
-        extra={"scene": scene_meaning(scene), "parameters": to_json(scene_parameters(spec.parameters, scene))},
+        extra={"scene": scene_meaning(scene), "parameters": to_json(scene_parameters(spec.parameters, scene))}
+        | ({"inertia": INERTIA} if spec.dynamics else {}),
         spec_path=spec_path,
         overrides=overrides,
     )

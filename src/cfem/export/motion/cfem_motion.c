@@ -1,0 +1,252 @@
+/* Implicit midpoint rule of T = v . M v / 2, U = Psi(delta) + kappa eta . eta / 2, M = B^T B, B a root learned as a Chebyshev series:
+ * as src/cfem/motion/step.py has it. */
+#include "cfem_motion.h"
+
+#include <math.h>
+#include <string.h>
+
+#define NA CFEM_MOTION_NA
+#define NR (CFEM_MOTION_NQ - CFEM_MOTION_NA)
+#define NQ CFEM_MOTION_NQ
+#define NE CFEM_MOTION_NE
+#define TRIANGLE (NQ * (NQ + 1) / 2)
+#define FORCES (NA + NA * (NA + 1) / 2)   /* pull and its slopes */
+#define STATIC (FORCES + NE)              /* and the effectors */
+#define MOVING (TRIANGLE + NE * NR)       /* root of M, H */
+#define DEGREES (CFEM_MOTION_DEGREE + 1)
+#define ITERATIONS 30
+#define TOLERANCE 1e-8
+
+/* T_k and T_k' of each coordinate. */
+typedef struct {
+    double value[NA][DEGREES], slope[NA][DEGREES];
+} polynomials;
+
+static void evaluate(const double to_box[NA][NA], const double *offset, const double *s, polynomials *t) {
+    for (int i = 0; i < NA; i++) {
+        double z = offset[i];
+        for (int j = 0; j < NA; j++) z += to_box[i][j] * s[j];
+        double *value = t->value[i], *slope = t->slope[i];
+        value[0] = 1.0, slope[0] = 0.0;
+        if (DEGREES > 1) value[1] = z, slope[1] = 1.0;
+        for (int k = 2; k < DEGREES; k++) {
+            value[k] = 2.0 * z * value[k - 1] - value[k - 2];
+            slope[k] = 2.0 * value[k - 1] + 2.0 * z * slope[k - 1] - slope[k - 2];
+        }
+    }
+}
+
+static double product(const polynomials *t, const uint8_t *degrees) {
+    double phi = t->value[0][degrees[0]];
+    for (int i = 1; i < NA; i++) phi *= t->value[i][degrees[i]];
+    return phi;
+}
+
+/* out[o] = sum over terms of series[term][from + o] phi(s), o < count. */
+static void sum(int terms, int outputs, int from, int count, const double *series, const uint8_t *degrees, const polynomials *t,
+                double *out) {
+    for (int o = 0; o < count; o++) out[o] = 0.0;
+    for (int m = 0; m < terms; m++) {
+        const double phi = product(t, degrees + m * NA), *c = series + m * outputs + from;
+        for (int o = 0; o < count; o++) out[o] += phi * c[o];
+    }
+}
+
+/* rows[0]: the root of M; rows[1 + i]: its derivative by coordinate i of the box. */
+static void roots(const polynomials *t, double rows[1 + NA][TRIANGLE]) {
+    memset(rows, 0, sizeof(double) * (1 + NA) * TRIANGLE);
+    for (int m = 0; m < CFEM_MOTION_MOVING_TERMS; m++) {
+        const uint8_t *degrees = cfem_motion_moving_degrees[m];
+        const double *c = cfem_motion_moving[m], phi = product(t, degrees);
+        for (int o = 0; o < TRIANGLE; o++) rows[0][o] += phi * c[o];
+        for (int i = 0; i < NA; i++) {
+            if (!degrees[i]) continue;
+            double by_z = t->slope[i][degrees[i]];
+            for (int j = 0; j < NA; j++)
+                if (j != i) by_z *= t->value[j][degrees[j]];
+            for (int o = 0; o < TRIANGLE; o++) rows[1 + i][o] += by_z * c[o];
+        }
+    }
+}
+
+/* out (NQ,) = S x, S symmetric as its upper triangle. */
+static void times(const double *S, const double *x, double *out) {
+    for (int i = 0; i < NQ; i++) out[i] = 0.0;
+    for (int i = 0; i < NQ; i++) {
+        out[i] += *S++ * x[i];
+        for (int j = i + 1; j < NQ; j++, S++) out[i] += *S * x[j], out[j] += *S * x[i];
+    }
+}
+
+/* A += factor D S^2 D, S symmetric as its triangle, D = 1 / scale. */
+static void add_square(const double *S, double factor, double A[NQ][NQ]) {
+    double full[NQ][NQ];
+    for (int i = 0; i < NQ; i++)
+        for (int j = i; j < NQ; j++) full[i][j] = full[j][i] = *S++;
+    for (int i = 0; i < NQ; i++)
+        for (int j = i; j < NQ; j++) {
+            double dot = 0.0;
+            for (int k = 0; k < NQ; k++) dot += full[i][k] * full[j][k];
+            dot *= factor / (cfem_motion_scale[i] * cfem_motion_scale[j]);
+            A[i][j] += dot;
+            if (i != j) A[j][i] += dot;
+        }
+}
+
+/* The equations of a step at mean velocity v. rest: dt/2 (dL/dq + Q) + p - M v; slope: minus its derivative by v; turning: that of M v
+ * by v of the actuators through M; Mv. */
+typedef struct {
+    double rest[NQ], slope[NQ][NQ], M[NQ][NQ], turning[NQ][NA], Mv[NQ];
+} equations;
+
+static void assemble(const cfem_motion *motion, const double *command, const int *held, const double *v, double dt, equations *at) {
+    double middle[NQ], rows[1 + NA][TRIANGLE], forces[FORCES], Dv[NQ], Sv[NQ], by_z[NA][NQ], by_turn[NA][NQ];
+    polynomials t;
+    for (int i = 0; i < NQ; i++) middle[i] = motion->q[i] + dt / 2 * v[i], Dv[i] = v[i] / cfem_motion_scale[i];
+    evaluate(cfem_motion_static_to_box, cfem_motion_static_offset, middle, &t);
+    sum(CFEM_MOTION_STATIC_TERMS, STATIC, 0, FORCES, cfem_motion_static[0], cfem_motion_static_degrees[0], &t, forces);
+    evaluate(cfem_motion_moving_to_box, cfem_motion_moving_offset, middle, &t);
+    roots(&t, rows);
+    memset(at, 0, sizeof *at);
+    add_square(rows[0], 1.0, at->M);
+    times(rows[0], Dv, Sv);
+    for (int k = 0; k < NA; k++) { /* D (dS S + S dS) D v */
+        double dSv[NQ], one[NQ], other[NQ];
+        times(rows[1 + k], Dv, dSv);
+        times(rows[1 + k], Sv, one);
+        times(rows[0], dSv, other);
+        for (int i = 0; i < NQ; i++) by_z[k][i] = (one[i] + other[i]) / cfem_motion_scale[i];
+    }
+    for (int a = 0; a < NA; a++)
+        for (int i = 0; i < NQ; i++) {
+            by_turn[a][i] = 0.0;
+            for (int k = 0; k < NA; k++) by_turn[a][i] += cfem_motion_moving_to_box[k][a] * by_z[k][i];
+            at->turning[i][a] = dt / 2 * by_turn[a][i];
+        }
+    double force[NQ];
+    const double *stiff = forces + NA;
+    for (int a = 0; a < NA; a++) {
+        force[a] = (held[a] ? 0.0 : command[a]) - forces[a];
+        for (int i = 0; i < NQ; i++) force[a] += by_turn[a][i] * v[i] / 2;
+        for (int b = a; b < NA; b++, stiff++) {
+            at->slope[a][b] += dt * dt / 4 * *stiff;
+            if (b != a) at->slope[b][a] += dt * dt / 4 * *stiff;
+        }
+    }
+    for (int r = NA; r < NQ; r++) force[r] = -cfem_motion_stiffness * middle[r], at->slope[r][r] += dt * dt / 4 * cfem_motion_stiffness;
+    for (int i = 0; i < NQ; i++)
+        for (int a = 0; a < NA; a++) at->slope[i][a] += at->turning[i][a], at->slope[a][i] -= at->turning[i][a];
+    for (int l = 0, term = 0; l < CFEM_MOTION_LOSSES; l++) {
+        double S[TRIANGLE], rate = cfem_motion_relaxation[l], moved[NQ], once[NQ], twice[NQ];
+        for (int i = 0; i < NQ; i++) moved[i] = 0.0;
+        for (int k = 0; k < cfem_motion_prony_terms[l]; k++, term++) {
+            const double half = dt / (2 * cfem_motion_prony[term][1]), share = cfem_motion_prony[term][0] / (1 + half);
+            rate += share * dt / 2;
+            for (int i = 0; i < NQ; i++) moved[i] += share * motion->memory[term][i];
+        }
+        sum(CFEM_MOTION_LOSS_TERMS, CFEM_MOTION_LOSSES * TRIANGLE, l * TRIANGLE, TRIANGLE, cfem_motion_loss[0],
+            cfem_motion_loss_degrees[0], &t, S);
+        for (int i = 0; i < NQ; i++) moved[i] = (moved[i] + rate * v[i]) / cfem_motion_scale[i];
+        times(S, moved, once);
+        times(S, once, twice);
+        for (int i = 0; i < NQ; i++) force[i] -= twice[i] / cfem_motion_scale[i];
+        add_square(S, dt / 2 * rate, at->slope);
+    }
+    for (int i = 0; i < NQ; i++) {
+        at->Mv[i] = 0.0;
+        for (int j = 0; j < NQ; j++) at->Mv[i] += at->M[i][j] * v[j], at->slope[i][j] += at->M[i][j];
+        at->rest[i] = dt / 2 * force[i] + motion->p[i] - at->Mv[i];
+    }
+}
+
+/* x of A x = b, n unknowns, by elimination with row pivots; 1 where A is singular. */
+static int solve(int n, double A[NQ][NQ], double *b) {
+    for (int k = 0; k < n; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(A[i][k]) > fabs(A[pivot][k])) pivot = i;
+        if (!(fabs(A[pivot][k]) > 0.0)) return 1;
+        if (pivot != k) {
+            double row[NQ];
+            memcpy(row, A[k], sizeof row), memcpy(A[k], A[pivot], sizeof row), memcpy(A[pivot], row, sizeof row);
+            const double value = b[k];
+            b[k] = b[pivot], b[pivot] = value;
+        }
+        for (int i = k + 1; i < n; i++) {
+            const double factor = A[i][k] / A[k][k];
+            for (int j = k + 1; j < n; j++) A[i][j] -= factor * A[k][j];
+            b[i] -= factor * b[k];
+        }
+    }
+    for (int k = n - 1; k >= 0; k--) {
+        for (int j = k + 1; j < n; j++) b[k] -= A[k][j] * b[j];
+        b[k] /= A[k][k];
+    }
+    return 0;
+}
+
+void cfem_motion_rest(cfem_motion *motion, const double *delta_a) {
+    double forces[FORCES];
+    polynomials t;
+    memset(motion, 0, sizeof *motion);
+    for (int a = 0; a < NA; a++) motion->q[a] = delta_a[a];
+    evaluate(cfem_motion_static_to_box, cfem_motion_static_offset, delta_a, &t);
+    sum(CFEM_MOTION_STATIC_TERMS, STATIC, 0, FORCES, cfem_motion_static[0], cfem_motion_static_degrees[0], &t, forces);
+    for (int a = 0; a < NA; a++) motion->lambda_a[a] = forces[a];
+}
+
+int cfem_motion_step(cfem_motion *motion, const double *command, const int *held, double dt) {
+    double v[NQ], least = 0.0, before = HUGE_VAL;
+    int free[NQ], n = 0;
+    equations at;
+    for (int i = 0; i < NQ; i++) {
+        if (i >= NA || !held[i]) free[n++] = i, v[i] = motion->v[i] + dt * motion->gain[i];
+        else v[i] = (command[i] - motion->q[i]) / dt;
+        least = fmax(least, 1e-6 / dt / cfem_motion_scale[i]);
+    }
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+        double A[NQ][NQ], change[NQ], moved = 0.0, size = least;
+        assemble(motion, command, held, v, dt, &at);
+        for (int i = 0; i < n; i++) {
+            for (int j = 0; j < n; j++) A[i][j] = at.slope[free[i]][free[j]];
+            change[i] = at.rest[free[i]];
+        }
+        if (solve(n, A, change)) return 1;
+        for (int i = 0; i < n; i++) v[free[i]] += change[i], moved = fmax(moved, fabs(change[i]) / cfem_motion_scale[free[i]]);
+        for (int i = 0; i < NQ; i++) size = fmax(size, fabs(v[i]) / cfem_motion_scale[i]);
+        if (!(moved - moved == 0.0)) return 1;
+        const double rate = before == HUGE_VAL ? 1.0 : fmin(moved / before, 1.0);
+        before = moved;
+        if (moved * rate > TOLERANCE * size) continue;
+        double full[NQ] = {0};
+        for (int i = 0; i < n; i++) full[free[i]] = change[i];
+        for (int i = 0; i < NQ; i++) {
+            double Mv = at.Mv[i], reaction = -at.rest[i];
+            for (int j = 0; j < NQ; j++) Mv += at.M[i][j] * full[j], reaction += at.slope[i][j] * full[j];
+            for (int a = 0; a < NA; a++) Mv += at.turning[i][a] * full[a];
+            if (i < NA) motion->lambda_a[i] = held[i] ? 2 / dt * reaction : command[i];
+            motion->p[i] = 2 * Mv - motion->p[i];
+            motion->q[i] += dt * v[i];
+            motion->gain[i] = (v[i] - motion->v[i]) / dt;
+            motion->v[i] = v[i];
+        }
+        for (int term = 0; term < CFEM_MOTION_TERMS; term++) {
+            const double half = dt / (2 * cfem_motion_prony[term][1]);
+            for (int i = 0; i < NQ; i++) motion->memory[term][i] = ((1 - half) * motion->memory[term][i] + dt * v[i]) / (1 + half);
+        }
+        motion->t += dt;
+        return 0;
+    }
+    return 1;
+}
+
+void cfem_motion_effectors(const cfem_motion *motion, double *effectors) {
+    double H[NE * NR];
+    polynomials t;
+    evaluate(cfem_motion_static_to_box, cfem_motion_static_offset, motion->q, &t);
+    sum(CFEM_MOTION_STATIC_TERMS, STATIC, FORCES, NE, cfem_motion_static[0], cfem_motion_static_degrees[0], &t, effectors);
+    evaluate(cfem_motion_moving_to_box, cfem_motion_moving_offset, motion->q, &t);
+    sum(CFEM_MOTION_MOVING_TERMS, MOVING, TRIANGLE, NE * NR, cfem_motion_moving[0], cfem_motion_moving_degrees[0], &t, H);
+    for (int e = 0; e < NE; e++)
+        for (int r = 0; r < NR; r++) effectors[e] += H[e * NR + r] * motion->q[NA + r];
+}
