@@ -10,9 +10,9 @@ free. tip_error: largest distance of the tip from that of full finite elements, 
 quarter of the first period and in a chirp from a third of the first frequency to all of it, in two periods each: cables
 or growths commanded, from half of the reach by a tenth of it. energy_drift: of the undamped model in 1000 periods of
 100 steps, by the straight line through its energy, over the vibration's own.
-step_us, c_step_us: CPU time of a condensed step in Python and in C, and full_step_over: of a full one over each. sampling: CPU
-time of a state with what dynamics: true adds over one without, and its factorisations. --quick: 20 periods, 10 training
-states, 2 others and no tip."""
+step_us, c_step_us: CPU time of a condensed step in Python and in C, and full_step_over: of a full one over each.
+sampling: CPU time of a state with what dynamics: true adds over one without, and its factorisations. --quick: 20
+periods, 10 training states, 2 others and no tip."""
 
 import ctypes
 import json
