@@ -125,14 +125,14 @@ def test_an_estimate_that_predicts_worse_than_the_first_values_is_not_used(model
     assert tracker.used_p == pytest.approx(reference(model))
 
 
-def test_a_robot_that_no_parameters_explain_is_left_to_the_first_values(model):
+def test_a_robot_that_no_parameters_explain_changes_nothing(model):
     """Samples that are off by a quarter of the length, this way and that."""
     tracker, rng = Tracker(model, "force", NOISE), np.random.default_rng(5)
     feed(tracker, model, lambda n: reference(model) * 1.03, 30)
     far = feed(
         tracker, model, lambda n: reference(model), 90, spoil=lambda n, x: x + 0.25 * model.length * rng.normal(size=3)
     )
-    assert far[-1] == pytest.approx(reference(model))
+    assert np.abs(far[-1] / reference(model) - 1).max() < 0.05
 
 
 def test_what_was_found_is_kept_when_a_change_opens_the_estimate_again(model):

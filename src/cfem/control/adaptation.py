@@ -15,8 +15,8 @@ controller uses an estimate only where four guards let it:
 - gate: a sample that is not likely under P' and R (1 in 1000) changes nothing; only a long run of them opens P again.
   R is the square of the stated noise, or what the samples of late have shown where that is more;
 - excitation: a parameter counts once its standard deviation has come down to half of its first;
-- proof: the estimate must have predicted the samples of late better than the first values do, and to 5 % of the
-  robot's length, else the first values are used: a robot so far from its model is none of the family.
+- proof: the estimate must have predicted the samples of late better than the first values do, else those are used;
+  where it misses by more than 5 % of the robot's length, nothing that is used changes: no parameters explain the robot.
 
 What is used changes by a bounded step a tick."""
 
@@ -187,12 +187,12 @@ class Tracker:
         return x, keep @ P @ keep.T + K @ R @ K.T, float(size)  # Joseph's form stays positive
 
     def _use(self) -> bool:
-        """What the controller uses: the estimate once it is excited, what it used before until then, and the first
-        values where the estimate is not proved."""
+        """What the controller uses: the estimate where it is excited and explains the robot, else what it used before;
+        the first values where the estimate is not proved."""
         seen = bool((self.deviation < SEEN * self._sd)[self._kinds < 2].any())
         fits = self.noise * np.sqrt(self._spread) <= FAR * self.predictor.length
-        proved = fits and self._misses["tracked"] <= self._misses["first"]
-        wanted = (self.x if seen else self._used) if proved else self._first
+        proved = self._misses["tracked"] <= self._misses["first"]
+        wanted = (self.x if seen and fits else self._used) if proved else self._first
         most = MOST * np.where(self._kinds == 1, self._sd / SD, 1.0)
         moved = self._used + np.clip(wanted - self._used, -most, most)
         changed = not np.array_equal(moved, self._used)
