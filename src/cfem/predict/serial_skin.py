@@ -8,7 +8,6 @@ between them are left out."""
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from cfem.predict.skin import LearnedSkin
 
@@ -37,6 +36,8 @@ class SerialSkin:
 
 def in_a_row(module: LearnedSkin, count: int, end: np.ndarray) -> SerialSkin:
     """end (3,) mm: where a module ends at rest, from its base."""
+    from scipy.spatial import cKDTree  # here, as a model of one module is read without SciPy
+
     m = len(module.rest)
     distance, at_end = cKDTree(module.rest).query(module.rest + end)  # of a base placed on the module's end
     base = np.flatnonzero(distance <= SAME * np.linalg.norm(end))
