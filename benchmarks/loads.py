@@ -4,7 +4,7 @@ python benchmarks/loads.py bar       forces at the tip of the bar of 60 mm, with
 python benchmarks/loads.py gravity   the bar's own weight in three directions, on rows of its centre of mass
 python benchmarks/loads.py modules   a force at the tip of two Stiff-Flop modules of different stiffness
 
-Each makes its samples anew, in a folder that it deletes: one to ten minutes on one core."""
+Each makes its own samples, in a folder that it deletes: one to ten minutes on one core."""
 
 import argparse
 import shutil

@@ -34,10 +34,10 @@ def inflation(ratios: np.ndarray) -> float:
 def degrees_of_freedom(ratios: np.ndarray, most: float) -> float:
     """Of the inflation, between one less than cases and `most`, those of the scatter.
 
-    The markers of a case err together where the model lacks something, so that a case counts as fewer numbers than it
-    has. How few, the spread of the cases' ratios tells (Satterthwaite, Biometrics Bull. 2, 1946): their mean has
-    2 m mean^2 / variance, times (m - 1) / (m + 1) as few cases tell the variance itself. Errors of left-out cases by
-    which a model was chosen from others look better than those of new cases: `most` is then 0."""
+    Where the model lacks something, the errors of a case's markers are correlated, so a case counts as fewer numbers
+    than it has. The spread of the cases' ratios tells how few (Satterthwaite, Biometrics Bull. 2, 1946): their mean has
+    2 m mean^2 / variance degrees, times (m - 1) / (m + 1), as few cases tell the variance itself. Where left-out cases
+    chose the model among others, their errors look better than those of new cases: `most` is then 0."""
     m = len(ratios)
     least = float(max(m - 1, 1))
     if m < 2 or ratios.var(ddof=1) == 0:

@@ -79,13 +79,13 @@ class Meshes:
 
     def _made(self, p: np.ndarray) -> Own:
         scene = with_values(self._scene, [one.key for one in self.parameters], p)
-        doing("meshing a design anew")
+        doing("meshing a design again")
         try:
             mesh, _ = scene_mesh(scene, self._folder)
             return Own(p.copy(), RobotFamily(scene, mesh, self.parameters), len(mesh.cells))
         except SpecError as error:  # a geometry that is no body, or whose surfaces are others than the scene's
             named = ", ".join(f"{one.name} {value:.4g}" for one, value in zip(self.parameters, p, strict=True))
-            raise NumericalError(f"cannot be meshed anew: {error}", where=f"design {named}") from None
+            raise NumericalError(f"cannot be meshed again: {error}", where=f"design {named}") from None
 
     def _apart(self, one: np.ndarray, other: np.ndarray) -> float:
         width = np.array([each.high - each.low for each in self.parameters])

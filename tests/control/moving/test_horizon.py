@@ -78,7 +78,7 @@ def test_bounds_and_rates_hold():
 
 
 def test_commands_held_in_blocks_are_those_of_equal_commands():
-    """The same program with equalities in the place of blocks, by another solver."""
+    """The same program with equalities instead of blocks, by another solver."""
     begins = blocks(N, 3)
     assert begins.tolist() == [0, 1, 2] and blocks(20, 8).tolist() == [0, 1, 2, 3, 4, 6, 8, 13]
     assert blocks(20, 20).tolist() == blocks(20, 50).tolist() == list(range(20)) and blocks(20, 1).tolist() == [0]

@@ -1,7 +1,7 @@
 // Draws the robot with WebGL: its body, with what is inside showing through; the reach of the tip; goal and tip.
 const SIDES = 8, LATITUDES = [-0.99, -0.8, -0.45, 0, 0.45, 0.8, 0.99];
 
-// Triangles of tubes along points, or of balls about lone ones: places and normals, filled anew by `clear` and `add`.
+// Triangles of tubes along points, or of balls about lone ones: places and normals, refilled by `clear` and `add`.
 function makeTubes() {
   const tubes = { place: new Float32Array(3 << 10), normal: new Float32Array(3 << 10), used: 0 };
   const ring = { place: new Float32Array(3 * SIDES), normal: new Float32Array(3 * SIDES) };
