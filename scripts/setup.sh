@@ -7,7 +7,7 @@ set -eu
 extra=$1
 venv=.venv
 packages="libglu1-mesa libgomp1 libgl1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
-case $extra in dev) size=2200 ;; *) size=1700 ;; esac # MB on disk, with the CPU's PyTorch
+case $extra in dev) size=2400 ;; *) size=1700 ;; esac # MB on disk, with the CPU's PyTorch
 step=${CFEM_STEP:+step $CFEM_STEP: }                  # "1/8" where this is a step of something larger
 
 say() { printf '%s\n' "$*" >&2; }
