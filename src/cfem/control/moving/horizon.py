@@ -8,7 +8,7 @@ commands U = (u_1 .. u_N), and
     subject to  bounds of u_k, |u_k - u_(k-1)| <= rate, bounds of the other half of the actuators' state, and
                 normal . effectors_k >= level for each half-space
 
-Where the bounds on what the robot does exclude each other, they are missed by the least sum of squares."""
+Where bounds on the robot's motion contradict each other, the plan violates them by the least sum of squares."""
 
 from dataclasses import dataclass
 
