@@ -12,6 +12,7 @@ command. Solvers other than cfem's and OSQP are taken where installed: pip insta
 import argparse
 import json
 import time
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -92,50 +93,41 @@ def fly(model, ticks: int, rate: float, moves: int | None, tight: bool) -> tuple
     return watch, programs
 
 
+def by_daqp(H, f, A, low, high, box):
+    import daqp
+
+    low, high = np.concatenate([box[:, 0], low]), np.concatenate([box[:, 1], high])
+    return daqp.solve(H, f, np.ascontiguousarray(A), high, low)[0]
+
+
+def by_piqp(H, f, A, low, high, box):
+    import piqp
+
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = solver.settings.eps_rel = 1e-9
+    solver.setup(H, f, np.zeros((0, len(f))), np.zeros(0), A, low, high, box[:, 0], box[:, 1])
+    solver.solve()
+    return solver.result.x
+
+
+def by_clarabel(H, f, A, low, high, box):
+    import clarabel
+
+    G = np.vstack([A, np.eye(len(f))])
+    low, high = np.concatenate([low, box[:, 0]]), np.concatenate([high, box[:, 1]])
+    above, below = np.isfinite(high), np.isfinite(low)
+    K, h = np.vstack([G[above], -G[below]]), np.concatenate([high[above], -low[below]])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cones = [clarabel.NonnegativeConeT(len(h))]
+    solver = clarabel.DefaultSolver(sp.csc_matrix(np.triu(H)), f, sp.csc_matrix(K), h, cones, settings)
+    return np.array(solver.solve().x)
+
+
 def solvers() -> dict[str, object]:
-    """name -> (H, f, A, low, high, box) -> x, by what is installed."""
-    found = {}
-    try:
-        import daqp
-
-        def by_daqp(H, f, A, low, high, box):
-            low, high = np.concatenate([box[:, 0], low]), np.concatenate([box[:, 1], high])
-            return daqp.solve(H, f, np.ascontiguousarray(A), high, low)[0]
-
-        found["daqp"] = by_daqp
-    except ImportError:
-        pass
-    try:
-        import piqp
-
-        def by_piqp(H, f, A, low, high, box):
-            solver = piqp.DenseSolver()
-            solver.settings.eps_abs = solver.settings.eps_rel = 1e-9
-            solver.setup(H, f, np.zeros((0, len(f))), np.zeros(0), A, low, high, box[:, 0], box[:, 1])
-            solver.solve()
-            return solver.result.x
-
-        found["piqp"] = by_piqp
-    except ImportError:
-        pass
-    try:
-        import clarabel
-
-        def by_clarabel(H, f, A, low, high, box):
-            G = np.vstack([A, np.eye(len(f))])
-            low, high = np.concatenate([low, box[:, 0]]), np.concatenate([high, box[:, 1]])
-            above, below = np.isfinite(high), np.isfinite(low)
-            K, h = np.vstack([G[above], -G[below]]), np.concatenate([high[above], -low[below]])
-            settings = clarabel.DefaultSettings()
-            settings.verbose = False
-            cones = [clarabel.NonnegativeConeT(len(h))]
-            solver = clarabel.DefaultSolver(sp.csc_matrix(np.triu(H)), f, sp.csc_matrix(K), h, cones, settings)
-            return np.array(solver.solve().x)
-
-        found["clarabel"] = by_clarabel
-    except ImportError:
-        pass
-    return found
+    """name -> (H, f, A, low, high, box) -> x, of those that are installed."""
+    known = {"daqp": by_daqp, "piqp": by_piqp, "clarabel": by_clarabel}
+    return {name: solve for name, solve in known.items() if find_spec(name)}
 
 
 def compared(programs: list[tuple]) -> dict[str, dict[str, float]]:

@@ -6,7 +6,7 @@ Usage: shape_distance.py [ROBOT ...] [--states 50], robots soft-finger and stiff
 
 Every test state of the dataset is solved again by finite elements. Five obstacles stand at random places beside its
 surface, between 2 mm inside and 10 mm away. `off` is the largest difference of the two distances, learned and finite
-elements, beside the largest distance of a surface node from its place in the same state: what the skin is off by."""
+elements, beside the error of the skin in the same state: the largest distance of a surface node from its place."""
 
 import argparse
 import os

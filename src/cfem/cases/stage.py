@@ -80,7 +80,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     best = min(compared, key=lambda name: compared[name]["left_out_mm"])
     judged = []
     if left.inflation > _UNLIKE:
-        what = f"left-out cases err {left.inflation:.1f} times as much as the fit says of itself"
+        what = f"errors of left-out cases are {left.inflation:.1f} times those that the fit expects"
         judged.append(poor(what + ": the model lacks something"))
     if spec.figure:
         half, _ = half_and_radius(left.covariance, left.inflation, degrees, spec.confidence)

@@ -4,6 +4,7 @@ An obstacle is a shape and its pose, x = R s + t from the shape's own coordinate
 pose with `dataclasses.replace`. Distances are exact on both sides. Where several points of the surface are the
 nearest (at a sphere's centre, say), the normal is one of theirs. Formulas: Hart, *Sphere tracing* (1996), appendix."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -35,7 +36,7 @@ class Obstacle(Protocol):
 
 
 @dataclass(frozen=True)
-class _Posed:
+class _Posed(ABC):
     """R (3, 3) a rotation, t (3,) mm."""
 
     R: np.ndarray = field(default_factory=lambda: np.eye(3), kw_only=True)
@@ -62,9 +63,9 @@ class _Posed:
         along = np.einsum("kci,ki->kc", corners - centroid[:, None], normal @ self.R.T)
         return distance, distance + along.min(axis=1)
 
+    @abstractmethod
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (k,) and normal (k, 3) in the shape's coordinates."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

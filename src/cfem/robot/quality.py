@@ -10,7 +10,7 @@ from cfem.mechanics.mesh import Mesh
 # The three neighbours of each corner of a hexahedron in VTK's node order, right-handed.
 _NEIGHBOURS = np.array([[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]])
 
-_FAITHFUL = 0.03  # of the volume; bending stiffness is off by about twice as much
+_FAITHFUL = 0.03  # of the volume; the error of the bending stiffness is about twice as large
 
 
 @dataclass(frozen=True)
