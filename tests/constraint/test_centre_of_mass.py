@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 import cfem
-from cfem.control.stage import _weights
+from cfem.control.pilots import weights_of
 from cfem.core.errors import SpecError
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.load_spec import LoadSpec, forces_of
@@ -93,9 +93,9 @@ def test_weights_and_goals_are_of_the_other_effectors(robot):
         class search:
             weights = None
 
-    assert _weights(Spec, robot).tolist() == [1, 1, 1, 0, 0, 0]
+    assert weights_of(Spec, robot).tolist() == [1, 1, 1, 0, 0, 0]
     Spec.search.weights = [0.0, 2.0, 0.0]
-    assert _weights(Spec, robot).tolist() == [0, 2, 0, 0, 0, 0]
+    assert weights_of(Spec, robot).tolist() == [0, 2, 0, 0, 0, 0]
 
 
 def test_what_is_missing_is_said(bar):

@@ -1,19 +1,19 @@
 """`cfem control`: follows the trajectories with learned models and with FE matrices, and judges both in the
 plant."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cfem.control.spec import ControlSpec
-from cfem.core.actuator_units import demand_units
-from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.robot.spec import scene_meaning
+
+if TYPE_CHECKING:
+    from cfem.control.prepared import Prepared
 
 VERSION = 3
 
@@ -50,60 +50,43 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _work(
     folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
 ) -> dict[str, Any]:
-    from cfem.control.goals import goals_of
-    from cfem.control.loads import carrying
-    from cfem.control.mesh_error import discretisation, states_to_refine
-    from cfem.control.summary import headline, summarise
-    from cfem.core.progress import progress
-    from cfem.plant.fem_plant import FemPlant
-    from cfem.plant.model_plant import ModelPlant
+    from cfem.control.pilots import pilot_of
+    from cfem.control.prepared import prepare
 
-    scene_and_mesh, robot, predictors, shift = _loaded(spec, base, mesh, models)
-    demand_units(spec, robot.actuator_units)
-    world = touched = under = None
-    if spec.object:
-        from cfem.control.assembled import assembled, touching
-
-        touched = touching(spec, robot) if spec.object.law != "bilateral" else None
-        robot, predictors, fem = assembled(spec, robot, predictors, models)
-        plant = touched or fem
-    else:
-        _demand_same_rows(robot, predictors, models)
-        robot, predictors = carrying(spec, robot, predictors, models)
-        fem, rest_e = FemPlant(robot) if spec.plant == "fem" else None, robot.rest_e
-        if spec.obstacles:
-            from cfem.control.among import among
-
-            under = _load_error(spec, predictors)
-            world, predictors, touched = among(spec, base, robot, predictors, models)
-            rest_e = world.rest(rest_e)
-        plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
-    goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
-    if world:
-        goals = {name: world.goals(points) for name, points in goals.items()}
-        spec = spec.model_copy(update={"mesh_error": None})  # contact has no estimate of it
+    at = prepare(spec, base, mesh, models)
     if spec.loop:
         from cfem.control.closed_loop_stage import run_controllers
 
-        pilot = _pilot(spec, robot, next(iter(predictors.values())))
-        return run_controllers(folder, spec, base, robot, predictors, goals, pilot)
+        pilot = pilot_of(spec, at.robot, next(iter(at.predictors.values())))
+        return run_controllers(folder, spec, base, at.robot, at.predictors, at.goals, pilot)
+    return _open_loop(folder, spec, base, at)
 
+
+def _open_loop(folder: Path, spec: ControlSpec, base: Path, at: "Prepared") -> dict[str, Any]:
+    """Every goal by every controller, carried out by the plant."""
+    from cfem.control.mesh_error import discretisation, states_to_refine
+    from cfem.control.summary import headline, summarise
+    from cfem.core.progress import progress
+
+    if at.world:
+        spec = spec.model_copy(update={"mesh_error": None})  # contact has no estimate of it
+    robot, fem = at.robot, at.fem
     surface, places = np.unique(robot.facets, return_inverse=True)
     records, states, results = [], {"X": robot.X[surface], "facets": places.reshape(robot.facets.shape)}, {}
-    solved, wanted = [], states_to_refine(goals, spec, robot.rest_e)
-    with progress("the robot carries out the commands", sum(map(len, goals.values()))) as advance:
-        for name, points in goals.items():
+    solved, wanted = [], states_to_refine(at.goals, spec, robot.rest_e)
+    with progress("the robot carries out the commands", sum(map(len, at.goals.values()))) as advance:
+        for name in at.goals:
 
             def after(index: int, name: str = name) -> None:
                 advance(1)
-                if (name, index) in wanted and plant.state is not None:
-                    solved.append(plant.state)
+                if (name, index) in wanted and at.plant.state is not None:
+                    solved.append(at.plant.state)
 
-            rows, pictures = _follow(name, points, spec, robot, predictors, plant, fem, surface, after, world)
+            rows, pictures = _follow(name, spec, at, surface, after)
             records += rows
             states |= pictures
             results[name] = summarise(rows, robot.length)
-    refined = discretisation(spec, *scene_and_mesh, robot, (base / spec.scene).parent, solved)
+    refined = discretisation(spec, at.scene, at.mesh, robot, (base / spec.scene).parent, solved)
     if spec.object:
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
@@ -111,20 +94,19 @@ def _work(
     costs = ("solves", "factorizations", "seconds")
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held, met = headline(results, refined, cost), None, None
-    under = _load_error(spec, predictors) if under is None else under
     if spec.loads:
-        lines.append(f"under the loads the models miss by about {under:.2g} mm, of second order in the loads")
+        lines.append(f"under the loads the models miss by about {at.load_error:.2g} mm, of second order in the loads")
     if spec.object:
-        held, said = _account(fem, touched)
+        held, said = _account(fem, at.touched)
         lines += said
-    if world:
-        met, said = world.said(spec, records)
-        lines = [*said, *lines, touched.sentence()]
+    if at.world:
+        met, said = at.world.said(spec, records)
+        lines = [*said, *lines, at.touched.sentence()]
     return {
         "headline": lines,
         "object": held,
         "obstacles": met,
-        "load_error": under,
+        "load_error": at.load_error,
         "plant": spec.plant,
         "trajectories": results,
         "discretisation": refined,
@@ -132,31 +114,6 @@ def _work(
         "fe_cost": cost,
         "nodes": len(robot.X),
     }
-
-
-def _loaded(spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path]) -> tuple:
-    """Scene and mesh, the robot, its models, and by how much goals move with the design (n_e,) mm, empty without one.
-    InputError where a model is of another robot."""
-    from cfem.predict.load import load_model
-    from cfem.robot.build import build_robot
-    from cfem.robot.load import load_scene_and_mesh
-    from cfem.robot.same import demand_robot
-
-    scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
-    predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
-    for name, predictor in predictors.items():
-        do = f"train a model of {base / spec.scene}, or name the scene of this one"
-        demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)
-    if not spec.design:
-        return scene_and_mesh, build_robot(*scene_and_mesh), predictors, np.zeros(0)
-    from cfem.control.design import designed
-
-    return scene_and_mesh, *designed(*scene_and_mesh, predictors, spec.design)
-
-
-def _load_error(spec: ControlSpec, predictors) -> float | None:
-    """mm, None without loads."""
-    return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
 
 
 def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
@@ -174,108 +131,29 @@ def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
     return held, lines
 
 
-def _demand_same_rows(robot, predictors, models) -> None:
-    from cfem.core.errors import InputError
-
-    for name, predictor in predictors.items():
-        if predictor.rows != robot.rows:
-            what = f"is a model of another robot: it {predictor.rows.difference(robot.rows, 'the scene')}"
-            raise InputError(what, where=str(models[name]), do="train a model on samples of this scene")
-
-
 def _follow(
-    name: str, goals: np.ndarray, spec: ControlSpec, robot, predictors, plant, fem, surface, done, world=None
-) -> tuple[list, dict]:
+    name: str, spec: ControlSpec, at: "Prepared", surface: np.ndarray, done: Callable[[int], None]
+) -> tuple[list[dict], dict[str, np.ndarray]]:
     """Records of one trajectory, and the deformed nodes of the surface at its goals. done: called with a goal's index
     when the plant stands where the first controller has sent it."""
     from cfem.control.experiment import follow
+    from cfem.control.pilots import pilots_of
     from cfem.control.summary import FE_BASED, record
 
-    first, predictor = next(iter(predictors.items()))
-    searched = _pilot(spec, robot, predictor)
-    if world:
-        searched = world.pilot(searched)
-        predictors = {
-            name: replace(model, before=None, at=None) for name, model in predictors.items()
-        }  # a way of its own
-    settings, rest_e = searched.settings, world.rest(robot.rest_e) if world else robot.rest_e
-    pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
-        f"{first}@{n}": replace(
-            searched, model=_updated_once(predictor), settings=replace(settings, iterations=n), approach=settings
-        )
-        for n in spec.fewer_iterations
-    }
-    if spec.fe_based:
-        pilots[FE_BASED] = replace(searched, model=fem, settings=replace(settings, tolerance=spec.fe_tolerance))
-
+    goals, pilots = at.goals[name], pilots_of(spec, at.robot, at.predictors, at.fem, at.world)
     chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
     shapes: dict[int, np.ndarray] = {}
 
     def after(index: int) -> None:
-        if fem and index in chosen:
-            shapes[index] = plant.x[surface].astype(np.float32)
+        if at.fem and index in chosen:
+            shapes[index] = at.plant.x[surface].astype(np.float32)
         done(index)
 
-    tracked = follow(goals, pilots, plant, rest_e, FE_BASED, after)
+    tracked = follow(goals, pilots, at.plant, at.rest_e, FE_BASED, after)
     fe = {one.index: one for one in tracked if one.controller == FE_BASED}
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]
     pictures = {f"{name}/index": np.array(sorted(shapes)), f"{name}/x": np.array([shapes[i] for i in sorted(shapes)])}
     return rows, pictures if shapes else {}
-
-
-def _updated_once(model):
-    """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
-    from cfem.condensed.coupling import Coupled
-    from cfem.predict.among import Among
-
-    if isinstance(model, Among):
-        return replace(model, before=None, at=None)  # where it stands is its own
-    return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
-
-
-def _limits(spec: ControlSpec, robot):
-    from cfem.control.inverse import Limits
-
-    limits = Limits.of(robot.reach, robot.unilateral)
-    if robot.forces is not None:
-        limits = replace(limits, lambda_a=robot.forces)
-    if spec.search.largest_force is None:
-        return limits
-    bound = spec.search.largest_force
-    return replace(limits, lambda_a=np.clip(limits.lambda_a, -bound, bound))
-
-
-def _weights(spec: ControlSpec, robot) -> np.ndarray:
-    stated, weights = spec.search.weights, robot.aims.astype(float)
-    if stated is not None and len(stated) == robot.aims.sum():
-        weights[robot.aims] = stated
-    elif stated is not None:
-        weights = np.array(stated)
-    if len(weights) != robot.rows.n_e:
-        raise SpecError(
-            f"has {len(weights)} weights, and the robot {robot.rows.n_e} effector rows", where="search.weights"
-        )
-    return weights
-
-
-def _pilot(spec: ControlSpec, robot, model):
-    """What searches for a goal with `model`, as the spec says."""
-    from cfem.control.inverse import ridge_of
-    from cfem.control.loop import Settings
-    from cfem.control.tick import Pilot
-
-    search = spec.search
-    return Pilot(
-        model,
-        "displacement",
-        "equilibrium",
-        _limits(spec, robot),
-        _weights(spec, robot),
-        ridge_of(search.regularisation, robot.reach, robot.length),
-        Settings(search.iterations, search.tolerance, search.step, backend=search.qp),
-        preload=search.preload,
-        damping=ridge_of(search.damping, robot.reach, robot.length),
-    )
 
 
 def _write_table(path: Path, records: list[dict], robot) -> None:

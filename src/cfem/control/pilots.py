@@ -1,0 +1,90 @@
+"""What searches for goals in a control run: by each model, with fewer iterations, and by FE matrices."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.coupling import Coupled
+from cfem.control.among import World
+from cfem.control.inverse import Limits, ridge_of
+from cfem.control.loop import Settings
+from cfem.control.spec import FE_BASED, ControlSpec
+from cfem.control.tick import Pilot
+from cfem.core.errors import SpecError
+from cfem.predict.among import Among
+from cfem.predict.protocol import Predictor
+
+
+def pilot_of(spec: ControlSpec, robot: Any, model: Any) -> Pilot:
+    """What searches for a goal with `model`, as the spec says."""
+    search = spec.search
+    return Pilot(
+        model,
+        "displacement",
+        "equilibrium",
+        _limits(spec, robot),
+        weights_of(spec, robot),
+        ridge_of(search.regularisation, robot.reach, robot.length),
+        Settings(search.iterations, search.tolerance, search.step, backend=search.qp),
+        preload=search.preload,
+        damping=ridge_of(search.damping, robot.reach, robot.length),
+    )
+
+
+def pilots_of(
+    spec: ControlSpec, robot: Any, predictors: Mapping[str, Predictor], fem: Any, world: World | None = None
+) -> dict[str, Pilot]:
+    """Of every controller of an open-loop run, by its name: each model, the first one with fewer iterations, and FE
+    matrices where the spec asks for them."""
+    first, predictor = next(iter(predictors.items()))
+    searched = pilot_of(spec, robot, predictor)
+    if world:
+        searched = world.pilot(searched)
+        predictors = {name: _on_its_own_way(model) for name, model in predictors.items()}
+    settings = searched.settings
+    pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
+        f"{first}@{n}": replace(
+            searched, model=_updated_once(predictor), settings=replace(settings, iterations=n), approach=settings
+        )
+        for n in spec.fewer_iterations
+    }
+    if spec.fe_based:
+        pilots[FE_BASED] = replace(searched, model=fem, settings=replace(settings, tolerance=spec.fe_tolerance))
+    return pilots
+
+
+def _on_its_own_way(model: Among) -> Among:
+    return replace(model, before=None, at=None)
+
+
+def _updated_once(model: Any) -> Any:
+    """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
+    if isinstance(model, Among):
+        return _on_its_own_way(model)
+    return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
+
+
+def _limits(spec: ControlSpec, robot: Any) -> Limits:
+    limits = Limits.of(robot.reach, robot.unilateral)
+    if robot.forces is not None:
+        limits = replace(limits, lambda_a=robot.forces)
+    if spec.search.largest_force is None:
+        return limits
+    bound = spec.search.largest_force
+    return replace(limits, lambda_a=np.clip(limits.lambda_a, -bound, bound))
+
+
+def weights_of(spec: ControlSpec, robot: Any) -> np.ndarray:
+    """(n_e,) of the effector rows. SpecError where the spec states another number of them."""
+    stated, weights = spec.search.weights, robot.aims.astype(float)
+    if stated is not None and len(stated) == robot.aims.sum():
+        weights[robot.aims] = stated
+    elif stated is not None:
+        weights = np.array(stated)
+    if len(weights) != robot.rows.n_e:
+        raise SpecError(
+            f"has {len(weights)} weights, and the robot {robot.rows.n_e} effector rows", where="search.weights"
+        )
+    return weights

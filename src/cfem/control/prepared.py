@@ -1,0 +1,100 @@
+"""What a control run is about: the robot, the models that plan, the plant that carries out, and the goals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.control.among import World, among
+from cfem.control.assembled import assembled, touching
+from cfem.control.design import designed
+from cfem.control.goals import goals_of
+from cfem.control.loads import carrying
+from cfem.control.spec import ControlSpec
+from cfem.core.actuator_units import demand_units
+from cfem.core.errors import InputError
+from cfem.equilibrium.robot import Robot
+from cfem.mechanics.mesh import Mesh
+from cfem.plant.fem_plant import FemPlant
+from cfem.plant.model_plant import ModelPlant
+from cfem.plant.protocol import Plant
+from cfem.predict.load import load_model
+from cfem.predict.protocol import Predictor
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.same import demand_robot
+from cfem.robot.spec import SceneSpec
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """robot: what control asks of it, with its object where it has one. fem: the FE model that plans and grades, None
+    where the plant is none; touched: the plant of contact; world: what control knows of obstacles; goals: (m, n_e) mm
+    absolute by trajectory; load_error: mm that the models miss under the loads, None without loads."""
+
+    scene: SceneSpec
+    mesh: Mesh
+    robot: Any
+    predictors: Mapping[str, Predictor]
+    plant: Plant
+    fem: Any
+    touched: Any
+    world: World | None
+    goals: Mapping[str, np.ndarray]
+    load_error: float | None
+
+    @property
+    def rest_e(self) -> np.ndarray:
+        """(n_e,) mm of all rows that goals are set for."""
+        return self.world.rest(self.robot.rest_e) if self.world else self.robot.rest_e
+
+
+def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Prepared:
+    """InputError where a model is not of this robot, SpecError where the spec does not fit it."""
+    scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
+    robot, predictors, shift = _robot_and_models(spec, base, scene_and_mesh, models)
+    demand_units(spec, robot.actuator_units)
+    world = touched = None
+    if spec.object:
+        touched = touching(spec, robot) if spec.object.law != "bilateral" else None
+        robot, predictors, fem = assembled(spec, robot, predictors, models)
+        plant, error = touched or fem, _load_error(spec, predictors)
+    else:
+        _demand_same_rows(robot, predictors, models)
+        robot, predictors = carrying(spec, robot, predictors, models)
+        fem, error = FemPlant(robot) if spec.plant == "fem" else None, _load_error(spec, predictors)
+        rest_e = robot.rest_e
+        if spec.obstacles:
+            world, predictors, touched = among(spec, base, robot, predictors, models)
+            rest_e = world.rest(rest_e)
+        plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
+    goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
+    if world:
+        goals = {name: world.goals(points) for name, points in goals.items()}
+    return Prepared(*scene_and_mesh, robot, predictors, plant, fem, touched, world, goals, error)
+
+
+def _robot_and_models(
+    spec: ControlSpec, base: Path, scene_and_mesh: tuple[SceneSpec, Mesh], models: Mapping[str, Path]
+) -> tuple[Robot, dict[str, Predictor], np.ndarray]:
+    """And by how much goals move with the design (n_e,) mm, empty without one."""
+    predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
+    for name, predictor in predictors.items():
+        do = f"train a model of {base / spec.scene}, or name the scene of this one"
+        demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)
+    if not spec.design:
+        return build_robot(*scene_and_mesh), predictors, np.zeros(0)
+    return designed(*scene_and_mesh, predictors, spec.design)
+
+
+def _load_error(spec: ControlSpec, predictors: Mapping[str, Predictor]) -> float | None:
+    return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
+
+
+def _demand_same_rows(robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]) -> None:
+    for name, predictor in predictors.items():
+        if predictor.rows != robot.rows:
+            what = f"is a model of another robot: it {predictor.rows.difference(robot.rows, 'the scene')}"
+            raise InputError(what, where=str(models[name]), do="train a model on samples of this scene")
