@@ -23,7 +23,7 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     the estimated error of the mesh itself (`mesh_error.mesh_error`)."""
     made, base = stage(spec_path, overrides, out), spec_path.parent
     models = {name: base / path for name, path in made.spec.models.items()}
-    return run_stage(made, lambda folder: _work(folder, made.spec, base, made.inputs["mesh"], models, options), options)
+    return run_stage(made, lambda folder: _work(folder, made.spec, base, made.inputs["mesh"], models), options)
 
 
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
@@ -47,9 +47,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     )
 
 
-def _work(
-    folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path], options: Options
-) -> dict[str, Any]:
+def _work(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[str, Path]) -> dict[str, Any]:
     from cfem.control.pilots import pilot_of
     from cfem.control.prepared import prepare
 
