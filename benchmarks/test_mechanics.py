@@ -9,8 +9,9 @@ import pytest
 from support.blocks import bar, box_body
 
 from cfem.equilibrium import actuation
+from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.predictor import knot, predict
-from cfem.equilibrium.problem import Cost, Problem
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.body import response
 from cfem.mechanics.element import ELEMENTS

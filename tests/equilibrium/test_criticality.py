@@ -9,8 +9,9 @@ from support.blocks import bar
 
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.criticality import softest_mode
+from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.newton import NewtonResult
-from cfem.equilibrium.problem import Cost, Problem
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.load import gravity

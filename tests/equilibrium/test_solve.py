@@ -13,8 +13,9 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
+from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.newton import Settings, judged, newton
-from cfem.equilibrium.problem import Cost, Problem
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
 from cfem.equilibrium.solve import rest_state, solve

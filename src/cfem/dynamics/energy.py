@@ -6,7 +6,7 @@ import numpy as np
 
 from cfem.dynamics.problem import MovingEvaluation, MovingProblem
 from cfem.dynamics.scheme import Motion
-from cfem.equilibrium.problem import Evaluation
+from cfem.equilibrium.evaluation import Evaluation
 from cfem.mechanics import viscosity as viscous
 
 

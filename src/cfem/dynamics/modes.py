@@ -10,7 +10,7 @@ import numpy as np
 from cfem.core.errors import NumericalError
 from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium.actuation import Actuation, displacement
-from cfem.equilibrium.problem import Cost, Evaluation
+from cfem.equilibrium.evaluation import Cost, Evaluation
 from cfem.equilibrium.solution import State
 from cfem.equilibrium.vibration import lowest_modes
 from cfem.mechanics import viscosity as viscous

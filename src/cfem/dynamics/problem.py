@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.inertia import mass_of
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import add_blocks

@@ -15,8 +15,8 @@ from cfem.dynamics.energy import Energy
 from cfem.dynamics.problem import MovingEvaluation, MovingProblem, Step
 from cfem.dynamics.scheme import Motion, Scheme
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.evaluation import Cost, Tangent
 from cfem.equilibrium.newton import NewtonResult, Settings, newton
-from cfem.equilibrium.problem import Cost, Tangent
 from cfem.equilibrium.robot import effector_displacements
 from cfem.equilibrium.solution import State, Status
 from cfem.mechanics import viscosity as viscous

@@ -26,9 +26,10 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.equilibrium.condensation import ENOUGH, EXACT, refined
+from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.explicit import Changing, Columns, explicit, row_curvatures
 from cfem.equilibrium.parameter_slopes import Sides
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Linear
 from cfem.equilibrium.third_order import steepest
 

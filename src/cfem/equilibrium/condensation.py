@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.equilibrium.problem import Cost, Evaluation, Problem, Tangent
+from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import watched_displacements
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.factorization import Factor

@@ -18,8 +18,9 @@ from typing import Protocol
 
 import numpy as np
 
+from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.parameter_slopes import Sides
-from cfem.equilibrium.problem import Evaluation, Problem, curvature_form
+from cfem.equilibrium.problem import Problem, curvature_form
 from cfem.equilibrium.robot import watched_displacements
 from cfem.equilibrium.solution import Linear
 from cfem.mechanics.mass import kinetic_form

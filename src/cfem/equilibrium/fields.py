@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.evaluation import Evaluation
+from cfem.equilibrium.problem import Problem
 from cfem.mechanics.material.law import response
 from cfem.mechanics.solid import Response, Solid, add_stress
 

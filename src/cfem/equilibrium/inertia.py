@@ -17,7 +17,8 @@ import scipy.sparse as sp
 
 from cfem.core.errors import InputError
 from cfem.equilibrium.condensation import Condensation, refined
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.evaluation import Evaluation
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.mass import mass_matrix

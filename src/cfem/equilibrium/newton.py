@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.problem import Cost, Evaluation, Problem, Tangent
+from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.evaluation import Evaluation
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import watched_displacements
 from cfem.equilibrium.solution import ParameterSlopes
 

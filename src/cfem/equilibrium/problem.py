@@ -5,7 +5,7 @@ R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C de
 on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,12 +14,11 @@ from cfem.constraint.cable import Cable
 from cfem.constraint.chambers import RodChambers
 from cfem.constraint.protocol import Watched
 from cfem.constraint.rod_cable import RodCable
-from cfem.constraint.strained import Strained
+from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import beam as rod
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import (
-    Response,
     bulk_over_volume,
     pressure_force,
     response,
@@ -27,46 +26,8 @@ from cfem.mechanics.body import (
     tangent_form,
     without,
 )
-from cfem.mechanics.factorization import Factor, analyze
+from cfem.mechanics.factorization import analyze
 from cfem.mechanics.rigid import NO_JOINTS, make_kinematics
-
-
-@dataclass
-class Cost:
-    """What a solve has cost so far."""
-
-    iterations: int = 0
-    factorizations: int = 0
-    steps: int = 0
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """The equations at one x and element pressure p.
-
-    force: (n_dof,) N internal less the constant loads' share; delta: (n,); H: (n_dof, n) gradients of delta;
-    strained: of the rows that act on a rod's strains"""
-
-    x: np.ndarray
-    pressure: np.ndarray
-    load: float
-    response: Response
-    force: np.ndarray
-    delta: np.ndarray
-    H: np.ndarray
-    strained: tuple[Strained, ...] = field(default=(), kw_only=True)
-
-    def residual(self, lam: np.ndarray) -> np.ndarray:
-        """(n_dof,) N."""
-        return self.force - self.H @ lam
-
-
-@dataclass(frozen=True)
-class Tangent:
-    """A factored at one state, with the gradient of theta_mean V that the element pressures need."""
-
-    factor: Factor
-    dtheta: np.ndarray
 
 
 class Problem:

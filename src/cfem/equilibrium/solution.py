@@ -9,8 +9,9 @@ import numpy as np
 from cfem.condensed import Condensed
 
 if TYPE_CHECKING:
+    from cfem.equilibrium.evaluation import Evaluation
     from cfem.equilibrium.inertia import Inertia
-    from cfem.equilibrium.problem import Evaluation, Problem
+    from cfem.equilibrium.problem import Problem
     from cfem.mechanics.factorization import Factor
 
 

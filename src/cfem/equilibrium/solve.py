@@ -14,17 +14,15 @@ import scipy.sparse as sp
 
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.condensation import condense as condensation
-from cfem.equilibrium.condensation import response
 from cfem.equilibrium.criticality import classify, softest_mode
-from cfem.equilibrium.inertia import inertia
+from cfem.equilibrium.derived import Derived, Wanted, derive
+from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
-from cfem.equilibrium.parameter_slopes import Sides, differences, parameter_slopes
-from cfem.equilibrium.problem import Cost, Problem
+from cfem.equilibrium.parameter_slopes import Sides
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import demand_without_friction, watched_displacements
 from cfem.equilibrium.slack import change_of_slack, most_pushing, no_push, only, taut_rows
-from cfem.equilibrium.solution import Equilibrium, Linear, State, Status
-from cfem.equilibrium.third_order import compliance_derivatives, load_derivatives
+from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
 DEFAULT = Settings()
@@ -70,7 +68,7 @@ def solve(
     begin, cost = time.perf_counter(), Cost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
-        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin)
+        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, Wanted())
     if slack:
         actuation = no_push(problem, actuation)
     taut = taut_rows(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
@@ -90,8 +88,8 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, only(actuation, taut), near, last.state, settings, cost, slack)
-    wanted = (condense, third_order, sides, mass, pushed, keep, loads, stresses)
-    return _answer(problem, path, only(actuation, taut), settings, cost, begin, *wanted)
+    wanted = Wanted(condense, third_order, sides, mass, pushed, keep, loads, stresses)
+    return _answer(problem, path, only(actuation, taut), settings, cost, begin, wanted)
 
 
 @dataclass(frozen=True)
@@ -194,44 +192,15 @@ def _answer(
     settings: Settings,
     cost: Cost,
     begin: float,
-    condense: bool = False,
-    third_order: bool = False,
-    sides: Sequence[Sides] = (),
-    mass: sp.csr_array | None = None,
-    pushed: Watched | None = None,
-    keep: bool = False,
-    loads: bool = False,
-    stresses: np.ndarray | None = None,
+    wanted: Wanted,
 ) -> Equilibrium:
     """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
-    status, condensed, response_a, response_p, dW, dC, slopes, moves, linear = result.status, *[None] * 8
-    if status is Status.CONVERGED and condense:
+    status, derived = result.status, Derived()
+    if status is Status.CONVERGED and wanted.condense:
         try:
-            by_q = differences(problem, result.at, result.lam, sides) if sides else None
-            others = by_q.residual if sides else np.zeros((problem.pattern.n_dof, 0))
-            found = condensation(problem, result.at, result.lam, result.tangent, cost, others)
-            condensed, response_a = found.condensed, response(problem, result.at, found.Z, robot.rows.active)
-            if pushed is not None:
-                moved = found.factor.solve(problem.gradients((pushed,), x))
-                response_p = problem.kinematics.spread(x, moved)
-            # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
-            act = robot.rows.active
-            held = actuation.C @ condensed.W[act, act] @ actuation.C.T
-            if found.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
-                status = Status.UNSTABLE
-            else:
-                Y = None
-                if mass is not None:
-                    moves, Y = inertia(problem, mass, result.at, found, stresses, third_order)
-                if third_order:
-                    dW, dV = compliance_derivatives(problem, result.at, result.lam, found.Z, Y, mass)
-                    moves = None if moves is None else replace(moves, dV=dV)
-                if third_order and loads:
-                    dC = load_derivatives(problem, result.at, result.lam, found.Z, condensed.W, dW)
-                slopes = parameter_slopes(problem, result.at, condensed.W, found.Z, by_q, found.y) if sides else None
-                left = (found.Z, found.factor, found.data, actuation.C, condensed.W)
-                linear = Linear(problem, result.at, result.lam, *left) if keep else None
+            derived, stable = derive(problem, result, actuation, wanted, cost)
+            status = status if stable else Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR
     if status not in (Status.CONVERGED, Status.NOT_FINITE, Status.NO_SLACK_SET):
@@ -239,7 +208,7 @@ def _answer(
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
     if status is Status.CONVERGED and not residual <= _SLIGHTLY * tolerance:
-        status, condensed, response_a, response_p, dW, dC, slopes, moves, linear = Status.INACCURATE, *[None] * 8
+        status, derived = Status.INACCURATE, Derived()
     n_a = robot.rows.n_a
     largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
@@ -259,15 +228,8 @@ def _answer(
         factorizations=cost.factorizations,
         steps=cost.steps,
         seconds=time.perf_counter() - begin,
-        condensed=condensed,
-        response=response_a,
-        dW=dW,
-        dC=dC,
-        slopes=slopes,
-        inertia=moves,
         delta_s=watched[robot.rows.n_e :],
-        push_response=response_p,
-        linear=linear,
+        **vars(derived),
     )
 
 

@@ -10,7 +10,8 @@ from itertools import permutations
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.problem import Evaluation, Problem
+from cfem.equilibrium.evaluation import Evaluation
+from cfem.equilibrium.problem import Problem
 from cfem.mechanics.turning import change_of_work, levers
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.progress import doing, progress
-from cfem.equilibrium.problem import Cost, Problem
+from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import shape
 from cfem.mechanics.mesh import Mesh

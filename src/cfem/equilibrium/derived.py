@@ -1,0 +1,79 @@
+"""What is asked of a converged state beside the state itself: W, its derivatives, inertia, slopes by parameters. All of
+it comes from the one factorisation of the condensation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from cfem.condensed import Condensed
+from cfem.constraint.protocol import Watched
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.condensation import condense, response
+from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.inertia import Inertia, inertia
+from cfem.equilibrium.newton import NewtonResult
+from cfem.equilibrium.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Linear
+from cfem.equilibrium.third_order import compliance_derivatives, load_derivatives
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """See `solve`."""
+
+    condense: bool = True
+    third_order: bool = False
+    sides: Sequence[Sides] = ()
+    mass: sp.csr_array | None = None
+    pushed: Watched | None = None
+    keep: bool = False
+    loads: bool = False
+    stresses: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Derived:
+    """The fields of `Equilibrium` with these names; None where not asked for."""
+
+    condensed: Condensed | None = None
+    response: np.ndarray | None = None
+    push_response: np.ndarray | None = None
+    dW: np.ndarray | None = None
+    dC: np.ndarray | None = None
+    slopes: ParameterSlopes | None = None
+    inertia: Inertia | None = None
+    linear: Linear | None = None
+
+
+def derive(
+    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, cost: Cost
+) -> tuple[Derived, bool]:
+    """And whether the state is stable with the rows of the actuation held; W alone where it is not. Raises
+    SingularMatrixError."""
+    at, lam, active = result.at, result.lam, problem.robot.rows.active
+    by_q = differences(problem, at, lam, wanted.sides) if wanted.sides else None
+    others = by_q.residual if by_q else np.zeros((problem.pattern.n_dof, 0))
+    found = condense(problem, at, lam, result.tangent, cost, others)
+    W = found.condensed.W
+    pushed = None
+    if wanted.pushed is not None:
+        moved = found.factor.solve(problem.gradients((wanted.pushed,), at.x))
+        pushed = problem.kinematics.spread(at.x, moved)
+    derived = Derived(found.condensed, response(problem, at, found.Z, active), pushed)
+    # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
+    held = actuation.C @ W[active, active] @ actuation.C.T
+    if found.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
+        return derived, False
+    moves = Y = dW = dC = None
+    if wanted.mass is not None:
+        moves, Y = inertia(problem, wanted.mass, at, found, wanted.stresses, wanted.third_order)
+    if wanted.third_order:
+        dW, dV = compliance_derivatives(problem, at, lam, found.Z, Y, wanted.mass)
+        moves = moves and replace(moves, dV=dV)
+        dC = load_derivatives(problem, at, lam, found.Z, W, dW) if wanted.loads else None
+    slopes = parameter_slopes(problem, at, W, found.Z, by_q, found.y) if by_q else None
+    linear = Linear(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W) if wanted.keep else None
+    return replace(derived, dW=dW, dC=dC, slopes=slopes, inertia=moves, linear=linear), True

@@ -1,0 +1,47 @@
+"""The equations of a robot at one place, their factored tangent, and what a solve has cost."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cfem.constraint.strained import Strained
+from cfem.mechanics.body import Response
+from cfem.mechanics.factorization import Factor
+
+
+@dataclass
+class Cost:
+    """What a solve has cost so far."""
+
+    iterations: int = 0
+    factorizations: int = 0
+    steps: int = 0
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The equations at one x and element pressure p.
+
+    force: (n_dof,) N internal less the constant loads' share; delta: (n,); H: (n_dof, n) gradients of delta;
+    strained: of the rows that act on a rod's strains"""
+
+    x: np.ndarray
+    pressure: np.ndarray
+    load: float
+    response: Response
+    force: np.ndarray
+    delta: np.ndarray
+    H: np.ndarray
+    strained: tuple[Strained, ...] = field(default=(), kw_only=True)
+
+    def residual(self, lam: np.ndarray) -> np.ndarray:
+        """(n_dof,) N."""
+        return self.force - self.H @ lam
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A factored at one state, with the gradient of theta_mean V that the element pressures need."""
+
+    factor: Factor
+    dtheta: np.ndarray
