@@ -4,12 +4,13 @@ Every robot is solved by finite elements with its contact points held at trial p
 yield to contact forces, exactly to first order; the contact law on that linearisation, with the motion and the balance
 of what the points meet, is solved exactly (`cfem.contact.solve`); its displacements are the next trial positions and
 poses. It is Newton's method on the nonlinear problem but for the curvature of the surfaces; the last state is checked
-as it is, not as the linearisation has it: gaps, forces, cones and the balance of what moves by itself."""
+as it is, not as the linearisation has it: gaps, forces, cones and the balance of what moves by itself. A learned robot
+takes the place of finite elements where it answers the same (`Touching`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -35,9 +36,26 @@ class TouchStatus(Enum):
     NO_EQUILIBRIUM = "the robot finds no equilibrium with its contact points held"
 
 
+class Touching(Protocol):
+    """A robot with k contact points; turn (3, 3): from its frame to the scene's."""
+
+    turn: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """(k, 3) mm its contact points at rest, in the scene."""
+        ...
+
+    def respond(self, actuators: Actuation, delta_c: np.ndarray, before: Any) -> tuple[Any, np.ndarray]:
+        """With its contact points held at delta_c (3k,) mm from rest, in its frame: its state, like `Equilibrium`
+        (delta_c, lambda_c, delta_a, lambda_a, converged, factorizations), and how they yield (3k, 3k) mm/N. before:
+        the last such state, None at first."""
+        ...
+
+
 @dataclass(frozen=True)
 class PlacedRobot:
-    """One robot; turn (3, 3) and shift (3,) mm from its frame to the scene's."""
+    """One FE robot; turn (3, 3) and shift (3,) mm from its frame to the scene's."""
 
     problem: Problem
     turn: np.ndarray
@@ -47,6 +65,14 @@ class PlacedRobot:
     def points(self) -> np.ndarray:
         """(k, 3) mm its contact points at rest, in the scene."""
         return contact_points(self.problem) @ self.turn.T + self.shift
+
+    def respond(
+        self, actuators: Actuation, delta_c: np.ndarray, before: Equilibrium | None
+    ) -> tuple[Equilibrium, np.ndarray]:
+        state = None if before is None else before.state
+        settings = Settings(tolerance=1e-11)
+        found = solve(self.problem, held(actuators, delta_c), start=state, base=state, settings=settings)
+        return found, yields(found, actuators) if found.converged else np.zeros((0, 0))
 
 
 class Around(Protocol):
@@ -82,7 +108,7 @@ class Touch:
     """One state. solved: of each robot, with multipliers of its contact points in its own frame (N), None where it was
     not solved; modes: of all points, robot after robot; around: what they meet, where it is; stuck (m, 3) mm: the
     places on it where the points stick or would; check: of law and balance at the state itself; iterations: rounds of
-    FE solves; factorizations: of them all."""
+    FE solves; factorizations: of them all; posed: the contact problem there, None before any."""
 
     status: TouchStatus
     solved: tuple[Equilibrium | None, ...]
@@ -92,14 +118,26 @@ class Touch:
     check: Check | None
     iterations: int
     factorizations: int
+    posed: "Posed | None" = None
 
     @property
     def converged(self) -> bool:
         return self.status is TouchStatus.CONVERGED
 
 
+@dataclass(frozen=True)
+class Posed:
+    """The contact problem of one state. compliance (3m, 3m) mm/N of the points in the scene's axes; into (3m, 3m):
+    from those to the surface's; force (3m,) N on the points, in the latter."""
+
+    problem: ContactProblem
+    compliance: np.ndarray
+    into: np.ndarray
+    force: np.ndarray
+
+
 def touch(
-    robots: Sequence[PlacedRobot],
+    robots: Sequence[Touching],
     actuators: Sequence[Actuation],
     around: Around,
     before: Touch | None = None,
@@ -112,7 +150,6 @@ def touch(
     """Quasi-static step of the robots to `actuators`, one for each, from the state `before` (none: at rest, every point
     that touches sticks where it is). tolerance: of law and balance, relative, at the state itself. Never raises for
     numerical failure."""
-    settings = Settings(tolerance=1e-11)
     points = np.concatenate([robot.points for robot in robots])
     turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
     ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
@@ -122,33 +159,32 @@ def touch(
     else:
         at = points + (turns @ np.concatenate([one.delta_c for one in before.solved])).reshape(-1, 3)
         stuck, modes, solved = before.stuck, before.modes, list(before.solved)
-    verdict, cost = None, 0
+    verdict, posed, cost = None, None, 0
 
     def ended(status: TouchStatus, count: int) -> Touch:
-        return Touch(status, tuple(solved), modes, around, stuck, verdict, count, cost)
+        return Touch(status, tuple(solved), modes, around, stuck, verdict, count, cost, posed)
 
     for iteration in range(1, iterations + 1):
-        moved = turns.T @ (at - points).ravel()
+        moved, soft = turns.T @ (at - points).ravel(), []
         for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
-            state = None if solved[i] is None else solved[i].state
-            delta = moved[ends[i] : ends[i + 1]]
-            solved[i] = solve(robot.problem, held(actuation, delta), start=state, base=state, settings=settings)
+            solved[i], yielding = robot.respond(actuation, moved[ends[i] : ends[i + 1]], solved[i])
+            soft.append(yielding)
             cost += solved[i].factorizations
             if not solved[i].converged:
                 return ended(TouchStatus.NO_EQUILIBRIUM, iteration)
-        compliance = turns @ block_diag(*map(yields, solved, actuators)) @ turns.T
+        compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([one.lambda_c for one in solved])
-        posed, into, force = _posed(around, at, stuck, compliance, push, mu, cone)
-        verdict = check(posed, law, force, np.zeros(posed.k))
+        posed = _posed(around, at, stuck, compliance, push, mu, cone)
+        verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
             stuck = np.where(sticks, stuck, around.places(at))
             return ended(TouchStatus.CONVERGED, iteration)
-        answer = solve_contact(posed, law, modes or None)
+        answer = solve_contact(posed.problem, law, modes or None)
         if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
             return ended(TouchStatus.NO_MODE, iteration)
         modes, around = answer.modes, around.moved(answer.xi)
-        at = at + (compliance @ into.T @ (answer.lam - force)).reshape(-1, 3)
+        at = at + (compliance @ posed.into.T @ (answer.lam - posed.force)).reshape(-1, 3)
     return ended(TouchStatus.ITERATIONS, iterations)
 
 
@@ -163,9 +199,9 @@ def yields(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
 
 def _posed(
     around: Around, at: np.ndarray, stuck: np.ndarray, compliance: np.ndarray, push: np.ndarray, mu: float, cone: str
-) -> tuple[ContactProblem, np.ndarray, np.ndarray]:
-    """The contact problem of points at (m, 3) mm that yield by `compliance` (3m, 3m) mm/N and carry `push` (3m,) N,
-    both in the scene's axes; (3m, 3m) from those to the surface's; the forces in the latter."""
+) -> Posed:
+    """Of points at (m, 3) mm that yield by `compliance` (3m, 3m) mm/N and carry `push` (3m,) N, both in the scene's
+    axes."""
     distance, frames = around.surface(at)
     gap = np.einsum("kij,kj->ki", frames, at - around.now(stuck))
     gap[:, 0] = distance
@@ -173,4 +209,5 @@ def _posed(
     W, force = into @ compliance @ into.T, into @ push
     motion = around.motion(at)
     G, wrench = (into @ motion, around.wrench) if motion.shape[1] else (None, None)
-    return ContactProblem((W + W.T) / 2, gap.ravel() - W @ force, G, wrench, mu, cone), into, force
+    problem = ContactProblem((W + W.T) / 2, gap.ravel() - W @ force, G, wrench, mu, cone)
+    return Posed(problem, compliance, into, force)
