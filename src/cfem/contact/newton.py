@@ -13,6 +13,7 @@ import numpy as np
 from cfem.contact.modes import Mode
 
 ITERATIONS, HALVINGS = 40, 4
+PLANE = np.eye(2)
 EXACT = 1e-13  # of the largest force: change of a force in the last step
 
 
@@ -65,17 +66,14 @@ def _missing(lam: np.ndarray, A: np.ndarray, constant: np.ndarray, mu: float) ->
     D[:, 0, 0] = pressed
     found[:, 0] = np.where(pressed, normal, 0.0)
     if mu > 0:
-        t = p[:, 1:]
-        length, limit = np.sqrt(t[:, 0] ** 2 + t[:, 1] ** 2), mu * found[:, 0]
-        slips = pressed & (length > limit)
-        sticks = pressed & ~slips
-        D[sticks, 1, 1] = D[sticks, 2, 2] = 1.0
-        found[sticks, 1:] = t[sticks]
-        if slips.any():
-            along, ratio = t[slips] / length[slips, None], limit[slips] / length[slips]
-            found[slips, 1:] = limit[slips, None] * along
-            D[slips, 1:, 0] = mu * along
-            D[slips, 1:, 1:] = ratio[:, None, None] * (np.eye(2) - along[:, :, None] * along[:, None, :])
+        t, limit = p[:, 1:], mu * found[:, 0]
+        length = np.sqrt(t[:, 0] ** 2 + t[:, 1] ** 2)
+        slips = length > limit
+        share = np.where(slips, limit / np.where(slips, length, 1.0), pressed)  # of t that friction holds
+        along = t * ((slips & pressed) / np.where(slips, length, 1.0))[:, None]  # 0 where nothing slips
+        found[:, 1:] = share[:, None] * t
+        D[:, 1:, 0] = mu * along
+        D[:, 1:, 1:] = share[:, None, None] * (PLANE - along[:, :, None] * along[:, None])
     return lam - found.ravel(), D
 
 

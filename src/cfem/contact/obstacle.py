@@ -13,6 +13,8 @@ import numpy as np
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.core.errors import SpecError
 
+AXES = np.eye(3)
+
 
 class Obstacle(Protocol):
     """points (k, 3) mm."""
@@ -68,30 +70,42 @@ class _Posed(ABC):
         """Distance (k,) and normal (k, 3) in the shape's coordinates."""
 
 
-@dataclass(frozen=True)
-class Plane(_Posed):
-    """The half space below its own z = 0."""
+class Rounded(_Posed):
+    """The points within `rounding` mm of a box about its own origin, of half extents `core` (3,) mm; infinite ones are
+    those of a half space, which is all below its own z = 0."""
+
+    core: np.ndarray
+    rounding: float
 
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return s[:, 2], np.tile([0.0, 0.0, 1.0], (len(s), 1))
+        return rounded(s, self.core, self.rounding, np.isinf(self.core[0]))
 
 
 @dataclass(frozen=True)
-class Sphere(_Posed):
+class Plane(Rounded):
+    """The half space below its own z = 0."""
+
+    core, rounding = np.array([np.inf, np.inf, 0.0]), 0.0
+
+
+@dataclass(frozen=True)
+class Sphere(Rounded):
     """About its own origin; radius mm."""
 
     radius: float
+    core = np.zeros(3)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _demand(self.radius > 0, "the radius of a sphere must be above 0 mm")
 
-    def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _from_core(s, self.radius)
+    @property
+    def rounding(self) -> float:
+        return self.radius
 
 
 @dataclass(frozen=True)
-class Capsule(_Posed):
+class Capsule(Rounded):
     """The points within `radius` mm of a segment of its own z axis, from -half_length to half_length mm."""
 
     radius: float
@@ -102,32 +116,30 @@ class Capsule(_Posed):
         _demand(self.radius > 0, "the radius of a capsule must be above 0 mm")
         _demand(self.half_length >= 0, "the half length of a capsule must be 0 mm or more")
 
-    def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        nearest = np.zeros_like(s)
-        nearest[:, 2] = np.clip(s[:, 2], -self.half_length, self.half_length)
-        return _from_core(s - nearest, self.radius)
+    @property
+    def core(self) -> np.ndarray:
+        return np.array([0.0, 0.0, self.half_length])
+
+    @property
+    def rounding(self) -> float:
+        return self.radius
 
 
 @dataclass(frozen=True)
-class Box(_Posed):
+class Box(Rounded):
     """half (3,) mm: half extents about its own origin."""
 
     half: np.ndarray
+    rounding = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         half = np.asarray(self.half, float)
         _demand(half.shape == (3,) and (half > 0).all(), "the three half extents of a box must be above 0 mm")
 
-    def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        excess = np.abs(s) - self.half
-        sign = np.where(s < 0, -1.0, 1.0)
-        out = np.maximum(excess, 0.0)
-        away = np.linalg.norm(out, axis=1)
-        outside = away > 0
-        face = np.eye(3)[np.argmax(excess, axis=1)]
-        normal = sign * np.where(outside[:, None], out / np.where(outside, away, 1.0)[:, None], face)
-        return np.where(outside, away, excess.max(axis=1)), normal
+    @property
+    def core(self) -> np.ndarray:
+        return np.asarray(self.half, float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,12 +161,23 @@ def _demand(holds: bool, what: str) -> None:
         raise SpecError(f"obstacle: {what}")
 
 
-def _from_core(apart: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """apart (k, 3): from the nearest point of a round shape's core; on the core itself the normal is x."""
-    away = np.linalg.norm(apart, axis=1)
-    on = away == 0.0
-    normal = np.where(on[:, None], [1.0, 0.0, 0.0], apart / np.where(on, 1.0, away)[:, None])
-    return away - radius, normal
+def excess_of(s: np.ndarray, core: np.ndarray, below: np.ndarray | bool) -> np.ndarray:
+    """(..., 3) mm by which own coordinates s exceed a core box; below: that of a half space."""
+    return np.where(below, s, np.abs(s)) - core
+
+
+def rounded(
+    s: np.ndarray, core: np.ndarray, rounding: np.ndarray | float, below: np.ndarray | bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distance (k,) mm and its gradient (k, 3) at own coordinates s (k, 3) of rounded boxes: of one, or of one a point,
+    core (k, 3), rounding (k,), below (k, 1)."""
+    excess = excess_of(s, core, below)
+    out = np.maximum(excess, 0.0)
+    away = np.sqrt((out * out).sum(axis=1))
+    outside = away > 0
+    upwards = np.where(outside[:, None], out, AXES[excess.argmax(axis=1)])
+    normal = np.where((s < 0) & ~np.asarray(below), -upwards, upwards) / np.where(outside, away, 1.0)[:, None]
+    return np.where(outside, away, excess.max(axis=1)) - rounding, normal
 
 
 def tangents(normals: np.ndarray) -> np.ndarray:
@@ -165,6 +188,8 @@ def tangents(normals: np.ndarray) -> np.ndarray:
     sign = np.where(z < -0.99, -1.0, 1.0)
     a = -1.0 / (sign + z)
     b = x * y * a
-    t1 = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=1)
-    t2 = np.stack([b, sign + y * y * a, -y], axis=1)
-    return np.stack([normals, t1, t2], axis=1)
+    found = np.empty((len(normals), 3, 3))
+    found[:, 0] = normals
+    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = b, sign + y * y * a, -y
+    return found

@@ -13,7 +13,7 @@ from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
-from cfem.contact.several import frames, nearest
+from cfem.contact.several import Several
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.held_patch import held
 from cfem.equilibrium.newton import Settings
@@ -35,20 +35,20 @@ HELD = 0.9  # share of a patch's nodes that are held: it cannot touch
 
 
 @dataclass(frozen=True)
-class Several:
+class Still:
     """`Around`: obstacles that stand still, of which each point meets the nearest."""
 
-    obstacles: tuple[Obstacle, ...]
+    obstacles: Several
     wrench = np.zeros(0)
 
     def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance, which = nearest(self.obstacles, at)
-        return distance, frames(self.obstacles, which, at)
+        distance, which = self.obstacles.nearest(at)
+        return distance, self.obstacles.frames(which, at)
 
     def motion(self, at: np.ndarray) -> np.ndarray:
         return np.zeros((at.size, 0))
 
-    def moved(self, xi: np.ndarray) -> "Several":
+    def moved(self, xi: np.ndarray) -> "Still":
         return self
 
     def now(self, places: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ class TouchPlant(ContactAccount):
     ):
         self._robot, self._patches, self._nodes, self._triangles = robot, patches, nodes, triangles
         self._obstacles, self._pressed, self._avoided, self._law, self._mu = obstacles, pressed, avoided, law, mu
-        self._around = Several(tuple(obstacles.values()))
+        self._around = Still(Several(tuple(obstacles.values())))
         apart = np.linalg.norm(patches.rest[:, None] - patches.rest, axis=2) + 1e9 * np.eye(len(patches))
         self._near = NEAR * float(np.median(apart.min(axis=1)))
         self._fixed = patches.mean(np.isin(nodes, robot.fixed).astype(float)) > HELD
@@ -118,7 +118,7 @@ class TouchPlant(ContactAccount):
             if status != CONVERGED:
                 self.state, self._last, self._at = begin
                 return status
-            distance = nearest(self._around.obstacles, self._places())[0]
+            distance = self._around.obstacles.nearest(self._places())[0]
             distance[self._chosen] = distance[self._fixed] = np.inf
             if distance.min(initial=np.inf) >= -OVERLAP * self._robot.length:
                 self._at = u
@@ -174,8 +174,8 @@ class TouchPlant(ContactAccount):
         names, found = list(self._obstacles), np.zeros(len(self._obstacles))
         if self._touched is not None and len(self.state.lambda_c):
             places, force = self._places()[self._chosen], self.state.lambda_c.reshape(-1, 3)
-            which = nearest(self._around.obstacles, places)[1]
-            normals = frames(self._around.obstacles, which, places)[:, 0]
+            which = self._around.obstacles.nearest(places)[1]
+            normals = self._around.obstacles.frames(which, places)[:, 0]
             found = np.bincount(which, (force * normals).sum(axis=1), len(names)).astype(float)
         return np.array([found[names.index(name)] for name in self._pressed])
 

@@ -19,6 +19,7 @@ import numpy as np
 from cfem.condensed import Condensed, Rows
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
+from cfem.contact.several import Several
 from cfem.core.errors import NumericalError
 from cfem.predict.clearance import clearance
 from cfem.predict.touchable import Touchable
@@ -56,6 +57,10 @@ class Among:
         mean = np.diagonal(self.touchable.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).mean(axis=1)
         return 1.0 / np.maximum(mean, 1e-12 * mean.max())
 
+    @cached_property
+    def _around(self) -> Several:
+        return Several(tuple(self.solid.values()))
+
     @property
     def stiffness(self) -> float:
         """N/mm: that of the patches, the median."""
@@ -80,7 +85,7 @@ class Among:
     def _step(self, delta_a: np.ndarray, before: Touched | None) -> Touched | None:
         if not self.solid:
             return None
-        found = touch_step(self.touchable, delta_a, tuple(self.solid.values()), self.law, self.mu, before)
+        found = touch_step(self.touchable, delta_a, self._around, self.law, self.mu, before)
         if not found.converged:
             raise NumericalError(f"learned contact: {found.status.value}")
         return found

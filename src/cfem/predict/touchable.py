@@ -115,7 +115,7 @@ class Held:
 
     def work(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Patches (c,), (c, 3) N -> (k,) N: the load on the modes."""
-        return np.tensordot(forces, self.of.U[chosen], axes=((0, 1), (0, 1)))
+        return forces.ravel() @ self.of.U[chosen].reshape(forces.size, len(self.rows))
 
     def places(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """(N, 3) mm under forces (c, 3) N on chosen patches."""

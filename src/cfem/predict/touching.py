@@ -15,17 +15,15 @@ from enum import Enum
 import numpy as np
 
 from cfem.contact.modes import Mode
-from cfem.contact.newton import modes_from, newton
 from cfem.contact.obstacle import Obstacle
-from cfem.contact.problem import ContactProblem, Law
-from cfem.contact.several import frames, nearest
-from cfem.contact.solve import ContactStatus, solve_contact
-from cfem.predict.touchable import NONE, Touchable
+from cfem.contact.problem import Law
+from cfem.contact.several import Several
+from cfem.predict.touchable import NONE, Held, Touchable
+from cfem.predict.touching_round import pressed, turned
 
 ITERATIONS = 60
-TOLERANCE = 1e-9  # of the length: largest change of a patch's place between the last two rounds
+TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
 MOST = 30  # patches that may touch at once
-NEAR, FLAT = 1e-5, 1e-6  # mm to points at which normals are compared; 1/mm: curvature of a flat obstacle
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
 
 
@@ -73,7 +71,7 @@ class Touched:
 def touch_step(
     touchable: Touchable,
     delta_a: np.ndarray,
-    obstacles: Sequence[Obstacle],
+    obstacles: Sequence[Obstacle] | Several,
     law: Law = "coulomb",
     mu: float = 0.0,
     before: Touched | None = None,
@@ -81,133 +79,141 @@ def touch_step(
     """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, friction holds nothing
     yet). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
     delta_a = np.asarray(delta_a, float)
-    held, count = touchable.held(delta_a), len(touchable.patches)
-    stuck = np.full((count, 3), np.nan)
-    chosen = np.zeros(0, dtype=np.int64) if before is None else before.patches
-    forces = np.zeros((0, 3)) if before is None else before.forces
-    places, mu = held.places(chosen, forces), mu if law == "coulomb" else 0.0
-    if before is not None and mu:  # what did not touch slides from where it was
-        stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
-    distance, which = nearest(obstacles, places)
-    into, modes = np.zeros((0, 3, 3)), ()
-    status, iteration = TouchedStatus.ITERATIONS, 0
-    while iteration < ITERATIONS:
-        iteration += 1
-        touching = distance <= 0
-        touching[chosen[forces.any(axis=1)]] = True
-        last, chosen = _spread(chosen, forces, count), np.flatnonzero(touching)
-        forces, modes = last[chosen], ()
+    step = _Step(touchable.held(delta_a), Several.of(obstacles), mu if law == "coulomb" else 0.0, before)
+    status = None
+    while status is None:
+        status = step.round() if step.iterations < ITERATIONS else TouchedStatus.ITERATIONS
+    return step.result(status)
+
+
+class _Step:
+    """Rounds of one step. Of all patches: places (N, 3) mm, distance (N,) mm, or less where that is far above 0, and
+    which (N,) obstacle; stuck (N, 3) mm where friction holds them, NaN where it does not. chosen (c,): those that may
+    touch, with forces (c, 3) N and modes."""
+
+    def __init__(self, held: Held, around: Several, mu: float, before: Touched | None):
+        self.held, self.around, self.mu, self.iterations = held, around, mu, 0
+        count, self.length = len(held.free), held.of.model.length
+        self.stuck = np.full((count, 3), np.nan)
+        self.chosen, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        self.modes: tuple[Mode, ...] = ()
+        self._sticks = np.zeros(count, dtype=bool)  # in the last round
+        if before is not None:
+            self.chosen, self.forces = before.patches, before.forces
+            if mu:  # what did not touch slides from where it was
+                self.stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
+                self._sticks[before.patches] = [mode is Mode.STICK for mode in before.modes]
+        self.places = held.places(self.chosen, self.forces)
+        self.distance, self.which = around.nearest(self.places)
+
+    def round(self) -> TouchedStatus | None:
+        """None: another one is needed."""
+        self.iterations += 1
+        touching = self.distance <= 0
+        touching[self.chosen[self.forces.any(axis=1)]] = True
+        last = np.zeros_like(self.places)
+        last[self.chosen] = self.forces
+        self.chosen = chosen = np.flatnonzero(touching)
+        self.forces, self.modes = last[chosen], ()
         if not 0 < len(chosen) <= MOST:
-            status = TouchedStatus.MANY if len(chosen) else TouchedStatus.CONVERGED
-            break
-        into = frames(obstacles, which[chosen], places[chosen])
-        held_at = stuck[chosen] if mu else places[chosen]
-        slip = places[chosen] - np.where(np.isnan(held_at), places[chosen], held_at)
-        yields = held.compliance(chosen)
-        bent = _bent(obstacles, which[chosen], places[chosen], into, forces, yields)
-        answer = _pressed(bent, distance[chosen], into, slip, forces, mu)
-        if answer is None and bent is not yields:
-            bent, answer = yields, _pressed(yields, distance[chosen], into, slip, forces, mu)
+            return TouchedStatus.MANY if len(chosen) else TouchedStatus.CONVERGED
+        local = self._law(self.held.compliance(chosen), self.which[chosen], self.places[chosen])
+        if local is None:
+            return TouchedStatus.NO_MODE
+        return TouchedStatus.CONVERGED if self._moved(*local) else None
+
+    def _law(
+        self, yields: np.ndarray, which: np.ndarray, places: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Forces by the law of contact, linear about the chosen patches' places (c, 3) mm: in the frames,
+        straight on, and turned with curved obstacles, each (c, 3) N. None where nothing obeys the law."""
+        into = self.around.frames(which, places)
+        known, gap = (into @ self.forces[:, :, None])[:, :, 0], np.zeros_like(places)
+        if self.mu:
+            held_at = self.stuck[self.chosen]
+            slip = places - np.where(np.isnan(held_at), places, held_at)
+            gap = (into @ slip[:, :, None])[:, :, 0]
+        gap[:, 0] = self.distance[self.chosen]
+        turns = np.where(self._sticks[self.chosen], 0.0, known[:, 0])[:, None, None] * self.around.bends(which, places)
+        softer = turned(yields, turns) if turns.any() else None
+        answer = None if softer is None else pressed(softer[0], gap, into, known, self.mu)
         if answer is None:
-            status = TouchedStatus.NO_MODE
-            break
-        modes, pressed = answer
-        if bent is not yields:  # the forces turn with the surface where the patches have come to
-            ahead = places[chosen] + (bent @ (pressed - forces).ravel()).reshape(-1, 3)
-            there = frames(obstacles, which[chosen], ahead)
-            pressed = ((into @ pressed[:, :, None])[:, None, :, 0] @ there)[:, 0]
-            into = there
-        forces = pressed
-        moved = held.places(chosen, forces)
-        if mu:
-            fresh = chosen[np.isnan(stuck[chosen, 0])]  # a patch that touches for the first time sticks where it came
-            stuck[fresh] = moved[fresh]
-        change, places = np.abs(moved - places).max(), moved
-        distance, which = nearest(obstacles, places)
-        if change <= TOLERANCE * touchable.model.length and distance.min() >= -OVERLAP * touchable.model.length:
-            status = TouchedStatus.CONVERGED
-            break
-    if mu:
-        sticks = np.array([mode is Mode.STICK for mode in modes or (None,) * len(chosen)], dtype=bool)
-        free = np.ones(count, dtype=bool)
-        free[chosen[sticks]] = False
-        stuck[free] = np.nan
-        slides = chosen[~sticks & forces.any(axis=1)]
-        stuck[slides] = places[slides]
-    model, w = touchable.model, held.work(chosen, forces)
-    base = model.at_displacement(delta_a)
-    helped = 0.0
-    if forces.any():
-        helped = w @ model.skin.gradient(delta_a, NONE) + model.skin.compliance_work(delta_a, NONE, w) / 2
-    return Touched(
-        status,
-        chosen,
-        forces,
-        into[:, 0],
-        places[chosen],
-        places,
-        distance[chosen],
-        which[chosen],
-        modes,
-        base.delta_e + held.C_es @ w,
-        base.lambda_a - helped,
-        held.rows + held.C_ss @ w,
-        stuck,
-        iteration,
-    )
-
-
-def _spread(chosen: np.ndarray, forces: np.ndarray, count: int) -> np.ndarray:
-    found = np.zeros((count, 3))
-    found[chosen] = forces
-    return found
-
-
-def _bent(
-    obstacles: Sequence[Obstacle],
-    which: np.ndarray,
-    places: np.ndarray,
-    into: np.ndarray,
-    forces: np.ndarray,
-    yields: np.ndarray,
-) -> np.ndarray:
-    """(3 c, 3 c) mm/N: the compliance with the turn of normal forces on curved obstacles, f = l n(x), in it:
-    (C^-1 - B)^-1 with B = l dn/dx; `yields` itself where nothing is curved or the sum is not positive definite."""
-    pushed = (forces * into[:, 0]).sum(axis=1)
-    if not pushed.any():
-        return yields
-    h, c = NEAR, len(into)
-    turns = np.stack([frames(obstacles, which, places + h * into[:, side])[:, 0] - into[:, 0] for side in (1, 2)], 1)
-    if np.abs(turns).max() <= h * FLAT or np.abs(turns).max() > h / NEAR:  # flat, or an edge in between
-        return yields
-    B = np.zeros((c, 3, c, 3))
-    bend = into[:, 1:].swapaxes(1, 2) @ turns / h * pushed[:, None, None]
-    B[np.arange(c), :, np.arange(c)] = (bend + bend.swapaxes(1, 2)) / 2
-    found = np.linalg.solve(np.eye(3 * c) - yields @ B.reshape(3 * c, 3 * c), yields)
-    try:
-        np.linalg.cholesky((found + found.T) / 2)
-    except np.linalg.LinAlgError:
-        return yields
-    return found
-
-
-def _pressed(
-    compliance: np.ndarray, distance: np.ndarray, into: np.ndarray, slip: np.ndarray, forces: np.ndarray, mu: float
-) -> tuple[tuple[Mode, ...], np.ndarray] | None:
-    """Modes and forces (c, 3) N of patches with `compliance` (3 c, 3 c) mm/N at `distance` (c,) mm from what they meet,
-    in its frames `into` (c, 3, 3); they have slipped by `slip` (c, 3) mm and carry `forces`."""
-    n, shape = 3 * len(into), (len(into), 3, 3 * len(into))
-    W = (into @ (into @ compliance.reshape(shape)).reshape(n, n).T.reshape(shape)).reshape(n, n)
-    W = (W + W.T) / 2
-    gap, known = (into @ slip[:, :, None])[:, :, 0], (into @ forces[:, :, None])[:, :, 0]
-    gap[:, 0] = distance
-    free = gap.ravel() - W @ known.ravel()
-    found, _ = newton(W, free, mu, known)
-    if found is not None:
-        modes = modes_from(found, mu)
-    else:
-        answer = solve_contact(ContactProblem(W, free, mu=mu), "coulomb")
-        if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
+            softer, answer = None, pressed(yields, gap, into, known, self.mu)
+        if answer is None:
             return None
-        modes, found = answer.modes, answer.lam.reshape(-1, 3)
-    return modes, (found[:, None] @ into)[:, 0]
+        self.modes, local = answer
+        straight = (local[:, None] @ into)[:, 0]
+        if softer is None:
+            return local, straight, straight
+        return local, straight, straight + (softer[1] @ (straight - self.forces).ravel()).reshape(-1, 3)
+
+    def _moved(self, local: np.ndarray, straight: np.ndarray, forces: np.ndarray) -> bool:
+        """To where `forces` bring the patches. True where the law holds there too, with the frames there, in
+        which the forces are then."""
+        chosen, mu = self.chosen, self.mu
+        sticks = np.array([mode is Mode.STICK for mode in self.modes], dtype=bool)
+        self._sticks[:] = False
+        self._sticks[chosen[sticks]] = True
+        before, self.forces, self.places = self.places, forces, self.held.places(chosen, forces)
+        if mu:  # a patch that touches for the first time sticks where it came
+            fresh = chosen[np.isnan(self.stuck[chosen, 0])]
+            self.stuck[fresh] = self.places[fresh]
+        self._look(np.abs(self.places - before).max())
+        into = self.around.frames(self.which[chosen], self.places[chosen])
+        there = (local[:, None] @ into)[:, 0]
+        there[sticks] = forces[sticks]
+        off = self.held.compliance(chosen) @ (there - (straight if mu else forces)).ravel()
+        off[::3] = np.maximum(np.abs(off[::3]), np.where(local[:, 0] > 0, np.abs(self.distance[chosen]), 0.0))
+        if np.abs(off).max() > TOLERANCE * self.length or self.distance.min() < -OVERLAP * self.length:
+            return False
+        if sticks.any():
+            held = (into[sticks] @ forces[sticks, :, None])[:, :, 0]
+            beyond = np.hypot(held[:, 1], held[:, 2]) - mu * held[:, 0]
+            if beyond.max() > TOLERANCE * np.abs(forces).max():
+                return False
+        self.forces = there
+        return True
+
+    def _look(self, farthest: float) -> None:
+        """How far the patches are, none of which has moved by more than `farthest` mm along an axis: those that cannot
+        have come near keep what is certain."""
+        self.distance = self.distance - 2 * farthest  # more than the root of 3
+        near = self.distance <= 0
+        near[self.chosen] = True
+        self.distance[near], self.which[near] = self.around.nearest(self.places[near])
+
+    def _settle(self) -> None:
+        """Where friction holds patches from here on."""
+        if not self.mu:
+            return
+        sticks = np.array([mode is Mode.STICK for mode in self.modes or (None,) * len(self.chosen)], dtype=bool)
+        free = np.ones(len(self.stuck), dtype=bool)
+        free[self.chosen[sticks]] = False
+        self.stuck[free] = np.nan
+        slides = self.chosen[~sticks & self.forces.any(axis=1)]
+        self.stuck[slides] = self.places[slides]
+
+    def result(self, status: TouchedStatus) -> Touched:
+        self._settle()
+        meets = self.forces.any(axis=1) | (self.distance[self.chosen] <= 0)
+        held, chosen, forces = self.held, self.chosen[meets], self.forces[meets]
+        model, w = held.of.model, held.work(chosen, forces)
+        base, helped = model.at_displacement(held.delta), 0.0
+        if forces.any():
+            helped = w @ model.skin.gradient(held.delta, NONE) + model.skin.compliance_work(held.delta, NONE, w) / 2
+        return Touched(
+            status,
+            chosen,
+            forces,
+            self.around.frames(self.which[chosen], self.places[chosen])[:, 0],
+            self.places[chosen],
+            self.places,
+            self.distance[chosen],
+            self.which[chosen],
+            tuple(mode for mode, one in zip(self.modes, meets, strict=False) if one),
+            base.delta_e + held.C_es @ w,
+            base.lambda_a - helped,
+            held.rows + held.C_ss @ w,
+            self.stuck,
+            self.iterations,
+        )
