@@ -1,6 +1,7 @@
 """Commands as a user types them: exit codes, one sentence an error, outputs untouched."""
 
 import json
+import re
 import subprocess
 import sys
 from functools import cache
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
@@ -110,6 +112,13 @@ def test_help_lists_commands_and_exit_codes_without_the_heavy_imports():
     heavy = ("torch", "gmsh", "numba", "scipy", "pint", "pyarrow", "matplotlib")
     code = f"import sys, cfem.cli.app; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.parametrize("command", sorted(get_command(app).commands))
+def test_a_command_shows_its_arguments_in_capitals_and_no_names_of_python_types(command):
+    shown = cfem(command, "--help").stdout
+    assert f" {command} [OPTIONS]" in shown.splitlines()[0]
+    assert not re.search(r"[<{]\w+", shown)
 
 
 def test_committed_schemas_are_current():

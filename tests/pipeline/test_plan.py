@@ -1,5 +1,6 @@
 """What is run, in which order, for a folder or a spec."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -96,3 +97,12 @@ def test_overrides_go_to_a_spec_by_its_name_and_never_to_the_scene(override, sai
 def test_overrides_reach_their_spec():
     steps = plan(own_specs(PIPELINES / "bar"), {PIPELINES / "bar" / "train.yaml": ["samples=9"]})
     assert next(step.stage.spec.samples for step in steps if step.kind == "train") == 9
+
+
+def test_as_many_processes_solve_samples_as_asked(tmp_path, monkeypatch):
+    shutil.copytree(PIPELINES / "bar", tmp_path / "pipelines" / "bar")
+    asked = []
+    monkeypatch.setattr("cfem.sample.stage.run", lambda *_, workers, **more: asked.append(workers) or {})
+    monkeypatch.setattr("cfem.pipeline.run._figures", lambda steps: {})
+    run([tmp_path / "pipelines" / "bar"], [], Options(quiet=True), only="sample", workers=3)
+    assert asked == [3]

@@ -7,14 +7,14 @@ from typing import Annotated
 import typer
 
 from cfem import __version__
-from cfem.cli.help import Commands
+from cfem.cli.help import App, Commands
 from cfem.cli.look import add_looks
-from cfem.cli.options import Check, Force, Json, Quiet, Strict
+from cfem.cli.options import Check, Force, Json, Quiet, Strict, Workers
 from cfem.cli.run import run_command
 from cfem.cli.stages import add_stages
 from cfem.core.errors import SpecError
 
-app = typer.Typer(
+app = App(
     cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -29,12 +29,13 @@ add_looks(app)
 
 @app.command("run")
 def run_pipeline(
-    places: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders of specs, or single specs.")],
+    places: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Folders of specs, or single specs.")],
     until: Annotated[str | None, typer.Option("--until", metavar="STAGE", help="The last stage to run.")] = None,
     only: Annotated[str | None, typer.Option("--only", metavar="STAGE", help="The one stage to run.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="SPEC.KEY=VALUE", help="Override, as in train.samples=20.")
     ] = None,
+    workers: Workers = None,
     force: Force = False,
     check: Check = False,
     strict: Strict = False,
@@ -44,7 +45,7 @@ def run_pipeline(
     """Run the stages of a folder that are stale, in order, and what they need; say why each is stale."""
 
     def work(options):
-        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only)
+        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only, workers=workers)
 
     run_command(work, force, check, json, quiet, strict, "run")
 

@@ -1,9 +1,10 @@
 """What `cfem --help` looks like: the commands in the order of work, each with its whole summary, within 80 columns."""
 
+import re
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from cfem.core.errors import EXIT_CODES
 
@@ -35,6 +36,45 @@ class Commands(TyperGroup):
     def format_epilog(self, ctx: typer.Context, formatter: Any) -> None:
         with formatter.section("Exit codes"):
             formatter.write_dl([(str(code), meaning) for code, meaning in EXIT_CODES.items()])
+
+
+class App(typer.Typer):
+    """Whose commands show their arguments as `Command` does."""
+
+    def command(self, name: str | None = None, **options: Any) -> Any:
+        return super().command(name, cls=Command, **options)
+
+
+class Command(TyperCommand):
+    """`cfem mesh SPEC`, `--out PATH`, `--count N` in place of `{spec}`, `<path>` and `<int range>`."""
+
+    def collect_usage_pieces(self, ctx: typer.Context) -> list[str]:
+        return [one.strip("{}").replace("}", "").upper() for one in super().collect_usage_pieces(ctx)]
+
+    def format_options(self, ctx: typer.Context, formatter: Any) -> None:
+        rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for one in self.get_params(ctx):
+            record = one.get_help_record(ctx)
+            if record and one.param_type_name == "argument":
+                rows["Arguments"].append((one.display_name_raw.upper(), record[1].removesuffix("[required]").rstrip()))
+            elif record:
+                rows["Options"].append((re.sub(r"<.*>", lambda type_: _VALUES[type_[0]], record[0]), record[1]))
+        for title, found in rows.items():
+            if found:
+                with formatter.section(title):
+                    formatter.write_dl(found)
+
+
+_VALUES = {
+    "<path>": "PATH",
+    "<str>": "TEXT",
+    "<list[str]>": "TEXT",
+    "<list[Path]>": "PATH",
+    "<float>": "NUMBER",
+    "<float range>": "NUMBER",
+    "<int>": "N",
+    "<int range>": "N",
+}
 
 
 def _summary(command: Any) -> str:

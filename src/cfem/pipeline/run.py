@@ -25,11 +25,12 @@ def run(
     until: str | None = None,
     only: str | None = None,
     line: Callable[[int, Sequence[Step], Sequence[str]], str] | None = None,
+    workers: int | None = None,
 ) -> dict[str, Any]:
     """places: folders, of which the specs without a suffix are run, and specs. What they read is made first, wherever a
     spec beside them makes it. overrides: 'train.samples=20', by the spec's name. `force` runs nothing that is up to
     date: it lets samples and hardware's runs of other inputs be moved aside. line: what to print before a step, by its
-    number, all steps and why it is to be run.
+    number, all steps and why it is to be run. workers: processes that solve samples, one per core where None.
 
     Returns what a stage returns; results: stages (stage, spec, out, status, why, seconds), judgement, headline. Raises
     GateError under `check` where a stage is stale."""
@@ -42,7 +43,7 @@ def run(
         status = "up to date" if not why else "stale" if options.check else "running"
         if not options.quiet:
             say(printable(line(number, steps, why)))
-        manifest = _run(step, options) if status == "running" else {}
+        manifest = _run(step, options, workers) if status == "running" else {}
         entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
         done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
     left = sum(one["status"] == "stale" for one in done)
@@ -101,12 +102,12 @@ def _line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
     return f"{step.command:<{width}}  {step.spec}  {said}"
 
 
-def _run(step: Step, options: Options) -> Mapping[str, Any]:
-    more = {}
+def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]:
+    more: dict[str, Any] = {}
     if step.kind == "sample":
         from cfem.active.fill import fill
 
-        more["fill"] = fill
+        more = {"fill": fill, "workers": workers}
     return stage_module(step.kind).run(step.spec, step.stage.overrides, None, options, **more)
 
 
