@@ -9,7 +9,7 @@ from support.rods import rod_problem
 from cfem.constraint.rod_cable import make_rod_cable
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.friction import solve_slipping
+from cfem.equilibrium.friction import slipping, solve_slipping
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import solve
@@ -37,7 +37,7 @@ def test_loading_bends_less_and_unloading_more(rods):
     loading, shares = solve_slipping(rubbing, lam, condense=False)
     unloading, _ = solve_slipping(rubbing, lam, ways=-1.0, condense=False)
     assert height(loading) < without < height(unloading)
-    np.testing.assert_allclose(shares[0], rubbing.robot.actuators[0].slipping(loading.state.x, 1.0), atol=1e-6)
+    np.testing.assert_allclose(shares[0], slipping(rubbing.robot.actuators[0], loading.state.x, 1.0), atol=1e-6)
 
 
 def test_moment_along_the_rod_is_the_tension_that_is_left(rods):

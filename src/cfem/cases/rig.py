@@ -77,14 +77,18 @@ class Rig:
         p = np.array([one.value(share) for one, share in mine for _ in one.keys], float)
         found = []
         for i, name in enumerate(cases.names):
-            forces = cases.forces[i].copy()
-            for j, actuator in enumerate(self.actuators):
-                scale, offset = (
+            drives = [
+                [
                     self._rig(f"drive.{actuator}.{part}", nominal, z, cases.sessions[i])
                     for part, nominal in (("scale", 1.0), ("offset", 0.0))
-                )
-                forces[j] = scale * forces[j] + offset if forces[j] != 0 else 0.0
-            found.append(self.robots.at(p, forces, cases.ways[i], name))
+                ]
+                for actuator in self.actuators
+            ]
+            scale, offset = np.array(drives).T
+            forces, before = cases.forces[i], cases.before[i]
+            forces = np.where(forces != 0, scale * forces + offset, 0.0)
+            before = None if before is None else np.where(before != 0, scale * before + offset, 0.0)
+            found.append(self.robots.at(p, forces, cases.ways[i], name, before))
         return tuple(found)
 
     def _markers(

@@ -41,7 +41,10 @@ class Layout(Spec):
     forces: dict[str, ForceColumn] = Field(min_length=1)
     """The column of each actuator of the scene."""
     unloading: str | None = None
-    """Column that is 1 where the load had been larger before, and 0 where not. It matters with friction alone."""
+    """Column that is 1 where the load had been much larger before, and 0 where not. It matters with friction alone."""
+    history: str | None = None
+    """Column that names a history: its cases were commanded one after another, as the table has them, the first from
+    rest without load. It matters with friction alone. Where the cell is empty, `unloading` tells."""
 
 
 class Marker(Spec):

@@ -18,7 +18,8 @@ _SMALL, _LARGE = 1 / 30, 30.0  # of the robot's length: places beyond are of ano
 class Cases:
     """m cases of k markers. names (m,); sessions (m,), '' where none is told; forces (m, n_a) N or MPa of the
     actuators; ways (m,): 1 while loading, -1 while unloading; places (m, k, 3) mm, nan where not measured; rest (m, k,
-    3) mm before the load, None where places themselves are compared."""
+    3) mm before the load, None where places themselves are compared; before (m,): forces (j, n_a) that were commanded
+    one after another before, None where nobody tells."""
 
     names: tuple[str, ...]
     sessions: tuple[str, ...]
@@ -26,6 +27,11 @@ class Cases:
     ways: np.ndarray
     places: np.ndarray
     rest: np.ndarray | None
+    before: tuple[np.ndarray | None, ...] = ()
+
+    def __post_init__(self):
+        if not self.before:
+            object.__setattr__(self, "before", (None,) * len(self.names))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -46,7 +52,8 @@ class Cases:
         index = np.arange(len(self))[chosen]
         rest = None if self.rest is None else self.rest[index]
         names, sessions = (tuple(one[i] for i in index) for one in (self.names, self.sessions))
-        return Cases(names, sessions, self.forces[index], self.ways[index], self.places[index], rest)
+        before = tuple(self.before[i] for i in index)
+        return Cases(names, sessions, self.forces[index], self.ways[index], self.places[index], rest, before)
 
 
 def read_cases(
@@ -66,7 +73,7 @@ def read_cases(
         what = f"names no column of actuator '{missing_force[0]}'"
         raise SpecError(what, where="layout.forces", do=f"give the columns of {', '.join(actuators)}")
     needed = [*layout.case, layout.marker, *(one.column for one in layout.forces.values())]
-    needed += [] if layout.session is None else [layout.session]
+    needed += [one for one in (layout.session, layout.history) if one is not None]
     needed += layout.position if measured else []
     for name in needed:
         if name not in rows[0]:
@@ -95,7 +102,8 @@ def read_cases(
     first = [rows[min(case.values())] for case in found.values()]
     ways = np.array([_way(row, layout) for row in first])
     sessions = tuple("" if layout.session is None else row[layout.session] for row in first)
-    return Cases(tuple(" ".join(case) for case in found), sessions, forces, ways, places, rest)
+    before = _before(["" if layout.history is None else row[layout.history].strip() for row in first], forces)
+    return Cases(tuple(" ".join(case) for case in found), sessions, forces, ways, places, rest, before)
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -140,6 +148,11 @@ def _force(path: Path, rows: list, number: int, layout: Layout, actuator: str, u
 
 def _way(row: dict[str, str], layout: Layout) -> float:
     return -1.0 if layout.unloading and row.get(layout.unloading, "").strip() in ("1", "true", "yes") else 1.0
+
+
+def _before(histories: list[str], forces: np.ndarray) -> tuple[np.ndarray | None, ...]:
+    earlier = ([j for j in range(i) if histories[j] == one] for i, one in enumerate(histories))
+    return tuple(forces[js] if one else None for one, js in zip(histories, earlier, strict=True))
 
 
 def _places(path: Path, rows: list, found: dict, markers: list[str], columns: list[str], unit: float) -> np.ndarray:

@@ -49,12 +49,21 @@ class Cable:
         d, length = self._segments(x)
         return -(self.along.T @ (d * (self.shares / length)[:, None]))[None]
 
-    def slipping(self, x: np.ndarray, way: float) -> np.ndarray:
-        """(s,) the shares where the cable slips in all its guides (friction.py)."""
+    def turned(self, x: np.ndarray) -> np.ndarray:
+        """(s,) rad by which the cable turns at the guide before each segment, 0 before the first."""
         d, length = self._segments(x)
         t = d / length[:, None]
         turned = np.arctan2(np.linalg.norm(np.cross(t[:-1], t[1:]), axis=1), (t[:-1] * t[1:]).sum(axis=1))
-        return np.exp(-way * self.friction * np.concatenate([[0.0], np.cumsum(turned)]))
+        return np.concatenate([[0.0], turned])
+
+    @property
+    def segments(self) -> tuple["Cable", ...]:
+        """Each as a cable of its own, without friction."""
+        parts = (
+            (self.along[i : i + 1], self.start[i : i + 1], self.rest_lengths[i : i + 1], (self.cliques[i],))
+            for i in range(len(self.shares))
+        )
+        return tuple(Cable(self.nodes, *part, self.rest, np.ones(1)) for part in parts)
 
     def at_rest(self, x: np.ndarray) -> "Cable":
         """The cable whose rest is where the nodes are at x."""

@@ -56,13 +56,21 @@ class RodCable:
         np.add.at(second, self.element, -(weight / length)[:, None, None] * (B.swapaxes(1, 2) @ across @ B))
         return Strained(value, by_e, second)
 
-    def slipping(self, x: np.ndarray, way: float) -> np.ndarray:
-        """(q,) the shares where the cable slips everywhere (friction.py) at positions x (n, 3) mm."""
+    def turned(self, x: np.ndarray) -> np.ndarray:
+        """(q,) rad by which the cable turns before each point and after the one before, at positions x (n, 3) mm."""
         e = response(self.beam, x).strain.e
         t, length = self._tangent(e)
         bend = e[self.element, 3:] / self.beam.length[self.element, None]
-        turned = np.linalg.norm(np.cross(bend, t / length[:, None]), axis=1) * self.weight
-        return np.exp(-way * self.friction * (np.cumsum(turned) - turned / 2))
+        around = np.linalg.norm(np.cross(bend, t / length[:, None]), axis=1) * self.weight / 2
+        return around + np.concatenate([[0.0], around[:-1]])
+
+    @property
+    def segments(self) -> tuple["RodCable", ...]:
+        """The cable around each of its points as a cable of its own, without friction."""
+        one = (slice(i, i + 1) for i in range(len(self.weight)))
+        return tuple(
+            RodCable(self.beam, self.element[i], self.weight[i], self.along[i], self.B[i], np.ones(1)) for i in one
+        )
 
     def value(self, x: np.ndarray) -> np.ndarray:
         return np.array([self.strained(response(self.beam, x).strain.e).value])

@@ -2,14 +2,16 @@
 
 A cable that slips all along loses tension as on a capstan, T(s) = T0 exp(-way mu theta(s)), theta the angle that it
 has turned up to s (Euler 1769): way 1 while it is pulled in, -1 while it is let out, and the difference is the
-hysteresis of loading and unloading. Between the two the cable sticks, and where the robot rests depends on its past.
-The shares T / T0 are found with the shape, in turns; with the shares held the cable has a potential as ever."""
+hysteresis of loading and unloading. Between the two the cable sticks, and where the robot rests depends on its past
+(sticking.py). The shares T / T0 are found with the shape, in turns; with the shares held the cable has a potential."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from cfem.constraint.cable import Cable
+from cfem.constraint.rod_cable import RodCable
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
@@ -59,6 +61,11 @@ def solve_slipping(
     return replace(found, status=Status.INACCURATE), now
 
 
+def slipping(cable: Cable | RodCable, x: np.ndarray, way: float) -> np.ndarray:
+    """(s,) shares of the tension where the cable slips in all its guides, nodes at x (n, 3) mm."""
+    return np.exp(-way * cable.friction * np.cumsum(cable.turned(x)))
+
+
 def _own(robot: Robot) -> Shares:
     """Those that the robot's cables have, None of other actuators."""
     return tuple(getattr(one, "shares", None) for one in robot.actuators)
@@ -74,6 +81,6 @@ def _with(robot: Robot, shares: Shares) -> tuple:
 
 def _slipping(robot: Robot, x: np.ndarray, ways: np.ndarray, before: Shares) -> Shares:
     return tuple(
-        None if share is None else one.slipping(x, way)
+        None if share is None else slipping(one, x, way)
         for one, way, share in zip(robot.actuators, ways, before, strict=True)
     )
