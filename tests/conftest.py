@@ -28,3 +28,17 @@ def bar(tmp_path_factory):
     cfem.run_stage("sample", specs / "sample.yaml", workers=1)
     cfem.run_stage("train", specs / "train.yaml")
     return project
+
+
+@pytest.fixture(scope="session")
+def bar_of_any_material(bar, tmp_path_factory):
+    """Folder of the bar's spectral model with Poisson's ratio, sampled, and Young's modulus, exact, as parameters."""
+    folder, specs = tmp_path_factory.mktemp("material"), bar / "pipelines" / "bar"
+    asked = (
+        "parameters={poisson: {key: material.poisson, range: [0.30, 0.45]}, "
+        "young: {key: material.young, range: {MPa: [0.5, 4]}}}"
+    )
+    sample = [asked, "splits={train: {rows: 24, method: random, seed: 1}, test: {rows: 4, method: random, seed: 2}}"]
+    cfem.run_stage("sample", specs / "sample.yaml", out=folder / "samples", overrides=sample, workers=1)
+    cfem.run_stage("train", specs / "train.yaml", out=folder / "model", overrides=[f"dataset={folder / 'samples'}"])
+    return folder / "model"

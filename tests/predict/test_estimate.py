@@ -1,5 +1,7 @@
 """The whole robot and who pushes it from a few markers: against the model's own states, and against finite elements."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,6 +104,38 @@ def test_what_nothing_measures_is_named(model):
     assert set(TIP) <= set(found.unseen)
     alone = Estimator(model, markers_near(model, 1), NOISE, TIP, 0.02)
     assert alone.estimate(np.full((1, 3), np.nan)).status is EstimateStatus.TOO_FEW
+
+
+def test_a_robot_of_another_material_is_estimated_by_its_own_compliance(bar_of_any_material):
+    """Markers, tensions and effectors of a material against all rows of W of the model there (`whole`)."""
+    model = load_model(bar_of_any_material)
+    names = [one.name for one in model.parameters]
+    p = np.array([{"poisson": 0.42, "young": 1.3}[name] for name in names])
+    first = Estimator(model, markers_near(model, 5), NOISE, ("tip.y", "skin.2"), 0.02)
+    at, w = np.array([2.5]), np.array([0.011, -0.02])
+    first.estimate(first.places(np.concatenate([at, w])))  # what is kept of the reference must not stay
+    found, x, whole = first.at(p), np.concatenate([at, w]), model.whole(at, p)
+    rows = whole.rows
+    loaded, s, a = [rows.names.index("tip.y"), rows.names.index("skin.2")], rows.s, rows.a
+    locked = whole.W - whole.W[:, a] @ np.linalg.solve(whole.W_aa, whole.W[a])
+    surface = model.skin.surface(model.skin.rows(at, model.q(p)) + locked[s][:, loaded] @ w)
+    assert found.places(x) == pytest.approx(found.seen(surface), abs=1e-9)
+    assert np.abs(found.places(x) - first.places(x)).max() > 0.1
+    assert found._effectors(x) == pytest.approx(whole.delta_e + locked[rows.e][:, loaded] @ w)
+    one = replace(first.estimate(first.places(x)), delta_a=at, loads=w)
+    assert found.by_loads(one, True) == pytest.approx(whole.W[rows.e][:, loaded] @ w, rel=1e-6)
+    h, force = 1e-5, found._forces(x)
+    energy = [_energy(model, p, at, loaded, w, step) for step in (h, -h)]
+    assert force[0][0] == pytest.approx((energy[0] - energy[1]) / (2 * h), rel=1e-6)
+
+
+def _energy(model, p, at, loaded, w, step):
+    """Psi - w . e - w . C w / 2 with e and C from `whole`, Psi by the model's own force: up to a constant."""
+    here, middle = model.whole(at + step, p), model.whole(at + step / 2, p)
+    a = here.rows.a
+    locked = here.W - here.W[:, a] @ np.linalg.solve(here.W_aa, here.W[a])
+    psi = step * middle.lambda_a[0]
+    return psi - w @ here.delta[loaded] - w @ locked[np.ix_(loaded, loaded)] @ w / 2
 
 
 @pytest.mark.parametrize(

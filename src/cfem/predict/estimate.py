@@ -13,16 +13,18 @@ filter knows more (`cfem.predict.estimate_filter`). The covariance is the invers
 Estimation*, 1974, chapter 7). Markers that do not fit are left out and named (`cfem.predict.estimate_fit`); missing
 ones are NaN. Unknowns that the measurements do not tell are named too."""
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.contact.triangles import closest
+from cfem.condensed import Condensed
 from cfem.core.errors import InputError
 from cfem.predict.estimate_fit import EstimateStatus, Known, Minimum, Residuals, Sensor, minimise
 from cfem.predict.force_series import ForceSeries
+from cfem.predict.markers import on_triangles
 from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.spectral import SpectralPredictor
@@ -64,7 +66,8 @@ class Estimator:
     """markers (m, 3) mm: places on the surface at rest; noise: mm, standard deviation of each of their coordinates;
     loaded: names of rows on which forces are unknown, of effectors ('tip.x') or of the skin ('skin.1'); largest: N,
     standard deviation of such a force before anything is measured; sensor: mm, of the measured delta_a; tension: N, of
-    the measured forces of the actuators (a spectral model knows what loads do to them)."""
+    the measured forces of the actuators (a spectral model knows what loads do to them); p (n_p,): values of the model's
+    parameters, those of the reference unless given."""
 
     model: Predictor
     markers: np.ndarray
@@ -73,10 +76,15 @@ class Estimator:
     largest: float = 1.0
     sensor: float = 0.01
     tension: float = 0.01
+    p: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.model.form != "displacement" or self.model.parameters:
-            raise InputError("estimation needs a model of form displacement without parameters")
+        if self.model.form != "displacement":
+            raise InputError("estimation needs a model of form displacement")
+        moved = [one.name for one in self.model.parameters if one.moves_body]
+        if moved:
+            what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
+            raise InputError(what, do="use a model without it")
         if min(self.noise, self.sensor, self.tension, self.largest) <= 0:
             raise InputError("the noise of markers and sensors and the largest load must be positive")
         unknown = [name for name in self.loaded if name not in self._names]
@@ -110,30 +118,44 @@ class Estimator:
     @cached_property
     def _nearest(self) -> tuple[np.ndarray, np.ndarray]:
         """(m, n) weights of the nodes, those of the nearest triangle; distances (m,) mm."""
-        rest, triangles = self.model.skin.rest, self.model.skin.triangles
-        corners = rest[triangles]
-        phi = np.zeros((len(self.markers), len(rest)))
-        away = np.empty(len(self.markers))
-        for number, point in enumerate(np.asarray(self.markers, float)):
-            bary, distance = closest(corners, point)
-            best = int(distance.argmin())
-            phi[number, triangles[best]] = bary[best]
-            away[number] = distance[best]
-        return phi, away
+        return on_triangles(self.markers, self.model.skin.rest, self.model.skin.triangles)
 
     @cached_property
     def _loaded(self) -> np.ndarray:
         return np.array([self._names.index(name) for name in self.loaded], dtype=int)
 
+    def at(self, p: np.ndarray) -> "Estimator":
+        """Of the robot with other values p (n_p,) of the parameters: cheap."""
+        found = copy.copy(self)
+        shared = {name: getattr(self, name) for name in ("_markers", "_modes", "scale", "_middle", "before")}
+        if "_tensions" in vars(self):
+            shared["_tensions"] = self._tensions
+        object.__setattr__(found, "p", np.asarray(p, float))
+        q, softer = found._material
+        moved = {name: one.at(q, softer) if hasattr(one, "at") else one for name, one in shared.items()}
+        vars(found).update(moved)
+        return found
+
+    @property
+    def _material(self) -> tuple[np.ndarray, float]:
+        """q (n_q,), and how much softer than the reference."""
+        model = self.model
+        if self.p is None or not model.parameters:
+            return model.q(None), 1.0
+        return model.q(self.p), float(model.softer(self.p))
+
+    def _series(self, T: np.ndarray) -> ModeSeries:
+        rows = self.model.rows
+        return ModeSeries(self.model.skin, rows.n_a, T, rows.n_e, self._loaded).at(*self._material)
+
     @cached_property
     def _markers(self) -> ModeSeries:
         phi = np.einsum("mn,kni->mik", self._nearest[0], self.model.skin.modes)
-        return ModeSeries(self.model.skin, phi.reshape(-1, phi.shape[2]), self.model.rows.n_e, self._loaded)
+        return self._series(phi.reshape(-1, phi.shape[2]))
 
     @cached_property
     def _modes(self) -> ModeSeries:
-        skin = self.model.skin
-        return ModeSeries(skin, np.eye(len(skin)), self.model.rows.n_e, self._loaded)
+        return self._series(np.eye(len(self.model.skin)))
 
     @cached_property
     def _tensions(self) -> ForceSeries:
@@ -141,7 +163,7 @@ class Estimator:
             kind = self.model.meta["kind"]
             what = f"actuator forces need a model of kind spectral, got '{kind}'"
             raise InputError(what, do="leave the forces out, or train a spectral model")
-        return ForceSeries(self.model, self._loaded)
+        return ForceSeries(self.model, self._loaded).at(*self._material)
 
     @cached_property
     def _at_rest(self) -> np.ndarray:
@@ -237,10 +259,28 @@ class Estimator:
 
     def _effectors(self, x: np.ndarray) -> np.ndarray:
         delta_a, w = self._apart(x)
-        here, rows = self.model.at_displacement(delta_a), self.model.rows
-        if not len(w):
-            return here.delta_e
-        G = here.effector_jacobian
+        here = self._here(delta_a)
+        return here.delta_e + (self._compliance(here) @ w if len(w) else 0.0)
+
+    def by_loads(self, found: Estimate, held_forces: bool) -> np.ndarray:
+        """(n_e,) mm: what the loads of an estimate do to the effectors while the actuators keep their displacements, or
+        their forces."""
+        if not len(found.loads):
+            return np.zeros(self.model.rows.n_e)
+        here = self._here(found.delta_a)
+        C = self._compliance(here)
+        if held_forces:
+            G, q = here.effector_jacobian, self._material[0]
+            by_a = np.vstack([G, self.model.skin.gradient(found.delta_a, q)])[self._loaded]
+            C = C + G @ here.W_aa @ by_a.T
+        return C @ found.loads
+
+    def _here(self, delta_a: np.ndarray) -> Condensed:
+        return self.model.at_displacement(delta_a, self.p)
+
+    def _compliance(self, here: Condensed) -> np.ndarray:
+        """(n_e, n_w) mm/N: of the effectors by the loads, actuators locked."""
+        G, rows, (q, softer) = here.effector_jacobian, self.model.rows, self._material
         C_ee = here.W[rows.e, rows.e] - G @ here.W_aa @ G.T
-        C_es, _ = self.model.skin.compliance(delta_a, delta_a[:0])
-        return here.delta_e + np.hstack([C_ee, C_es])[:, self._loaded] @ w
+        C_es, _ = self.model.skin.compliance(here.delta_a, q)
+        return np.hstack([C_ee, softer * C_es])[:, self._loaded]

@@ -6,7 +6,9 @@ With the displacements e of the loaded rows and their compliance C at locked act
 
 (Psi and e of the robot without these loads: the displacements e + C w are - d Pi / d w, so that the two derivatives
 agree by Maxwell's theorem of reciprocity). A tension that changes at a fixed displacement thus tells of a push, where
-the markers hardly move."""
+the markers hardly move. A softer robot, whose Young's modulus is exact, has a smaller Psi and a larger C."""
+
+import copy
 
 import numpy as np
 
@@ -18,8 +20,8 @@ from cfem.predict.spectral import SpectralPredictor
 
 
 class ForceSeries:
-    """model: spectral, of form displacement, without parameters; loaded: (n_w,) numbers of rows, effectors first, then
-    modes of its skin."""
+    """model: spectral, of form displacement; loaded: (n_w,) numbers of rows, effectors first, then modes of its skin.
+    `at` gives the values of the parameters of a model that has some."""
 
     def __init__(self, model: SpectralPredictor, loaded: np.ndarray):
         arrays, n_a = model.arrays, model.rows.n_a
@@ -34,21 +36,28 @@ class ForceSeries:
         by = input_derivatives(indices, arrays["to_box"], n_a)
         first = [D @ flat for D in by]
         second = [by[j] @ first[i] for i in range(n_a) for j in range(n_a)]
-        self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
+        self._to_box_T, self._first = np.ascontiguousarray(arrays["to_box"][:, :n_a].T), arrays["offset"]
+        self._by_q, self._offset, self._softer = arrays["to_box"][:, n_a:], self._first, 1.0
         self._basis = Basis(indices)
         self._series = np.ascontiguousarray(np.stack([*first, *second], axis=1).reshape(len(indices), -1))
         self._n_a, self._n_w = n_a, len(loaded)
         self._pairs = tuple(np.array(pairs, dtype=int).reshape(-1, 2).T)
         self._unpack = unpacking(len(loaded))
 
+    def at(self, q: np.ndarray, softer: float) -> "ForceSeries":
+        """Of the robot with parameters q (n_q,), in the model's coordinates, and `softer` times its compliance."""
+        found = copy.copy(self)
+        found._offset, found._softer = self._first + self._by_q @ q, softer
+        return found
+
     def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """t (n_a,) mm, w (n_w,) N -> lambda_a (n_a,) and its derivatives (n_a, n_a + n_w) by t, then w."""
-        n_a, n_w = self._n_a, self._n_w
+        n_a, n_w, softer = self._n_a, self._n_w, self._softer
         found = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(n_a + n_a * n_a, -1)
         i, j = self._pairs
         twice = np.where(i == j, 0.5, 1.0) * w[i] * w[j]
-        value = found[:, 0] - found[:, 1 : 1 + n_w] @ w - found[:, 1 + n_w :] @ twice
-        by_C = found[:n_a, 1 + n_w :][:, self._unpack]  # (n_a, n_w, n_w)
+        value = found[:, 0] / softer - found[:, 1 : 1 + n_w] @ w - softer * found[:, 1 + n_w :] @ twice
+        by_C = softer * found[:n_a, 1 + n_w :][:, self._unpack]  # (n_a, n_w, n_w)
         by_w = -found[:n_a, 1 : 1 + n_w] - by_C @ w
         return value[:n_a], np.hstack([value[n_a:].reshape(n_a, n_a), by_w])
 

@@ -1,8 +1,22 @@
-"""Places for trial markers on a surface."""
+"""Markers: places on a surface, fixed to its nodes, and places for trials."""
 
 import numpy as np
 
+from cfem.contact.triangles import closest
 from cfem.predict.protocol import Predictor
+
+
+def on_triangles(points: np.ndarray, rest: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """points (m, 3) mm -> (m, n) weights of the nodes at rest (n, 3), those of the nearest triangle (t, 3), and
+    distances (m,) mm from it."""
+    corners = rest[triangles]
+    weights, away = np.zeros((len(points), len(rest))), np.empty(len(points))
+    for number, point in enumerate(np.asarray(points, float)):
+        bary, distance = closest(corners, point)
+        best = int(distance.argmin())
+        weights[number, triangles[best]] = bary[best]
+        away[number] = distance[best]
+    return weights, away
 
 
 def markers_near(model: Predictor, count: int) -> np.ndarray:

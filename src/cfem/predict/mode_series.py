@@ -5,7 +5,10 @@ With s = s_0(t) + C_s,loads(t) w, the modes under loads w at fixed actuators, an
     T s = (T s_0)(t) + (T C_s,loads)(t) w
 
 Both brackets are Chebyshev series of the model's inputs t, as s_0 and C are, and so are their derivatives. Combined
-once, an answer costs one evaluation of the basis and one product with a small matrix."""
+once, an answer costs one evaluation of the basis and one product with a small matrix. Values of the model's parameters
+only shift t and scale C."""
+
+import copy
 
 import numpy as np
 
@@ -17,14 +20,16 @@ from cfem.predict.skin import LearnedSkin
 
 
 class ModeSeries:
-    """skin: of a model without parameters, actuators locked; T: (r, k); effectors: number of the model's effector rows;
-    loaded: (n_w,) numbers of the rows with loads, effectors first, then modes."""
+    """skin: of form displacement; n_a: number of actuators; T: (r, k); effectors: number of the model's effector rows;
+    loaded: (n_w,) numbers of the rows with loads, effectors first, then modes. `at` gives the values of the parameters
+    of a model that has some."""
 
-    def __init__(self, skin: LearnedSkin, T: np.ndarray, effectors: int, loaded: np.ndarray):
-        arrays, n_a = skin.arrays, skin.arrays["to_box"].shape[0]
+    def __init__(self, skin: LearnedSkin, n_a: int, T: np.ndarray, effectors: int, loaded: np.ndarray):
+        arrays = skin.arrays
         if skin.form != "displacement":
             raise InputError("series of markers need a model of form displacement")
-        self._to_box_T, self._offset = np.ascontiguousarray(arrays["to_box"].T), arrays["offset"]
+        self._to_box_T, self._first = np.ascontiguousarray(arrays["to_box"][:, :n_a].T), arrays["offset"]
+        self._by_q, self._offset, self._softer = arrays["to_box"][:, n_a:], self._first, 1.0
         k, r, n_w = len(skin), len(T), len(loaded)
         self._shape = (r, 1 + n_w, 1 + n_a)
         place = unpacking(k)
@@ -41,14 +46,20 @@ class ModeSeries:
         found = found.reshape(len(indices), 1 + n_w, r, 1 + n_a).swapaxes(1, 2)
         self._basis, self._series = Basis(indices), np.ascontiguousarray(found.reshape(len(indices), -1))
 
+    def at(self, q: np.ndarray, softer: float) -> "ModeSeries":
+        """Of the robot with parameters q (n_q,), in the model's coordinates, and `softer` times its compliance."""
+        found = copy.copy(self)
+        found._offset, found._softer = self._first + self._by_q @ q, softer
+        return found
+
     def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """t (n_a,) mm, w (n_w,) N -> T s (r,) and its derivatives (r, n_a + n_w) by t, then w."""
         r, width, deep = self._shape
         found = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(r, width, deep)
         if width == 1:
             return found[:, 0, 0], found[:, 0, 1:]
-        summed = found[:, 0] + w @ found[:, 1:]
-        return summed[:, 0], np.concatenate([summed[:, 1:], found[:, 1:, 0]], axis=1)
+        summed = found[:, 0] + self._softer * w @ found[:, 1:]
+        return summed[:, 0], np.concatenate([summed[:, 1:], self._softer * found[:, 1:, 0]], axis=1)
 
 
 def joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
