@@ -98,6 +98,28 @@ def test_missing_markers_and_outliers_are_survived(estimator):
     )
 
 
+def test_any_two_of_eight_markers_may_be_wrong_and_one_missing(model):
+    """From no knowledge of the state: 60 draws, each found within its intervals, and the wrong markers named."""
+    estimator = Estimator(model, markers_near(model, 8), NOISE, TIP[1:], 0.02)
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        x = np.concatenate([rng.uniform(0.5, 6.0, 1), 0.02 * rng.normal(size=2)])
+        measured = estimator.places(x) + NOISE * rng.normal(size=(8, 3))
+        chosen = rng.permutation(8)
+        measured[chosen[:2]] += 15.0 * rng.normal(size=(2, 3))
+        measured[chosen[2]] = np.nan
+        found = estimator.estimate(measured)
+        assert found.converged and set(found.outliers) == set(chosen[:2].tolist())
+        assert (np.abs(np.concatenate([found.delta_a, found.loads]) - x) < 5 * found.deviation).all()
+        assert found.iterations <= 30
+
+
+def test_markers_of_which_half_are_wrong_have_no_answer(estimator):
+    measured = seen(estimator, np.array([3.0, 0.0, 0.0, 0.0]))
+    measured[:3] += [[30.0, 0, 0], [0, -25.0, 0], [0, 0, 40.0]]
+    assert estimator.estimate(measured).status is EstimateStatus.OUTLIERS
+
+
 def test_what_nothing_measures_is_named(model):
     """Five markers tell nothing of a push along the stiff axis; without markers of any kind nothing is told."""
     found = Estimator(model, markers_near(model, 5), NOISE, TIP, 0.02).estimate(np.full((5, 3), np.nan), [2.0])

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from cfem.condensed.model import under_force
 from cfem.control.adaptation import Adapted, Tracker
 from cfem.control.controller import Controller, Gains
+from cfem.control.estimated import Estimated
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import NumericalError
 from cfem.plant.protocol import Measurement
@@ -33,7 +34,8 @@ class AdaptiveController(Controller):
             self._sampled = measured.t
             sent, near = self._sent[measured.t]
             self._sent = {tick: one for tick, one in self._sent.items() if tick > measured.t}
-            if self.tracker.sample(sent, measured.x_e - self._rest_e, near):
+            by_loads = measured.by_loads if isinstance(measured, Estimated) else 0.0  # no parameter makes that
+            if self.tracker.sample(sent, measured.x_e - by_loads - self._rest_e, near):
                 self._changed()
         belief = super().tick(goal, measured, ahead)
         sent = replace(belief, u=self._within(belief.u + self.tracker.used_b))

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
+from cfem.control.estimated_spec import EstimateSpec
 from cfem.control.moving.spec import LapsSpec, MovingSpec, MpcSpec, ShapingSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
@@ -229,6 +230,8 @@ class LoopSpec(Spec):
     """Seeds of the noise. Everything runs once per seed."""
     sensor: SensorSpec = SensorSpec()
     """What measures the effectors."""
+    estimate: EstimateSpec | None = None
+    """Markers on the surface instead: controllers then know of the robot what is estimated from them."""
     real: RealSpec = RealSpec()
     """How the real robot differs from the model."""
     disturbance: DisturbanceSpec | None = None
@@ -248,6 +251,16 @@ class LoopSpec(Spec):
             raise ValueError("real.drift does not go with moving yet")
         if self.moving is None and self.real.viscosity != 1:
             raise ValueError("real.viscosity needs moving")
+        return self
+
+    @model_validator(mode="after")
+    def _estimate_fits(self):
+        if self.estimate is None:
+            return self
+        if self.moving is not None or self.real.wall is not None:
+            raise ValueError("estimate takes the robot to be at rest and free: leave out moving and real.wall")
+        if self.sensor.noise:
+            raise ValueError("estimate has a noise of its own: leave out sensor.noise")
         return self
 
     @model_validator(mode="after")

@@ -1,7 +1,7 @@
 """The `loop:` part of `cfem control`: every controller along every trajectory, into the plant that the spec says."""
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,33 +14,22 @@ from cfem.control.closed_loop import Moment, Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.controller import Gains
+from cfem.control.estimated_account import EstimateAccount, estimate_results
 from cfem.control.gains import integral_for, late_samples
 from cfem.control.inverse import Limits
-from cfem.control.loads import under_loads
 from cfem.control.loop_controllers import at_the_end, controller_of, known, parameters_of
+from cfem.control.loop_plants import plants_of, push_of
 from cfem.control.moving.account import over_time, saturation
 from cfem.control.moving.built import Situation, standing_at
 from cfem.control.moving.laps import laps
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
 from cfem.control.tick_log import tick_log
-from cfem.core.errors import SpecError
 from cfem.core.progress import progress
-from cfem.core.spec import load_spec
 from cfem.equilibrium.robot import Robot
-from cfem.motion.altered import Altered
 from cfem.motion.load import load_motion
 from cfem.motion.model import MotionModel
-from cfem.plant.drifting_plant import DriftingPlant
-from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
-from cfem.plant.model_plant import ModelPlant
-from cfem.plant.moving_plant import MovingFemPlant, MovingModelPlant
-from cfem.plant.pipe_plant import PipePlant
-from cfem.plant.protocol import Plant
 from cfem.predict.protocol import Predictor
-from cfem.robot.spec import SceneSpec
-
-PlantOf = Callable[[int], Any]  # seed -> context of a plant
 
 
 def run_controllers(
@@ -57,7 +46,7 @@ def run_controllers(
     device starts. InputError where that fails."""
     loop, dt = spec.loop, 1 / spec.loop.rate
     motions, standing = _motions(spec, base, predictors), replace(pilot, limits=_bounded(pilot.limits, spec.loop))
-    plant_of = _plants(spec, base, robot, predictors, motions)
+    plant_of = plants_of(spec, base, robot, predictors, motions)
     records, results, run_ups, adapting = [], {}, {}, parameters_of(loop, predictors)
     if loop.laps:
         run, goals = loop.laps, dict(goals)
@@ -81,11 +70,13 @@ def run_controllers(
                 for seed in _seeds(controller, loop):
                     tell, count = partial(record, trajectory, name, seed, loop.rate), _Counter(advance)
                     motion = motions.get(_name(controller, predictors))
-                    told = controller_of(controller, flown, gains, motion, at, base)
+                    told = controller_of(controller, flown, gains, motion, at, base, predictors)
+                    account = _account(loop, told, robot)
 
-                    def after(one: Moment, tell=tell, count=count, told=told) -> None:
+                    def after(one: Moment, tell=tell, count=count, told=told, account=account) -> None:
                         count(one.index)
-                        records.append(tell(one) | known(told, adapting))
+                        estimated = account.row(told, one.tick, one.actual) if account else {}
+                        records.append(tell(one) | known(told, adapting) | estimated)
                         append(records[-1])
 
                     with plant_of(seed) as plant:
@@ -99,9 +90,26 @@ def run_controllers(
                     "over_time": over_time(runs, loop.rate),
                     "saturated": saturation(runs, flown, robot.rows.actuators),
                     **at_the_end(ended, model, controller),
+                    **_estimates(records, trajectory, name, account),
                 }
-        _write(folder / "loop.parquet", records, robot)
+        _write(folder / "loop.parquet", records, robot, loop)
     return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
+
+
+def _account(loop: LoopSpec, told: Any, robot: Robot) -> EstimateAccount | None:
+    if loop.estimate is None:
+        return None
+    push, since = push_of(loop, robot)
+    return EstimateAccount(told.estimator, push, since)
+
+
+def _estimates(
+    records: list[dict[str, Any]], trajectory: str, name: str, account: EstimateAccount | None
+) -> dict[str, Any]:
+    if account is None:
+        return {}
+    mine = [one for one in records if (one["trajectory"], one["controller"]) == (trajectory, name)]
+    return {"estimate": estimate_results(mine, account.unknowns)}
 
 
 def _name(controller: ControllerSpec, predictors: Mapping[str, Predictor]) -> str:
@@ -203,81 +211,14 @@ def _pace(loop: LoopSpec, run_up: int) -> Pace:
     )
 
 
-def _plants(
-    spec: ControlSpec,
-    base: Path,
-    robot: Robot,
-    predictors: Mapping[str, Predictor],
-    motions: Mapping[str, MotionModel],
-) -> PlantOf:
-    """What makes the plant of a run: the same robot for all, sensors of its own for each; of a device a new start."""
-    loop, rest_e = spec.loop, robot.rest_e
-    if spec.plant == "pipe":
-        return lambda seed: PipePlant(
-            loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate, folder=base
-        )
-    push = None if loop.disturbance is None else _on_effectors(loop.disturbance.force, robot)
-    since = loop.disturbance.tick if loop.disturbance else 0
-    if spec.plant == "model" and loop.moving:
-        real = Altered(motions[next(iter(predictors))], loop.real.stiffer, loop.real.viscosity)
-        plain, pushed = MovingModelPlant(real, 1 / loop.rate, loop.moving.substeps, push, since), None
-    elif spec.plant == "fem":
-        plain, pushed = _fem_plants(spec, base, push, since)
-    else:
-        real = Stiffer(next(iter(predictors.values())), loop.real.stiffer)
-        plain = ModelPlant(real, rest_e)
-        pushed = None if push is None else ModelPlant(real, rest_e, push)
-    sensor, quantum = loop.sensor, loop.command.quantum
-    imperfection = Imperfection(sensor.noise, 1 / loop.ticks_a_sample, sensor.delay, quantum or 0.0)
-
-    @contextmanager
-    def of(seed: int) -> Iterator[Plant]:
-        both = (plain, pushed)
-        if loop.real.drift:  # from the beginning in each run
-            both = tuple(
-                one and DriftingPlant(one, loop.real.drift.stiffness, loop.ticks(loop.real.drift.within))
-                for one in both
-            )
-        yield ImperfectPlant(both[0], imperfection, seed, both[1], since)
-
-    return of
-
-
-def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
-    """(n_e,) N: `force` (3,) on the first effector, whose first rows are x, y, z."""
-    if robot.rows.n_e < 3:
-        raise SpecError("needs an effector with rows x, y, z", where="loop.disturbance")
-    return np.concatenate([force, np.zeros(robot.rows.n_e - 3)])
-
-
-def _fem_plants(spec: ControlSpec, base: Path, push: np.ndarray | None, since: int) -> tuple[Plant, Plant | None]:
-    """The real robot in full, and the same under a push (n_e,) N on its effectors; one that moves takes the push
-    itself, from tick `since` on."""
-    from cfem.plant.fem_plant import FemPlant, pushed
-    from cfem.robot.build import build_robot
-    from cfem.robot.load import load_scene_and_mesh
-
-    real = spec.loop.real
-    scene = base / spec.scene
-    _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
-    robot = under_loads(spec, build_robot(load_spec(scene, SceneSpec, real.scene), nodes))
-    if spec.loop.moving:
-        moved = None if push is None else pushed(robot, push)
-        return MovingFemPlant(robot, 1 / spec.loop.rate, spec.loop.moving.substeps, moved, since), None
-    if real.wall:
-        from cfem.plant.walled_plant import Wall, WalledPlant
-
-        normal = np.asarray(real.wall.normal, float)
-        wall = Wall(real.wall.point, normal / np.linalg.norm(normal))
-        robots = [robot] if push is None else [robot, pushed(robot, push)]
-        plants = [WalledPlant(one, wall) for one in robots]
-    else:
-        plants = [FemPlant(robot)] + ([] if push is None else [FemPlant(pushed(robot, push))])
-    return plants[0], plants[1] if push is not None else None
-
-
-def _write(path: Path, records: list[dict[str, Any]], robot: Robot) -> None:
+def _write(path: Path, records: list[dict[str, Any]], robot: Robot, loop: LoopSpec) -> None:
     from cfem.dataset.writer import write_records
 
     units = dict.fromkeys(("goal", "aimed", "x_e", "measured_e", "error"), "mm") | {"seconds": "s", "step_us": "us"}
-    write_records(path, records, {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "units": units})
+    meta = {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "units": units}
+    if loop.estimate is not None:
+        shown, (displacement, _) = ("estimated_a", "estimated_a_sd", "true_a"), robot.actuator_units[0]
+        units |= dict.fromkeys(("estimated_e", "shape_rms", "shape_max"), "mm") | dict.fromkeys(shown, displacement)
+        units |= dict.fromkeys(("loads", "loads_sd", "true_loads"), "N")
+        meta["loaded"] = list(loop.estimate.loads.rows) if loop.estimate.loads else []
+    write_records(path, records, meta)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop import Moment, Pace
+from cfem.control.estimated_account import estimate_sentence
 from cfem.core.shown import duration
 
 
@@ -89,6 +90,8 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
                 )
             parts.append(f"{duration(1e-6 * row['step_us']['median'])} of CPU time per tick")
             parts += [f"{what} in {100 * share:.3g} % of the ticks" for what, share in row.get("saturated", {}).items()]
+            if "estimate" in row:
+                parts.append(estimate_sentence(row["estimate"]))
             if row["no_position"]:
                 parts.append(f"the plant gave NO POSITION in {row['no_position']} ticks")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))

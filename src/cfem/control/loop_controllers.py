@@ -12,6 +12,7 @@ from cfem.control.adaptation import Adapted, Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.controller import Gains
+from cfem.control.estimated import EstimatingController, filter_of
 from cfem.control.moving import built
 from cfem.control.moving.built import Situation
 from cfem.control.tick import Pilot
@@ -21,10 +22,27 @@ from cfem.predict.protocol import Predictor
 
 
 def controller_of(
+    spec: ControllerSpec,
+    pilot: Pilot,
+    gains: Gains | None,
+    motion: MotionModel | None,
+    at: Situation,
+    base: Path,
+    predictors: Mapping[str, Predictor],
+) -> Any:
+    """As `moving.built.controller_of`, a policy (base: folder of the spec) or one that adapts; behind an estimator
+    where the loop has one. SpecError where the model has no parameters to adapt, InputError where a policy is none of
+    this robot or no model can tell what is estimated."""
+    inner = _measuring(spec, pilot, gains, motion, at, base)
+    if at.loop.estimate is None:
+        return inner
+    model = predictors.get(spec.model) or next(iter(predictors.values()))
+    return EstimatingController(inner, filter_of(at.loop, model), at.rest_e, pilot.command == "displacement")
+
+
+def _measuring(
     spec: ControllerSpec, pilot: Pilot, gains: Gains | None, motion: MotionModel | None, at: Situation, base: Path
 ) -> Any:
-    """As `moving.built.controller_of`, and a policy (base: folder of the spec) or one that adapts. SpecError where the
-    model has no parameters to adapt, InputError where a policy is none of this robot."""
     start = None if at.start is None else at.start.delta_a
     if spec.policy is not None:
         from cfem.control.policy import PolicyController
@@ -61,7 +79,7 @@ def known(controller: Any, count: int) -> dict[str, Any]:
     """Columns of a row: parameters that the controller uses now, nan for one that tracks none."""
     if not count:
         return {}
-    numbers = np.full(count, np.nan)
+    numbers, controller = np.full(count, np.nan), getattr(controller, "inner", controller)
     if isinstance(controller, AdaptiveController):
         numbers[: len(controller.tracker.used_p)] = controller.tracker.used_p
     return {"parameters": numbers}

@@ -261,6 +261,10 @@ class ControlSpec(Spec):
             raise ValueError("loop.real.viscosity needs plant: model; with plant: fem override the scene's material")
         if self.plant == "pipe" and loop.moving:
             raise ValueError("a device moves as it does: leave out loop.moving with plant: pipe")
+        if loop.estimate is not None and self.plant == "model":
+            raise ValueError("loop.estimate needs plant: fem or pipe, which has markers")
+        if loop.estimate is not None and self.plant == "pipe" and (loop.estimate.lost or loop.estimate.wrong):
+            raise ValueError("loop.estimate: a device loses markers as it does; leave out lost and wrong")
         if self.plant != "model" and loop.real.stiffer != 1:
             raise ValueError("loop.real.stiffer needs plant: model; with plant: fem override the scene's material")
         return self

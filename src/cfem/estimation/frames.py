@@ -8,9 +8,7 @@ import numpy as np
 from cfem.estimation.recording import Recording
 from cfem.estimation.spec import EstimateSpec
 from cfem.predict.estimate import Estimate, Estimator
-from cfem.predict.estimate_filter import Filter
-
-SLIP, OFFSET = 5e-4, 0.05  # of the reach
+from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
 
 
 def estimates(

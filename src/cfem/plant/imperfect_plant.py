@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import Model
+from cfem.plant.marked_plant import MarkerNoise
 from cfem.plant.protocol import Command, Measurement, Plant
 
 
@@ -29,7 +30,8 @@ class ImperfectPlant:
     """Any plant behind such sensors and actuators; the same for the same seed. Ticks are counted from 1 here, whatever
     the plant has done before; a measurement carries the tick at which it was taken (0: none has arrived yet).
 
-    disturbed: takes the plant's place from tick `since` on; actual: what the robot really did in the last tick."""
+    disturbed: takes the plant's place from tick `since` on; camera: sees markers and reads the actuators' sensors,
+    which are perfect without it; actual: what the robot really did in the last tick."""
 
     def __init__(
         self,
@@ -38,8 +40,9 @@ class ImperfectPlant:
         seed: int,
         disturbed: Plant | None = None,
         since: int = 0,
+        camera: MarkerNoise | None = None,
     ):
-        self._plants, self._since = (plant, disturbed), since
+        self._plants, self._since, self._camera = (plant, disturbed), since, camera
         self._is, self._random = imperfection, np.random.default_rng(seed)
         self._t = 0
         self._on_the_way: deque[tuple[int, Measurement]] = deque()
@@ -71,7 +74,8 @@ class ImperfectPlant:
 
     def _sample(self) -> Measurement:
         x_e = self.actual.x_e
-        return replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
+        found = replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
+        return self._camera.seen(found) if self._camera else found
 
     def _nothing(self) -> Measurement:
         unknown = np.full_like(self.actual.x_e, np.nan)

@@ -24,8 +24,9 @@ class PipePlant:
     """Runs `command` and speaks to it; to be used in a `with`, which tells the device to let go and ends it.
 
     rest_e: (n_e,) mm; timeout: s that it may take to answer, first_timeout: the first time; period: s from one command
-    to the next, 0 for as fast as it answers; folder: where it starts; late: commands that were sent later than the
-    period asks. InputError where it cannot be started, ends, is silent or talks nonsense."""
+    to the next, 0 for as fast as it answers; folder: where it starts; markers: names of those that it answers; late:
+    commands that were sent later than the period asks. InputError where it cannot be started, ends, is silent or talks
+    nonsense."""
 
     def __init__(
         self,
@@ -36,10 +37,11 @@ class PipePlant:
         first_timeout: float = 30.0,
         period: float = 0.0,
         folder: Path | None = None,
+        markers: Sequence[str] = (),
     ):
         self._command, self._rows, self._rest_e = tuple(command), rows, rest_e
         self._timeout, self._first_timeout, self._period = timeout, first_timeout, period
-        self._folder = folder
+        self._folder, self._markers = folder, tuple(markers)
         self._lines: Queue[str | None] = Queue()
         self._t, self._due, self.late = 0, 0.0, 0
 
@@ -68,6 +70,7 @@ class PipePlant:
                     "effectors": self._rows.effectors,
                     "actuators": self._rows.actuators,
                     "rest_e": self._rest_e.tolist(),
+                    **({"markers": self._markers} if self._markers else {}),
                 },
                 self._first_timeout,
             )
@@ -101,8 +104,19 @@ class PipePlant:
             delta_a,
             lambda_a,
             t,
-            "the device does not see the effectors" if unseen else "converged",
+            "the device does not see the effectors" if unseen and not self._markers else "converged",
+            self._seen(answer) if self._markers else None,
         )
+
+    def _seen(self, answer: dict[str, Any]) -> np.ndarray:
+        """(m, 3) mm, nan for a marker that is null or left out."""
+        places = answer.get("markers")
+        if not isinstance(places, dict) or set(places) - set(self._markers):
+            what = f"answered markers = {str(places)[:80]}, expected an object of some of {', '.join(self._markers)}"
+            raise self._wrong(what)
+        nothing = np.full(3, np.nan)
+        found = (self._numbers(places, name, 3) for name in self._markers)
+        return np.array([nothing if one is None else one for one in found])
 
     def _numbers(self, answer: dict[str, Any], name: str, count: int) -> np.ndarray | None:
         """(count,) or None where the device says null or nothing."""

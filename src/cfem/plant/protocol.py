@@ -12,13 +12,16 @@ Command = Literal["displacement", "force"]
 class Measurement:
     """x_e: (n_e,) mm absolute positions of the effectors; delta_a (n_a,) mm and lambda_a (n_a,) N, None where
     no sensor gives them; t: number of the step; status: 'converged', or the sentence that says why not
-    (numbers are then NaN)."""
+    (numbers are then NaN); markers (m, 3) mm: where they are seen, nan for one that is not; surface (k, 3) mm: where
+    other points of it are, known of a simulated robot; both None where nobody asked."""
 
     x_e: np.ndarray
     delta_a: np.ndarray | None
     lambda_a: np.ndarray | None
     t: int
     status: str
+    markers: np.ndarray | None = None
+    surface: np.ndarray | None = None
 
     @classmethod
     def failed(cls, n_e: int, n_a: int, t: int, why: str) -> "Measurement":

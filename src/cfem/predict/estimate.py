@@ -29,6 +29,8 @@ from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.spectral import SpectralPredictor
 
+BEYOND, MOST = 0.25, 8.0  # of the range that the model was trained on; of the largest load
+STARTS = 40  # states among which a first guess is looked for
 UNSEEN = 0.3  # relative: an unknown whose standard deviation exceeds this share of its scale is not observed
 
 
@@ -110,6 +112,13 @@ class Estimator:
         return np.concatenate([np.abs(self.model.reach).max(axis=1), np.full(len(self.loaded), self.largest)])
 
     @cached_property
+    def box(self) -> np.ndarray:
+        """(n_a + n_w, 2) mm and N: where the unknowns are looked for."""
+        low, high = self.model.domain.delta_a
+        more, most = BEYOND * (high - low), np.full(len(self.loaded), MOST * self.largest)
+        return np.stack([np.concatenate([low - more, -most]), np.concatenate([high + more, most])], axis=1)
+
+    @cached_property
     def before(self) -> Known:
         """What is known before anything is measured: a middle state, and loads of about `largest`."""
         root = np.eye(len(self.scale))[self.model.rows.n_a :] / self.largest
@@ -127,7 +136,7 @@ class Estimator:
     def at(self, p: np.ndarray) -> "Estimator":
         """Of the robot with other values p (n_p,) of the parameters: cheap."""
         found = copy.copy(self)
-        shared = {name: getattr(self, name) for name in ("_markers", "_modes", "scale", "_middle", "before")}
+        shared = {name: getattr(self, name) for name in ("_markers", "_modes", "scale", "box", "_middle", "before")}
         if "_tensions" in vars(self):
             shared["_tensions"] = self._tensions
         object.__setattr__(found, "p", np.asarray(p, float))
@@ -211,7 +220,21 @@ class Estimator:
             return (y.reshape(-1, 3) - where) / self.noise, by_x.reshape(*where.shape, -1) / self.noise
 
         problem = Residuals(missing, there, known, self._sensors(sensed, forces))
-        return self._answer(minimise(problem, x, self.scale), there)
+        return self._answer(minimise(problem, x, self.scale, self.box, lambda: self._near(where, there, x)), there)
+
+    def _near(self, where: np.ndarray, there: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Of x and the states that the model was trained on, the one from which half of the markers (m, 3) are least
+        away."""
+        mine = (self.places(x) - self._at_rest)[None]
+        apart = np.linalg.norm((np.concatenate([mine, self._seen_at[1]]) - where)[:, there], axis=2)
+        best = int(np.median(apart, axis=1).argmin())
+        return x if best == 0 else np.concatenate([self._seen_at[0][best - 1], np.zeros(len(self.loaded))])
+
+    @cached_property
+    def _seen_at(self) -> tuple[np.ndarray, np.ndarray]:
+        """States (k, n_a) mm of the actuators, and (k, m, 3) mm where the markers are seen then, from rest."""
+        states, none = self.model.domain.states[:STARTS, : self.model.rows.n_a], np.zeros(len(self.loaded))
+        return states, np.array([self._markers(one, none)[0].reshape(-1, 3) for one in states])
 
     def _sensors(self, sensed: ArrayLike | None, forces: ArrayLike | None) -> tuple[Sensor, ...]:
         """What misses of displacements and forces of the actuators, by x, for those that were measured."""

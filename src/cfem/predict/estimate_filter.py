@@ -16,6 +16,8 @@ from cfem.core.errors import InputError
 from cfem.predict.estimate import Estimate, Estimator
 from cfem.predict.estimate_fit import EstimateStatus, Known
 
+SLIP, OFFSET = 5e-4, 0.05  # of the reach, where a spec states none
+
 
 class Filter:
     """slip: mm by which an actuator may move in a tick beside its command (or at all, without commands), standard

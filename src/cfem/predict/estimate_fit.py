@@ -1,8 +1,10 @@
 """The least-squares problem of one estimate: markers, sensors and what is known before, and its minimum.
 
-Where all markers fit, that is Gauss and Newton's in a few steps. Where some do not, weights of Geman and McClure (1987)
-leave them out: far from the answer every marker is an outlier, so the distance from which one counts as such comes
-down as the fit gets better, and the markers that are left then count in full."""
+Where all markers fit, that is Gauss and Newton's in a few steps, within a box: far beyond its data the model means
+nothing. Where some do not, steps with weights that leave them out begin at a state near which half of the markers are
+seen; then the marker without which the fit gets best is left out, again and again, as geodesy does it (Baarda, *A
+testing procedure for use in geodetic networks*, 1968). More than half of the markers must fit. The number of steps is
+bounded."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,11 +12,10 @@ from enum import Enum
 
 import numpy as np
 
-ITERATIONS = 50
+FIRST, LEVELS, LAST = 12, 12, 8  # iterations: with all markers, with weights, with those that fit
 TOLERANCE = 1e-5  # of each unknown's scale: the last step
-POLISH = 2  # last steps, by the markers that fit alone
 OUTLIER = 4.0  # standard deviations at which a marker counts a quarter
-KEPT = 0.5  # weight above which a marker fits
+FIT = 2.57  # standard deviations of a coordinate, root mean square of three: 1 in 5000 true markers is farther
 
 
 class EstimateStatus(Enum):
@@ -23,6 +24,7 @@ class EstimateStatus(Enum):
     CONVERGED = "converged"
     ITERATIONS = "the estimate keeps changing: the iterations allowed were used up"
     TOO_FEW = "fewer numbers are measured than are unknown"
+    OUTLIERS = "half of the markers do not fit the others; look at their noise, their places and the frame"
 
 
 @dataclass(frozen=True)
@@ -63,14 +65,16 @@ class Residuals:
     known: Known
     sensors: tuple[Sensor, ...] = ()
 
-    def __call__(self, x: np.ndarray, bound: float = np.inf, kept: np.ndarray | None = None) -> "Evaluated":
-        """bound: standard deviations from which markers lose weight; kept (m,): those that count, all unless given."""
+    def sizes(self, x: np.ndarray) -> np.ndarray:
+        """(m,) standard deviations of a coordinate by which each marker misses."""
+        return np.sqrt((self.missing(x)[0] ** 2).sum(axis=1) / 3)
+
+    def __call__(self, x: np.ndarray, kept: np.ndarray, weight: np.ndarray | None = None) -> "Evaluated":
+        """kept (m,): markers that count; weight: of each of these, 1 unless given."""
         r, J = self.missing(x)
-        there = self.there if kept is None else kept
-        r, J = r[there], J[there]
+        r, J = r[kept], J[kept]
         size = np.sqrt((r * r).sum(axis=1) / 3)
-        weight = np.ones(len(size)) if np.isinf(bound) else 1.0 / (1.0 + (size / bound) ** 2) ** 2
-        if not np.isinf(bound):
+        if weight is not None:
             root = np.sqrt(weight)[:, None]
             r, J = r * root, J * root[..., None]
         rs, Js = [r.ravel()], [J.reshape(-1, len(x))]
@@ -81,19 +85,18 @@ class Residuals:
             r, J = sensor.missing(x)
             rs.append(r)
             Js.append(J)
-        return Evaluated(x, np.concatenate(rs), np.concatenate(Js), size, weight)
+        return Evaluated(x, np.concatenate(rs), np.concatenate(Js), size)
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """r, J: all residuals and their derivative; size, weight: of each marker that was asked for, its size in standard
-    deviations of one coordinate."""
+    """r, J: all residuals and their derivative; size: of each marker that counts, in standard deviations of a
+    coordinate."""
 
     x: np.ndarray
     r: np.ndarray
     J: np.ndarray
     size: np.ndarray
-    weight: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -108,53 +111,60 @@ class Minimum:
     iterations: int
 
 
-def minimise(problem: Residuals, x: np.ndarray, scale: np.ndarray) -> Minimum:
-    """From a first guess x (n,); scale (n,): of the unknowns. Never raises for what the numbers are."""
-    there, here = problem.there, problem(x)
+def minimise(
+    problem: Residuals, x: np.ndarray, scale: np.ndarray, box: np.ndarray, elsewhere: Callable[[], np.ndarray]
+) -> Minimum:
+    """From a first guess x (n,), within box (n, 2); scale (n,): of the unknowns; elsewhere: gives a state near which
+    half of the markers are seen. Never raises for what the numbers are."""
+    kept = problem.there.copy()
+    here = problem(np.clip(x, *box.T), kept)
     if len(here.r) < len(x):
-        return Minimum(EstimateStatus.TOO_FEW, x, here.r, here.J, there, 0)
-    here, iterations, done = _descend(problem, here, scale, np.inf, TOLERANCE, ITERATIONS)
-    kept = there.copy()
-    bound = float(3.0 * np.median(here.size)) if len(here.size) else OUTLIER
-    if _fits(here.size):
-        return Minimum(_status(done), here.x, here.r, here.J, kept, iterations)
-    while iterations < ITERATIONS:
-        bound = max(bound, OUTLIER)
-        rough = bound > OUTLIER
-        here = problem(here.x, bound)
-        here, more, done = _descend(problem, here, scale, bound, 1e-3 if rough else TOLERANCE, ITERATIONS - iterations)
-        iterations += more
-        if not rough:
+        return Minimum(EstimateStatus.TOO_FEW, here.x, here.r, here.J, kept, 0)
+    here, iterations, done = _descend(problem, here, scale, box, kept, FIRST)
+    if done and _fits(here.size):
+        return Minimum(EstimateStatus.CONVERGED, here.x, here.r, here.J, kept, iterations)
+    least = int(kept.sum()) // 2 + 1
+    x, more = _weighted(problem, np.clip(elsewhere(), *box.T), scale, box)
+    kept = problem.there & (problem.sizes(x) < 2 * OUTLIER)
+    status, iterations = EstimateStatus.OUTLIERS, iterations + more
+    while int(kept.sum()) >= least:
+        here, more, done = _descend(problem, problem(x, kept), scale, box, kept, LAST)
+        x, iterations = here.x, iterations + more
+        if _fits(here.size):
+            status = EstimateStatus.CONVERGED if done else EstimateStatus.ITERATIONS
             break
-        raw = problem(here.x).size
-        bound = OUTLIER if bound <= 4 * OUTLIER else min(bound / 2, float(3.0 * np.median(raw)))
-    kept[there] = here.weight > KEPT
-    if done:  # the markers that fit, each in full: so that the covariance is theirs
-        for _ in range(POLISH):
-            near = problem(here.x, kept=kept)
-            here = problem(near.x - _step(near, scale, 0.0) * scale, kept=kept)
-    here = problem(here.x, kept=kept)
-    return Minimum(_status(done), here.x, here.r, here.J, kept, iterations)
+        kept[np.flatnonzero(kept)[_worst(here, scale)]] = False
+    return Minimum(status, here.x, here.r, here.J, kept, iterations)
+
+
+def _weighted(problem: Residuals, x: np.ndarray, scale: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, int]:
+    """Gauss and Newton's steps from x with weights of Geman and McClure (1987), by which a marker counts less the
+    farther it is off; the distance that is far comes down from step to step."""
+    bound, count = np.inf, 0
+    while count < LEVELS and bound > OUTLIER:
+        size = problem.sizes(x)[problem.there]
+        bound = max(OUTLIER, min(bound / 2, 3.0 * float(np.median(size))))
+        here = problem(x, problem.there, 1.0 / (1.0 + (size / bound) ** 2) ** 2)
+        x, count = np.clip(x - scale * _step(here, scale, 1e-6), *box.T), count + 1
+    return x, count
 
 
 def _descend(
-    problem: Residuals, here: Evaluated, scale: np.ndarray, bound: float, tolerance: float, most: int
+    problem: Residuals, here: Evaluated, scale: np.ndarray, box: np.ndarray, kept: np.ndarray, most: int
 ) -> tuple[Evaluated, int, bool]:
     """Levenberg-Marquardt until the step is below the tolerance, relative to scale; how many steps, and whether."""
     damping, cost, count = 1e-6, float(here.r @ here.r), 0
     while count < most:
         count += 1
-        step = _step(here, scale, damping)
-        trial = problem(here.x - scale * step, bound)
-        new = float(trial.r @ trial.r)
-        stuck = not new <= cost * (1 + 1e-12)
-        if stuck:
+        trial = problem(np.clip(here.x - scale * _step(here, scale, damping), *box.T), kept)
+        step, new = np.abs((trial.x - here.x) / scale).max(), float(trial.r @ trial.r)
+        if not new <= cost * (1 + 1e-12):
             damping *= 100
             if damping < 1e8:
                 continue
             return here, count, True
         here, cost, damping = trial, new, max(damping / 100, 1e-12)
-        if np.abs(step).max() <= tolerance:
+        if step <= TOLERANCE:
             return here, count, True
     return here, count, False
 
@@ -167,10 +177,17 @@ def _step(here: Evaluated, scale: np.ndarray, damping: float) -> np.ndarray:
     return np.linalg.solve(normal, scaled.T @ here.r)
 
 
+def _worst(here: Evaluated, scale: np.ndarray) -> int:
+    """Number of the marker, among those that count, without which the sum of squares falls most: r (I - H)^-1 r of its
+    three residuals, H = J N^-1 J^T their leverage."""
+    scaled = here.J * scale
+    normal = scaled.T @ scaled
+    inverse = np.linalg.inv(normal + 1e-9 * np.diag(np.maximum(np.diagonal(normal), 1.0)))
+    count = len(here.size)
+    r, J = here.r[: 3 * count].reshape(-1, 3), scaled[: 3 * count].reshape(count, 3, -1)
+    left = (1 + 1e-9) * np.eye(3) - J @ inverse @ J.swapaxes(1, 2)
+    return int(np.argmax(np.einsum("mi,mi->m", r, np.linalg.solve(left, r[..., None])[..., 0])))
+
+
 def _fits(size: np.ndarray) -> bool:
-    """Whether no marker would lose more than half of its weight."""
-    return not len(size) or float(size.max()) < OUTLIER * np.sqrt(KEPT**-0.5 - 1.0)
-
-
-def _status(done: bool) -> EstimateStatus:
-    return EstimateStatus.CONVERGED if done else EstimateStatus.ITERATIONS
+    return not len(size) or float(size.max()) < FIT

@@ -9,7 +9,10 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.core.stage import artefact_file
 from cfem.dataset.parquet import read_parquet
+from cfem.dataset.schema import metadata
+from cfem.report import estimates
 from cfem.report.chart import Chart, chart, panel
+from cfem.report.estimates import estimate_chart, estimate_table
 from cfem.report.page import Section
 from cfem.report.style import GOAL, colour_of
 from cfem.report.tables import Table, milliseconds, number, spread, tabulate
@@ -23,19 +26,26 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
     results = manifest["results"].get("loop")
     if results is None:
         raise InputError("holds no run over time", where=str(folder), do="name it under `control`")
-    table = read_parquet(artefact_file(folder, "loop.parquet"), COLUMNS)
-    columns = {key: np.array(table[key].to_pylist()) for key in COLUMNS}
+    estimated = any("estimate" in one for controllers in results.values() for one in controllers.values())
+    wanted = [*COLUMNS, *(estimates.COLUMNS if estimated else [])]
+    table = read_parquet(artefact_file(folder, "loop.parquet"), wanted)
+    columns = {key: np.array(table[key].to_pylist()) for key in wanted}
+    loaded = metadata(table).get("loaded", []) if estimated else []
     charts = []
     for trajectory in results:
         mine = columns["trajectory"] == trajectory
         rows = {key: values[mine] for key, values in columns.items()}
-        charts.append(loop_chart(f"loop-{name}-{trajectory}", rows, trajectory.replace("-", " ")))
+        said = trajectory.replace("-", " ")
+        charts.append(loop_chart(f"loop-{name}-{trajectory}", rows, said))
+        if estimated:
+            charts.append(estimate_chart(f"estimate-{name}-{trajectory}", rows, loaded, said))
     text = (
         "At each tick the controller takes the last measurement, estimates the state, solves one inverse step and "
         "sends one command. Errors are distances of the true position from the goal."
     )
     section = f"Over time: {name}"
-    return Section(section, text, (loop_table(results), *charts), facts={f"loop {name}": results})
+    tables = [loop_table(results), *([estimate_table(results, loaded)] if estimated else [])]
+    return Section(section, text, (*tables, *charts), facts={f"loop {name}": results})
 
 
 def loop_table(results: Mapping[str, Mapping[str, dict]]) -> Table:

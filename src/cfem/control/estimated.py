@@ -1,0 +1,113 @@
+"""A controller that sees markers: what is estimated from them takes the place of measured effectors and actuators.
+
+Each sample is estimated once, with the parameters that an adaptive controller uses at that time and from the commands
+of its tick. Displacements that are commanded tell the filter how the actuators have moved; commanded forces do not,
+and an actuator then may move by OFFSET of its reach from sample to sample."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.control.closed_loop_spec import LoopSpec
+from cfem.control.estimated_spec import EstimateSpec
+from cfem.plant.marked_plant import MarkerNoise
+from cfem.plant.protocol import Measurement
+from cfem.predict.estimate import Estimate, Estimator
+from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
+from cfem.predict.protocol import Predictor
+
+
+@dataclass(frozen=True)
+class Estimated(Measurement):
+    """A measurement that is estimated. by_loads (n_e,) mm: the share of x_e that the estimated loads make."""
+
+    by_loads: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+def estimator_of(spec: EstimateSpec, model: Predictor) -> Estimator:
+    """InputError where the model cannot tell."""
+    loads, sensors = spec.loads, spec.actuators
+    return Estimator(
+        model,
+        np.array(list(spec.markers.values())),
+        spec.noise,
+        tuple(loads.rows) if loads else (),
+        loads.largest if loads else 1.0,
+        sensors.displacement or 1.0,
+        sensors.force or 1.0,
+    )
+
+
+def filter_of(loop: LoopSpec, model: Predictor) -> Filter:
+    """Of a run with `loop.estimate`."""
+    spec, reach = loop.estimate, float(np.abs(model.reach).max())
+    told = loop.command.kind == "displacement"
+    lasts = np.inf if spec.loads is None or spec.loads.lasts is None else spec.loads.lasts
+    ticks = min(lasts * loop.rate / loop.ticks_a_sample, 1e9)
+    slip = spec.actuators.slip or (SLIP if told else OFFSET) * reach
+    return Filter(estimator_of(spec, model), slip, max(ticks, 0.1), spec.actuators.offset or OFFSET * reach)
+
+
+def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:
+    """Of a simulated robot."""
+    if spec is None:
+        return None
+    sensors = spec.actuators.displacement, spec.actuators.force
+    return MarkerNoise(spec.noise, spec.lost, spec.wrong, spec.astray, sensors, seed)
+
+
+class EstimatingController:
+    """inner: a controller of measured effectors; told: whether commands are displacements.
+
+    found: the last estimate, None before the first sample; of: the tick of its sample"""
+
+    def __init__(self, inner: Any, filtered: Filter, rest_e: np.ndarray, told: bool):
+        self.inner, self._filter, self._rest_e, self._told = inner, filtered, rest_e, told
+        self._sent: dict[int, np.ndarray] = {}
+        self._tick = self.of = 0
+        self.found: Estimate | None = None
+        self._last: Estimated | None = None
+
+    @property
+    def estimator(self) -> Estimator:
+        return self._filter.estimator
+
+    @property
+    def belief(self) -> Any:
+        return self.inner.belief
+
+    @property
+    def aimed(self) -> np.ndarray:
+        return self.inner.aimed
+
+    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Any:
+        """As `Controller.tick`, of a sample with markers."""
+        self._tick += 1
+        belief = self.inner.tick(goal, None if measured is None else self.estimated(measured), ahead)
+        self._sent[self._tick] = belief.u
+        return belief
+
+    def estimated(self, measured: Measurement) -> Measurement:
+        """The sample as the inner controller is told of it, estimated when it is asked for first."""
+        if measured.t > self.of and measured.markers is not None:
+            self._last = self._new(measured)
+        return self._last or replace(measured, x_e=np.full(len(self._rest_e), np.nan))
+
+    def _new(self, measured: Measurement) -> Estimated:
+        tracker, filtered = getattr(self.inner, "tracker", None), self._filter
+        if tracker is not None:
+            filtered.estimator = filtered.estimator.at(tracker.used_p)
+        sent = self._sent.get(measured.t) if self._told else None
+        self._sent = {tick: u for tick, u in self._sent.items() if tick > measured.t}
+        self.of = measured.t
+        self.found = found = filtered.tick(measured.markers, measured.delta_a, sent, measured.lambda_a)
+        nothing = np.full(len(self._rest_e), np.nan)
+        x_e, by_loads = nothing, nothing
+        if found.converged:
+            x_e = self._rest_e + found.delta_e
+            by_loads = filtered.estimator.by_loads(found, held_forces=not self._told)
+        delta_a = found.delta_a if found.converged else np.full(len(found.delta_a), np.nan)
+        plain = vars(replace(measured, x_e=x_e, delta_a=delta_a))
+        return Estimated(**plain, by_loads=by_loads)

@@ -1,0 +1,62 @@
+"""What was estimated during control over time: unknown forces with their intervals, and the error of the shape."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cfem.report.chart import Chart, chart, panel
+from cfem.report.style import FAINT, INK, LEARNED
+from cfem.report.tables import Table, number, tabulate
+
+COLUMNS = ["estimate_of", "estimate_status", "loads", "loads_sd", "true_loads", "shape_rms"]
+WIDE = 1.959964  # standard deviations of a 95 % interval
+
+
+def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> Table:
+    """One row a trajectory and controller. loaded: names of the rows with unknown forces."""
+    rows = [(name, who, result["estimate"]) for name, one in results.items() for who, result in one.items()]
+
+    def force(found: Mapping[str, Any], name: str) -> str:
+        one = found["unknowns"].get(name)
+        return "" if one is None else f"{1e3 * one['rms']:.2g} / {1e3 * one['sd']:.2g}"
+
+    return tabulate(
+        rows,
+        {
+            "trajectory": lambda row: row[0],
+            "controller": lambda row: row[1],
+            "samples estimated": lambda row: f"{row[2]['estimated']} of {row[2]['samples']}",
+            "error of the shape, median / max (mm rms)": lambda row: _shape(row[2]),
+            **{
+                f"{name}, error / stated standard deviation (mN)": lambda row, name=name: force(row[2], name)
+                for name in loaded
+            },
+            "95 % intervals that hold": lambda row: f"{100 * row[2]['covered']:.1f} %" if "covered" in row[2] else "",
+            "markers left out": lambda row: str(row[2]["left_out"]),
+        },
+    )
+
+
+def _shape(found: Mapping[str, Any]) -> str:
+    return f"{number(found['shape']['median'])} / {number(found['shape']['max'])}" if "shape" in found else ""
+
+
+def estimate_chart(name: str, rows: Mapping[str, np.ndarray], loaded: list[str], said: str) -> Chart:
+    """rows: columns of one trajectory of `loop.parquet`; of several controllers and seeds the last and the first."""
+    who = rows["controller"][-1]
+    mine = (rows["controller"] == who) & (rows["estimate_of"] > 0) & (rows["estimate_status"] == "converged")
+    mine &= rows["seed"] == rows["seed"][rows["controller"] == who][0]
+    step = float(np.min(np.diff(np.unique(rows["seconds"])))) if len(np.unique(rows["seconds"])) > 1 else 1.0
+    seconds, panels = rows["estimate_of"][mine] * step, []
+    for place, row in enumerate(loaded):
+        axis = panel(f"{row} (mN)", "time of the sample (s)")
+        values, sd, true = (1e3 * rows[key][mine][:, place] for key in ("loads", "loads_sd", "true_loads"))
+        axis.fill_between(seconds, values - WIDE * sd, values + WIDE * sd, color=FAINT, alpha=0.4, lw=0)
+        axis.plot(seconds, values, color=LEARNED[0], lw=1.0, label="estimate, 95 % interval")
+        axis.plot(seconds, true, color=INK, lw=1.0, ls="--", label="truth")
+        panels.append(axis)
+    shape = panel("error of the shape (mm rms)", "time of the sample (s)")
+    shape.plot(seconds, rows["shape_rms"][mine], color=LEARNED[0], lw=1.0)
+    panels.append(shape)
+    return chart(name, f"{said}, {who}: what is estimated from the markers.", panels)
