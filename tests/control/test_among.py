@@ -5,9 +5,9 @@ import pytest
 import yaml
 
 import cfem
-from cfem.control.obstacle_spec import BoxObstacle, CapsuleObstacle, MeshObstacle, PlaneObstacle, SphereObstacle
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import InputError, SpecError
+from cfem.predict.obstacle_spec import BoxObstacle, CapsuleObstacle, MeshObstacle, PlaneObstacle, SphereObstacle
 
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
 GOALS = {"there": {"kind": "goals", "points": {"mm": [[58.9, 0, 1.5], [58.8, 0, 1.8]]}}}

@@ -11,13 +11,14 @@ from cfem.contact.obstacle import Obstacle
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError, SpecError
-from cfem.core.progress import doing
-from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.core.spec import meaning
+from cfem.core.stage import artefact_content
 from cfem.equilibrium.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.among import Among
+from cfem.predict.kept_patches import touchable_of
 from cfem.predict.protocol import Predictor
-from cfem.predict.touchable import Touchable, patches_of, touch_states
+from cfem.robot.spec import scene_meaning
 
 INSIDE = 1e-6  # of the length: how far the robot may reach into an obstacle at rest
 
@@ -80,20 +81,23 @@ def among(
     avoided = {name: obstacles[name] for name, one in spec.obstacles.items() if one.avoid is not None}
     solid = {name: one for name, one in obstacles.items() if name not in avoided}
     found, plant, friction = {}, None, spec.contact.friction
+    made_of = {
+        "scene": scene_meaning(base / spec.scene),
+        "mesh": artefact_content(base / spec.mesh),
+        "loads": meaning(spec.loads),
+    }
     law = "coulomb" if friction else "signorini"
     for name, model in predictors.items():
         try:
             skin = model.skin
             demand_outside(robot, skin.nodes, obstacles)
-            patches = patches_of(model, spec.contact.patches)
-            states = touch_states(model.domain, robot.rows.n_a)
-            doing(f"solving how {len(patches)} patches of the surface yield, at {len(states)} states")
-            own = patch_compliance(robot, skin.nodes, patches, states)
-            found[name] = Among(Touchable(model, patches, states, own), solid, pressed, avoided, law, friction)
+            touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
+            found[name] = Among(touchable, solid, pressed, avoided, law, friction)
         except InputError as error:
             raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
         if plant is None:
             names = tuple(avoided)
+            patches = touchable.patches
             plant = TouchPlant(robot, patches, skin.nodes, skin.triangles, obstacles, pressed, names, law, friction)
     first = next(iter(found.values()))
     mine = [spec.obstacles[name] for name in pressed]

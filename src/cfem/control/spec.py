@@ -6,12 +6,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
-from cfem.control.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, ForceVector, Length, LengthMatrix, LengthVector, Point
 from cfem.predict.load_spec import LoadSpec
+from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.robot.geometry import Turn
 
 FE_BASED = "fe-based"  # name of the controller that has FE matrices for its model
