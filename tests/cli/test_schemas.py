@@ -4,13 +4,13 @@ import json
 
 import pytest
 
-from cfem.cli.schemas import schemas
+from cfem.cli.schemas import schema_of
 from cfem.core.kinds import KINDS
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_every_key_is_described_with_the_unit_of_its_default(name):
-    schema = json.loads(schemas()[f"{name}.json"])
+    schema = json.loads(schema_of(name))
     for part in (schema, *schema.get("definitions", {}).values()):
         assert part["description"], part
         for key, field in part.get("properties", {}).items():

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.cli.init import is_terminal
-from cfem.cli.schemas import schemas
+from cfem.cli.schemas import schema_of
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
@@ -47,7 +47,7 @@ def specs(folder):
     own = folder / "pipelines" / "own"
     for stage in MADE:
         kind = stage.split("-")[0]
-        jsonschema.Draft7Validator(json.loads(schemas()[f"{kind}.json"])).validate(read_yaml(own / f"{stage}.yaml")[0])
+        jsonschema.Draft7Validator(json.loads(schema_of(kind))).validate(read_yaml(own / f"{stage}.yaml")[0])
         yield stage, load_spec(own / f"{stage}.yaml", model_of(kind))
 
 

@@ -9,19 +9,15 @@ from cfem.core.kinds import KINDS, model_of
 from cfem.core.spec import json_schema
 
 
-def schemas() -> dict[str, str]:
-    """File name -> text."""
-    found = {}
-    for name in KINDS:
-        schema = json_schema(model_of(name))
-        found[f"{name}.json"] = json.dumps(schema, indent=1, sort_keys=True) + "\n"
-    return found
+def schema_of(kind: str) -> str:
+    """Its text."""
+    return json.dumps(json_schema(model_of(kind)), indent=1, sort_keys=True) + "\n"
 
 
 def write_schemas(out: Path, check: bool) -> str:
     """Writes all; with `check` writes none and raises GateError where one differs."""
-    for name, text in schemas().items():
-        path = out / name
+    for kind in KINDS:
+        path, text = out / f"{kind}.json", schema_of(kind)
         if check and (not path.exists() or path.read_text(encoding="utf-8") != text):
             raise GateError("differs from the specs", where=str(path), do="run cfem schema")
         if not check:
