@@ -1,6 +1,6 @@
 """From what `control.yaml` says of an object and the robots that hold it to models and a plant."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,16 +11,22 @@ from cfem.condensed import Rows
 from cfem.condensed.coupling import Coupled, Hold, RigidObject
 from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
+from cfem.control.gripping import Grip, Gripping, taken
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.grip import Free
+from cfem.equilibrium.held_patch import contact_points, patch_of
+from cfem.equilibrium.patch_compliance import within_patch
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.touch import PlacedRobot
+from cfem.equilibrium.touch import PlacedRobot, Touching
 from cfem.plant.coupled_plant import CoupledPlant
 from cfem.plant.fem_patch import FemPatch
 from cfem.plant.grip_plant import GripPlant
+from cfem.predict.finger import LearnedFinger, WithinPatch
 from cfem.predict.protocol import Predictor
+
+TOUCHES = 1e-6  # mm between a contact point and the object at rest
 
 
 @dataclass(frozen=True)
@@ -93,23 +99,52 @@ def assembled(
     return facts, coupled, plant
 
 
-def touching(spec: ControlSpec, robot: Robot) -> GripPlant:
-    """The plant in which contact points open and slide. InputError where a point stands inside the object."""
-    n_a, places = robot.rows.n_a, [_place(one) for one in spec.robots]
-    fingers = [PlacedRobot(Problem(robot), turn, shift) for turn, shift in places]
-    shape = Box(spec.object.half_size, t=spec.object.centre)
-    force = np.zeros(3) if spec.object.force is None else spec.object.force
-    held = Free(shape, spec.object.centre, np.concatenate([force, np.zeros(3)]), spec.object.turns)
-    gap = np.concatenate([shape.distance(finger.points) for finger in fingers])
-    if gap.min() < -1e-6 or gap.max() > 1e-6:
+def touching(
+    spec: ControlSpec, robot: Robot, models: Mapping[str, Coupled]
+) -> tuple[Grip, dict[str, Gripping], GripPlant]:
+    """Where contact points open and slide: what plans know of it, and the FE robots. InputError where a contact point
+    does not touch the object at rest, SpecError where the robots cannot hold it."""
+    about, law, mu = spec.object, spec.object.law, spec.object.friction if spec.object.law == "coulomb" else 0.0
+    shape = Box(about.half_size, t=about.centre)
+    force = np.zeros(3) if about.force is None else about.force
+    held = Free(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns)
+    problem, n_a, count = Problem(robot), robot.rows.n_a, len(spec.robots)
+    fingers = [PlacedRobot(problem, *_place(one)) for one in spec.robots]
+    _demand_touch(spec, robot, shape, fingers)
+    points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
+    ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
+
+    def grip(robots: Sequence[Touching]) -> GripPlant:
+        return GripPlant(robots, ends, held, law, mu, points, grasp, about.margin)
+
+    if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
+        do = "add contact.rotation to sample.yaml, sample and train"
         raise InputError(
-            f"contact points are {gap.min():.3g} to {gap.max():.3g} mm away from the object's surface at rest",
-            do="choose object.half_size so that they touch it",
+            "points that open one by one turn their patch, and the model was sampled with one that cannot", do=do
         )
-    points, _ = box_surface(spec.object.centre, spec.object.half_size, robot.body.mesh.facets.shape[1])
-    law = spec.object.law
-    ends, grasp = n_a * np.arange(len(fingers) + 1), np.full(n_a * len(fingers), spec.search.preload)
-    return GripPlant(fingers, ends, held, law, spec.object.friction, points, grasp)
+    patch = patch_of(contact_points(problem), turns=True)
+    within, found, load = WithinPatch(*within_patch(robot, patch)), {}, float(np.linalg.norm(force))
+    for name, glued in models.items():
+        learned = grip([LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds])
+        holds = taken(learned, load)
+        found[name] = Gripping(learned, glued, mu, about.margin, grasp, holds if load else None)
+    fe = grip(fingers)
+    return Grip.of(next(iter(found.values())), fe), found, fe
+
+
+def _demand_touch(spec: ControlSpec, robot: Robot, shape: Box, fingers: Sequence[PlacedRobot]) -> None:
+    """InputError where a contact point stands within the object or away from it."""
+    gaps = np.array([shape.distance(finger.points) for finger in fingers])
+    do = "choose object.centre and object.half_size so that all contact points touch it"
+    for wrong, what in (
+        (-gaps, "is {0:.3g} mm inside the object"),
+        (gaps, "does not reach the object: {0:.3g} mm are missing"),
+    ):
+        number, point = np.unravel_index(wrong.argmax(), gaps.shape)
+        if wrong.max() > TOUCHES:
+            name = robot.rows.contacts[3 * point].rsplit(".", 1)[0]
+            said = what.format(wrong.max())
+            raise InputError(f"contact point '{name}' of robot '{spec.robots[number].name}' {said}", do=do)
 
 
 def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

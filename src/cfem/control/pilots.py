@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.condensed.coupling import Coupled
 from cfem.control.among import World
+from cfem.control.gripping import Gripping
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.spec import FE_BASED, ControlSpec
@@ -55,7 +56,7 @@ def pilots_of(
     return pilots
 
 
-def _on_its_own_way(model: Among) -> Among:
+def _on_its_own_way(model: Among | Gripping) -> Among | Gripping:
     return replace(model, before=None, at=None)
 
 

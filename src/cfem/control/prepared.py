@@ -31,7 +31,8 @@ from cfem.robot.spec import SceneSpec
 @dataclass(frozen=True)
 class Prepared:
     """robot: what control asks of it, with its object where it has one. fem: the FE model that plans and grades, None
-    where the plant is none; touched: the plant of contact; world: what control knows of obstacles; goals: (m, n_e) mm
+    where the plant is none; touched: the plant of contact; world: what plans know of
+    contact beside the effectors; goals: (m, n_e) mm
     absolute by trajectory; load_error: mm that the models miss under the loads, None without loads."""
 
     scene: SceneSpec
@@ -58,9 +59,11 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
     demand_units(spec, robot.actuator_units)
     world = touched = None
     if spec.object:
-        touched = touching(spec, robot) if spec.object.law != "bilateral" else None
-        robot, predictors, fem = assembled(spec, robot, predictors, models)
-        plant, error = touched or fem, _load_error(spec, predictors)
+        alone, error = robot, _load_error(spec, predictors)
+        robot, predictors, fem = assembled(spec, alone, predictors, models)
+        if spec.object.law != "bilateral":
+            world, predictors, touched = touching(spec, alone, predictors)
+        plant = touched or fem
     else:
         _demand_same_rows(robot, predictors, models)
         robot, predictors = carrying(spec, robot, predictors, models)

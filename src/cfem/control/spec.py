@@ -126,7 +126,7 @@ class MeshErrorSpec(Spec):
 
 
 class ObjectSpec(Spec):
-    """A rigid box that robots hold by their contact points. Models treat contact as bilateral, whatever the law."""
+    """A rigid box that robots hold by their contact points."""
 
     centre: Point
     """Centre of the box."""
@@ -135,12 +135,14 @@ class ObjectSpec(Spec):
     turns: bool = True
     """Whether the box can turn. It is guided otherwise."""
     force: ForceVector | None = None
-    """Constant force on it, such as its weight."""
+    """Constant force on it, such as its weight. Robots that only touch it take it over after they have grasped."""
     law: Literal["bilateral", "signorini", "coulomb"] = "bilateral"
-    """Contact in the plant. bilateral glues the points to the box; signorini lets them open and slide; coulomb adds
-    friction."""
+    """Contact in plans and plant. bilateral glues the points to the box; signorini lets them open and slide; coulomb
+    adds friction."""
     friction: float = Field(0.0, ge=0)
     """Coefficient of friction."""
+    margin: float | None = Field(None, ge=1)
+    """Least margin to slip that plans keep: the friction that each robot's normal force allows over what it uses."""
 
 
 class RobotSpec(Spec):
@@ -210,6 +212,11 @@ class ControlSpec(Spec):
     def _object_and_fe(self):
         if self.object and (self.plant == "model" or any(t.kind == "image" for t in self.trajectories.values())):
             raise ValueError("an object needs plant: fem and trajectories other than images")
+        touched = self.object and self.object.law != "bilateral"
+        if touched and (self.fe_based or self.fewer_iterations or len(self.models) > 1 or self.updates):
+            raise ValueError(f"object.law: {self.object.law} takes one model, fe_based: false, and no fewer_iterations")
+        if self.object and self.object.margin is not None and self.object.law != "coulomb":
+            raise ValueError("object.margin needs object.law: coulomb")
         names = [one.name for one in self.robots]
         if len(set(names)) < len(names):
             raise ValueError(f"names of robots must differ, got {names}")

@@ -98,8 +98,11 @@ def _open_loop(folder: Path, spec: ControlSpec, base: Path, at: "Prepared") -> d
         held, said = _account(fem, at.touched)
         lines += said
     if at.world:
-        met, said = at.world.said(spec, records)
-        lines = [*said, *lines, at.touched.sentence()]
+        figures, said = at.world.said(spec, records)
+        lines = [*said, *lines]
+        held, met = (held | figures, None) if spec.object else (None, figures)
+    if at.touched:
+        lines.append(at.touched.sentence())
     return {
         "headline": lines,
         "object": held,
@@ -125,7 +128,6 @@ def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
         )
     if touched:
         held |= touched.account()
-        lines.append(touched.sentence())
     return held, lines
 
 
@@ -138,6 +140,8 @@ def _follow(
     from cfem.control.pilots import pilots_of
     from cfem.control.summary import FE_BASED, record
 
+    if spec.object and at.touched:
+        at.touched.reset()  # friction depends on the way, and plans begin at rest
     goals, pilots = at.goals[name], pilots_of(spec, at.robot, at.predictors, at.fem, at.world)
     chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
     shapes: dict[int, np.ndarray] = {}

@@ -1,47 +1,57 @@
-"""FE robots and an object that they only touch, as the plant: contact points open, stick and slide."""
+"""Robots and an object that they only touch, as the plant: contact points open, stick and slide. The robots are finite
+elements, or learned (`cfem.predict.finger`): what plans ask of a model is this plant of learned robots."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import Free, grip
-from cfem.equilibrium.touch import PlacedRobot
+from cfem.equilibrium.touch import Touching
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
-from cfem.plant.quasi_static import carried_out
+from cfem.plant.quasi_static import CONVERGED, carried_out
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
+HANDED = 0.25  # of the load: what the robots take over in one step
 
 
 class GripPlant(ContactAccount):
     """`Plant`. ends: where each robot's actuators begin and end; object_points (k, 3) mm of the object at rest, which
-    `x` shows behind the robots' nodes; grasp: (n_a,) mm, how the first command begins, so that something is held."""
+    `x` shows behind the robots' nodes; grasp: (n_a,) mm, how the first command begins, so that something is held: the
+    object is carried until then, and handed over there. margin: None, or the answer x_e has behind the object's place
+    what each robot's grip has left (`effectors`).
+
+    at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip, after each command"""
 
     def __init__(
         self,
-        fingers: Sequence[PlacedRobot],
+        fingers: Sequence[Touching],
         ends: np.ndarray,
         held: Free,
         law: Law,
         mu: float,
         object_points: np.ndarray,
         grasp: np.ndarray | None = None,
+        margin: float | None = None,
     ):
-        self._fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
-        self._object_points, self._grasp = object_points, grasp
-        self._at, self._last = np.zeros(int(ends[-1])), None
+        self.fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
+        self._object_points, self._grasp, self._margin = object_points, grasp, margin
+        self.at, self.last, self.load = np.zeros(int(ends[-1])), None, 0.0 if grasp is not None else 1.0
+        self.margins: list[float] = []
         super().__init__()
 
     @property
     def x(self) -> np.ndarray:
-        """(n, 3) mm nodes of all robots, one after the other, and the points of the object."""
-        last = self._last
+        """(n, 3) mm nodes of all FE robots, one after the other, and the points of the object."""
+        last = self.last
         if last is None:
-            nodes = [one.problem.rest @ one.turn.T + one.shift for one in self._fingers]
+            nodes = [one.problem.rest @ one.turn.T + one.shift for one in self.fingers]
             return np.concatenate([*nodes, self._object_points])
-        solved = zip(self._fingers, last.solved, strict=True)
+        solved = zip(self.fingers, last.solved, strict=True)
         nodes = [one.state.x @ finger.turn.T + finger.shift for finger, one in solved]
         return np.concatenate([*nodes, last.around.now(self._object_points)])
 
@@ -49,29 +59,84 @@ class GripPlant(ContactAccount):
         """Displacements (n_a,) mm, in quasi-static steps; where a step fails it is halved, and where the shortest fails
         the state is the last one that was found, and the status says why."""
         self.commands += 1
-        if self._last is None and self._grasp is not None:
-            self._towards(self._grasp)
-        status = self._towards(np.asarray(u, float))
-        if status != "converged":
+        status = self.grasp()
+        status = self.towards(np.asarray(u, float)) if status == CONVERGED else f"grasp: {status}"
+        if status != CONVERGED:
             self.failures += 1
-        last = self._last
+        last = self.last
         if last is None or kind != "displacement":
-            return Measurement.failed(3, len(self._at), self.commands, status)
+            n_e = 3 if self._margin is None else 3 + len(self.fingers)
+            return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last)
+        self.margins.append(self.slip_margin())
         delta_a, lambda_a = (
             np.concatenate([getattr(one, key) for one in last.solved]) for key in ("delta_a", "lambda_a")
         )
-        return Measurement(self._held.centre + last.around.x, delta_a, lambda_a, self.commands, status)
+        return Measurement(self.effectors(), delta_a, lambda_a, self.commands, status)
 
-    def _towards(self, u: np.ndarray) -> str:
-        """How it ended."""
-        return carried_out(self._at, u, LONGEST, self._go)
+    def effectors(self) -> np.ndarray:
+        """(n_e,) mm and N: the object's place, and what each grip has left, mu N - margin |T|, where that is asked
+        for."""
+        place = self._held.centre + self.last.around.x
+        if self._margin is None:
+            return place
+        normal, friction = self.pushes()
+        return np.concatenate([place, self._mu * normal - self._margin * np.linalg.norm(friction, axis=1)])
 
-    def _go(self, u: np.ndarray) -> str:
+    @property
+    def parts(self) -> list[tuple[int, int]]:
+        """Where the points of each robot begin and end."""
+        ends = np.cumsum([0, *(len(one.points) for one in self.fingers)])
+        return list(pairwise(ends))
+
+    def pushes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of each robot: normal force (r,) N on the object, the sum over its points, and friction (r, 3) N."""
+        posed = self.last.posed
+        force = posed.force.reshape(-1, 3)
+        friction = ((force * [0.0, 1.0, 1.0]).ravel() @ posed.into).reshape(-1, 3)
+        normal = np.array([force[a:b, 0].sum() for a, b in self.parts])
+        return normal, np.array([friction[a:b].sum(axis=0) for a, b in self.parts])
+
+    def slip_margin(self) -> float:
+        """The friction that the robots' normal forces allow over what they use, of the robot that has the least; 0
+        where one lets go."""
+        normal, friction = self.pushes()
+        used = np.linalg.norm(friction, axis=1)
+        if not normal.all():
+            return 0.0
+        return float((self._mu * normal / np.maximum(used, 1e-12 * normal)).min())
+
+    def reset(self) -> None:
+        """Back to rest, nothing held."""
+        self.at, self.last = np.zeros(len(self.at)), None
+        self.load = 0.0 if self._grasp is not None else 1.0
+
+    def squeeze(self) -> str:
+        """The grasp, without load: how that ended."""
+        return self.towards(self._grasp)
+
+    def grasp(self) -> str:
+        """The squeeze that the first command begins with, and the load: how that ended."""
+        if self._grasp is None or self.load == 1.0:
+            return CONVERGED
+        status = CONVERGED if self.last is not None else self.squeeze()
+        return self.take(1.0) if status == CONVERGED else status
+
+    def take(self, load: float) -> str:
+        """A share of the object's load, in steps: how that ended. `load` is the share that the robots carry then."""
+        begin, wanted = np.array([self.load]), np.array([load])
+        return carried_out(begin, wanted, HANDED, lambda share: self._go(self.at, float(share[0])))
+
+    def towards(self, u: np.ndarray) -> str:
+        """How the way to u (n_a,) mm ended."""
+        return carried_out(self.at, u, LONGEST, lambda there: self._go(there, self.load))
+
+    def _go(self, u: np.ndarray, load: float) -> str:
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
-        found = grip(self._fingers, parts, self._held, self._law, self._mu, self._last)
+        held = replace(self._held, load=load * self._held.load)
+        found = grip(self.fingers, parts, held, self._law, self._mu, self.last)
         self.steps += 1
         self.iterations += found.iterations
         if found.converged:
-            self._last, self._at = found, u
+            self.last, self.at, self.load = found, u, load
         return found.status.value

@@ -1,0 +1,165 @@
+"""Learned robots that grip an object by unilateral contact with friction, as a model that control plans with.
+
+Its effectors are the object's place and, where a margin is asked for, what each robot's grip has left before it slips:
+
+    <robot>.grip   N, mu N - margin |T|, N and T the normal force and the friction of all its points
+
+A query walks from where the grip stands (`settle`) to the actuators that are asked for in quasi-static steps, as the FE
+plant does (`cfem.plant.grip_plant`), since friction depends on the way. Derivatives are those of the last step, with
+the points open, sticking and slipping as they are (`cfem.contact.sensitivity`)."""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cfem.condensed import Condensed, Rows
+from cfem.condensed.coupling import Coupled, state_of
+from cfem.contact.sensitivity import sensitivity
+from cfem.control.among import World
+from cfem.control.spec import ControlSpec
+from cfem.core.errors import NumericalError, SpecError
+from cfem.plant.grip_plant import GripPlant
+from cfem.plant.quasi_static import CONVERGED
+
+MOST = 8.0  # times its load: further is not looked how much a grip holds
+
+
+@dataclass
+class Gripping:
+    """`Model`. grip: of learned robots, which holds the object at `home`; glued: the same robots with points that are
+    glued, which knows names and domains; mu, margin: see above, None without rows for the grip; holds: how many times
+    its load the grip would hold at home. before, at: nothing
+    remembered unless given (`settle`); margins: to slip, where it has settled so far."""
+
+    grip: GripPlant
+    glued: Coupled
+    mu: float
+    margin: float | None
+    home: np.ndarray
+    holds: float | None = None
+    before: GripPlant | None = None
+    at: np.ndarray | None = None
+    margins: list[float] = field(default_factory=list)
+
+    @property
+    def rows(self) -> Rows:
+        own = self.glued.rows
+        more = () if self.margin is None else tuple(f"{hold.name}.grip" for hold in self.glued.holds)
+        return Rows((*own.effectors, *more), own.actuators)
+
+    def _walked(self, delta_a: np.ndarray) -> GripPlant:
+        stands = copy(self.grip if self.before is None else self.before)
+        status = stands.towards(delta_a)
+        if status != CONVERGED:
+            raise NumericalError(f"learned contact: {status}")
+        return stands
+
+    def settle(self, delta_a: np.ndarray) -> None:
+        """The robots stand at delta_a (n_a,) mm now: further steps begin there."""
+        self.at = np.asarray(delta_a, float)
+        self.before = self._walked(self.at)
+        self.margins.append(self.before.slip_margin())
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        """NumericalError where there is no contact state."""
+        delta_a = np.asarray(delta_a, float)
+        stands = self._walked(delta_a)
+        J, K = self._slopes(stands)
+        lam = np.concatenate([one.lambda_a for one in stands.last.solved])
+        e, rows = stands.effectors(), self.rows
+        e[:3] = stands.last.around.x
+        W_aa = np.linalg.inv((K + K.T) / 2)
+        W_ea = J @ W_aa
+        W = np.block([[W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
+        delta = np.concatenate([e, delta_a])
+        return Condensed(rows, W, delta - W[:, rows.a] @ lam, lam)
+
+    def _slopes(self, stands: GripPlant) -> tuple[np.ndarray, np.ndarray]:
+        """Of the effectors (n_e, n_a) and of the actuators' forces (n_a, n_a) N/mm by the actuators."""
+        last, posed = stands.last, stands.last.posed
+        by_gap, moves = sensitivity(posed.problem, last.modes, posed.force, np.zeros(posed.problem.k))
+        robots = list(zip(stands.fingers, last.solved, strict=True))
+        turns = [np.kron(np.eye(len(finger.points)), finger.turn) for finger, _ in robots]
+        moved = block_diag(*[turn @ one.by_actuators for turn, (_, one) in zip(turns, robots, strict=True)])
+        free = posed.into @ moved
+        pressed = by_gap @ free
+        K = block_diag(*[one.stiffness for _, one in robots]) - free.T @ pressed
+        J = (moves @ free)[:3]
+        return (J if self.margin is None else np.vstack([J, self._grips(stands, pressed)])), K
+
+    def _grips(self, stands: GripPlant, pressed: np.ndarray) -> np.ndarray:
+        """(r, n_a) slopes of what each robot's grip has left, pressed (3 m, n_a) N/mm of the points' forces."""
+        into = stands.last.posed.into
+        _, friction = stands.pushes()
+        found = []
+        for (a, b), pulls in zip(stands.parts, friction, strict=True):
+            mine = np.zeros((len(pressed), pressed.shape[1]))
+            mine[3 * a : 3 * b] = pressed[3 * a : 3 * b]
+            tangential = into.T @ (mine * np.tile([0.0, 1.0, 1.0], len(mine) // 3)[:, None])
+            along = tangential.reshape(-1, 3, mine.shape[1])
+            size = float(np.linalg.norm(pulls))
+            slope = along.sum(axis=0).T @ (pulls / size if size > 0 else np.zeros(3))
+            found.append(self.mu * mine[::3].sum(axis=0) - self.margin * slope)
+        return np.array(found)
+
+    def inside(self, condensed: Condensed) -> bool:
+        """Whether every robot's state is like those that its model was trained on."""
+        return all(hold.model.inside(part) for hold, part in self._parts(condensed))
+
+    def distance(self, condensed: Condensed) -> float:
+        """The largest of the robots' distances from their training states."""
+        return max(hold.model.distance(part) for hold, part in self._parts(condensed))
+
+    def _parts(self, condensed: Condensed) -> list:
+        solved = self._walked(condensed.delta_a).last.solved
+        states = [
+            state_of(hold.model, np.concatenate([one.delta_a, one.X]))
+            for hold, one in zip(self.glued.holds, solved, strict=True)
+        ]
+        return list(zip(self.glued.holds, states, strict=True))
+
+
+def taken(grip: GripPlant, load: float) -> float:
+    """The learned grip takes the object, of weight `load` N; how many times that it would hold, at most MOST. SpecError
+    where it cannot hold the object: the reason, before anything is carried out."""
+    status = grip.squeeze()
+    if status != CONVERGED:
+        do = "choose another search.preload, or places of the robots that face each other"
+        raise SpecError(f"the robots cannot squeeze the object: {status}", where="search.preload", do=do)
+    if grip.take(1.0) != CONVERGED:
+        share = f"{100 * grip.load:.0f} % of the load of {1e3 * load:.3g} mN"
+        raise SpecError(
+            f"the grip cannot hold the object: it slips under {share}",
+            where="object.force",
+            do="squeeze harder (search.preload), or take a lighter object",
+        )
+    more = copy(grip)
+    return MOST if more.take(MOST) == CONVERGED else more.load
+
+
+@dataclass(frozen=True)
+class Grip(World):
+    """What plans know of a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
+
+    fe: GripPlant
+    model: Gripping
+
+    @classmethod
+    def of(cls, model: Gripping, fe: GripPlant) -> "Grip":
+        k = model.rows.n_e - 3
+        return cls(model.rows, np.zeros(k), np.zeros(k), np.tile([0.0, np.inf], (k, 1)), fe, model)
+
+    def said(self, spec: ControlSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
+        """Margins to slip, planned and by finite elements: figures, and a line for people."""
+        model = self.model
+        planned, found = (min(one.margins, default=np.nan) for one in (model, self.fe))
+        line = f"grip: the margin to slip is {found:.2f} at least, {planned:.2f} planned"
+        if model.margin is not None:
+            line += f", {model.margin:.3g} asked for"
+        if model.holds is not None:
+            more = "more than " if model.holds >= MOST else ""
+            line += f"; the grasp holds {more}{model.holds:.2g} times the load"
+        return {"margin": found, "margin_planned": planned, "holds": model.holds}, [line]
