@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import cfem
-from cfem.core.errors import InputError
+from cfem.core.errors import CfemError, InputError
 
 # The cable ends half way: along the whole length it would only load the clamped ends, and the object would not move.
 SCENE = """
@@ -103,30 +103,66 @@ def test_two_bars_raise_what_they_hold(held):
     assert cfem.run_stage("control", held / "control.yaml")["status"] == "up to date"
 
 
-ALONE = [
-    "robots=[{name: robot}]",
+TOUCHED = [
+    "models={spectral: turning-model}",
     "object={centre: {mm: [65, 0, 0]}, half_size: {mm: [5, 5, 5]}, turns: false, force: {mN: [-100, 0, 0]}, "
-    "law: coulomb, friction: 0.8}",
-    "trajectories={up: {kind: goals, points: {mm: [[65, 0, 0.1]]}}}",
+    "law: coulomb, friction: 0.8, margin: 1.2}",
+    "robots=[{name: robot}]",
+    "trajectories={up: {kind: goals, points: {mm: [[65, 0, 0.05], [65, 0, 0.1]]}}}",
     "fe_based=false",
     "fewer_iterations=[]",
 ]
 
 
-def test_one_bar_moves_by_friction_what_is_pressed_against_it(held):
-    results = cfem.run_stage("control", held / "control.yaml", overrides=ALONE, out=held / "touched")["results"]
+@pytest.fixture(scope="module")
+def turning(held):
+    """The folder with a model of a bar whose end turns too."""
+    turns = [
+        "contact.rotation={deg: [[-0.5, 0.5], [-2, 2], [-0.5, 0.5]]}",
+        "contact.force=0.3 N",
+        "splits.train.rows=24",
+        "splits.test.rows=2",
+    ]
+    cfem.run_stage("sample", held / "sample.yaml", overrides=turns, out=held / "turning", workers=1)
+    cfem.run_stage("train", held / "train.yaml", overrides=["dataset=turning"], out=held / "turning-model")
+    return held
+
+
+def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
+    results = cfem.run_stage("control", turning / "control.yaml", overrides=TOUCHED, out=turning / "touched")["results"]
     account = results["object"]
-    assert (account["commands"], account["failures"], account["points"]["open"]) == (1, 0, 0)
+    assert (account["commands"], account["failures"]) == (2, 0)
     assert account["law_residual"] < 1e-8
-    # the plan takes the points for glued; in the plant one of them slips
-    assert results["trajectories"]["up"]["spectral"]["distance_to_reachable_goals"]["max"] < 0.01
-    assert any(line.startswith("contact: 1 of 1 commands carried out") for line in results["headline"])
+    # plans know which points open, stick and slip, and keep the margin; finite elements agree
+    assert results["trajectories"]["up"]["spectral"]["distance_to_reachable_goals"]["max"] < 0.002
+    assert account["margin_planned"] >= 1.2 - 1e-3 and account["margin"] == pytest.approx(
+        account["margin_planned"], rel=0.05
+    )
+    assert account["holds"] > 1
+    assert any(line.startswith("grip: the margin to slip is") for line in results["headline"])
+    assert any(line.startswith("contact: 2 of 2 commands carried out") for line in results["headline"])
 
 
-def test_an_object_that_is_out_of_reach_of_the_contact_points_is_refused(held):
-    apart = [*ALONE, "object.centre={mm: [66, 0, 0]}"]
-    with pytest.raises(InputError, match=r"contact points are 1 to 1 mm away .*choose object.half_size"):
-        cfem.run_stage("control", held / "control.yaml", overrides=apart, out=held / "apart")
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("object.centre={mm: [66, 0, 0]}", r"contact point 'p\d' of robot 'robot' does not reach the object: 1 mm"),
+        ("object.centre={mm: [64, 0, 0]}", r"contact point 'p\d' of robot 'robot' is 1 mm inside the object"),
+        ("object.friction=-0.1", r"object.friction: must be at least 0.0, got -0.1"),
+        (
+            "object.force={mN: [-100, 0, -100]}",
+            r"the grip cannot hold the object: (no combination|open, sticking)",
+        ),
+        (
+            "models={spectral: model}",
+            r"points that open one by one turn their patch.*add contact.rotation to sample.yaml",
+        ),
+        ("fe_based=true", r"object.law: coulomb takes one model, fe_based: false"),
+    ],
+)
+def test_what_cannot_be_gripped_is_refused_before_anything_moves(turning, change, said):
+    with pytest.raises(CfemError, match=said):
+        cfem.run_stage("control", turning / "control.yaml", overrides=[*TOUCHED, change], out=turning / "refused")
 
 
 def test_an_object_that_turns_needs_samples_that_turn(held):

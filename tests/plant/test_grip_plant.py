@@ -59,16 +59,16 @@ def steps_of(monkeypatch, works, goal):
     """Shares of the way to `goal` (mm) of one actuator that are tried where `works` says whether one can be gone."""
     tried = []
 
-    def go(self, u):
+    def go(self, u, load):
         tried.append(float(u[1]))
-        if not works(tried[-1], self._at[1]):
+        if not works(tried[-1], self.at[1]):
             return TouchStatus.NO_MODE.value
-        self._at = u
+        self.at = u
         return TouchStatus.CONVERGED.value
 
     monkeypatch.setattr(GripPlant, "_go", go)
     one = plant()
-    return tried, one._towards(np.array([0.0, goal, 0.0, 0.0])), one
+    return tried, one.towards(np.array([0.0, goal, 0.0, 0.0])), one
 
 
 def test_no_quasi_static_step_is_longer_than_a_millimetre(monkeypatch):
@@ -85,5 +85,25 @@ def test_a_step_that_fails_is_halved_and_then_doubled_up_to_a_millimetre(monkeyp
 
 def test_a_way_that_ends_is_left_where_it_ended(monkeypatch):
     tried, said, one = steps_of(monkeypatch, lambda to, at: to <= 1.0, 2.0)
-    assert said == f"{TouchStatus.NO_MODE.value}, at 50 % of the way" and one._at[1] == 1.0
+    assert said == f"{TouchStatus.NO_MODE.value}, at 50 % of the way" and one.at[1] == 1.0
     np.testing.assert_allclose(tried, [1.0, *(1.0 + 0.5 ** np.arange(6))])
+
+
+def test_the_robots_take_the_load_over_after_they_have_grasped():
+    """The block sags under its load, the robots balance it, and each grip says what it has left."""
+    problem = Problem(bar(element="hex8", cables=2, contact=True))
+    fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
+    held = Free(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([2e-3, 0, 0, 0, 0, 0]), False)
+    grasp = squeeze(0.5, 0.5)
+    one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], grasp, margin=1.5)
+    assert one.load == 0.0
+    got = one.step(grasp)
+    assert got.status == "converged" and one.load == 1.0 and got.x_e.shape == (5,)
+    normal, friction = one.pushes()
+    np.testing.assert_allclose(friction.sum(axis=0), [2e-3, 0, 0], atol=1e-9)  # on the robots
+    np.testing.assert_allclose(one.forces().sum(axis=0), [-2e-3, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(got.x_e[3:], 0.8 * normal - 1.5 * np.linalg.norm(friction, axis=1), atol=1e-12)
+    assert one.margins == [pytest.approx((0.8 * normal / np.linalg.norm(friction, axis=1)).min())]
+    one.reset()
+    assert one.last is None and one.load == 0.0 and not one.at.any()
+    assert one.take(1.0) != "converged" and one.load == 0.0  # nothing squeezes it

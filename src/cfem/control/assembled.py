@@ -113,9 +113,10 @@ def touching(
     _demand_touch(spec, robot, shape, fingers)
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
+    handed = grasp if spec.search.preload else None
 
     def grip(robots: Sequence[Touching]) -> GripPlant:
-        return GripPlant(robots, ends, held, law, mu, points, grasp, about.margin)
+        return GripPlant(robots, ends, held, law, mu, points, handed, about.margin)
 
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
         do = "add contact.rotation to sample.yaml, sample and train"

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.coupling import Coupled, state_of
+from cfem.condensed.coupling import Coupled, State, state_of
 from cfem.contact.sensitivity import sensitivity
 from cfem.control.among import World
 from cfem.control.spec import ControlSpec
@@ -25,6 +25,14 @@ from cfem.plant.grip_plant import GripPlant
 from cfem.plant.quasi_static import CONVERGED
 
 MOST = 8.0  # times its load: further is not looked how much a grip holds
+
+
+@dataclass(frozen=True)
+class Gripped(Condensed):
+    """parts: the robots' own states; forces: (robots, 3) N by which each pushes the object."""
+
+    parts: tuple[State, ...]
+    forces: np.ndarray
 
 
 @dataclass
@@ -63,7 +71,7 @@ class Gripping:
         self.before = self._walked(self.at)
         self.margins.append(self.before.slip_margin())
 
-    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+    def at_displacement(self, delta_a: np.ndarray) -> Gripped:
         """NumericalError where there is no contact state."""
         delta_a = np.asarray(delta_a, float)
         stands = self._walked(delta_a)
@@ -75,7 +83,11 @@ class Gripping:
         W_ea = J @ W_aa
         W = np.block([[W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
         delta = np.concatenate([e, delta_a])
-        return Condensed(rows, W, delta - W[:, rows.a] @ lam, lam)
+        parts = [
+            state_of(hold.model, np.concatenate([one.delta_a, one.X]))
+            for hold, one in zip(self.glued.holds, stands.last.solved, strict=True)
+        ]
+        return Gripped(rows, W, delta - W[:, rows.a] @ lam, lam, tuple(parts), stands.forces())
 
     def _slopes(self, stands: GripPlant) -> tuple[np.ndarray, np.ndarray]:
         """Of the effectors (n_e, n_a) and of the actuators' forces (n_a, n_a) N/mm by the actuators."""
@@ -105,37 +117,25 @@ class Gripping:
             found.append(self.mu * mine[::3].sum(axis=0) - self.margin * slope)
         return np.array(found)
 
-    def inside(self, condensed: Condensed) -> bool:
+    def inside(self, gripped: Gripped) -> bool:
         """Whether every robot's state is like those that its model was trained on."""
-        return all(hold.model.inside(part) for hold, part in self._parts(condensed))
+        return all(hold.model.inside(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
 
-    def distance(self, condensed: Condensed) -> float:
+    def distance(self, gripped: Gripped) -> float:
         """The largest of the robots' distances from their training states."""
-        return max(hold.model.distance(part) for hold, part in self._parts(condensed))
-
-    def _parts(self, condensed: Condensed) -> list:
-        solved = self._walked(condensed.delta_a).last.solved
-        states = [
-            state_of(hold.model, np.concatenate([one.delta_a, one.X]))
-            for hold, one in zip(self.glued.holds, solved, strict=True)
-        ]
-        return list(zip(self.glued.holds, states, strict=True))
+        return max(hold.model.distance(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
 
 
 def taken(grip: GripPlant, load: float) -> float:
     """The learned grip takes the object, of weight `load` N; how many times that it would hold, at most MOST. SpecError
     where it cannot hold the object: the reason, before anything is carried out."""
-    status = grip.squeeze()
+    status, cannot = grip.squeeze(), "the grip cannot hold the object"
+    do = "squeeze harder (search.preload), raise object.friction, or take a lighter object"
     if status != CONVERGED:
-        do = "choose another search.preload, or places of the robots that face each other"
-        raise SpecError(f"the robots cannot squeeze the object: {status}", where="search.preload", do=do)
+        raise SpecError(f"{cannot}: {status}", where="search.preload", do=do)
     if grip.take(1.0) != CONVERGED:
         share = f"{100 * grip.load:.0f} % of the load of {1e3 * load:.3g} mN"
-        raise SpecError(
-            f"the grip cannot hold the object: it slips under {share}",
-            where="object.force",
-            do="squeeze harder (search.preload), or take a lighter object",
-        )
+        raise SpecError(f"{cannot}: it slips under {share}", where="object.force", do=do)
     more = copy(grip)
     return MOST if more.take(MOST) == CONVERGED else more.load
 

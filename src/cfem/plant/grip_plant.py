@@ -97,6 +97,12 @@ class GripPlant(ContactAccount):
         normal = np.array([force[a:b, 0].sum() for a, b in self.parts])
         return normal, np.array([friction[a:b].sum(axis=0) for a, b in self.parts])
 
+    def forces(self) -> np.ndarray:
+        """(r, 3) N by which each robot pushes the object."""
+        posed = self.last.posed
+        force = (posed.force @ posed.into).reshape(-1, 3)
+        return -np.array([force[a:b].sum(axis=0) for a, b in self.parts])
+
     def slip_margin(self) -> float:
         """The friction that the robots' normal forces allow over what they use, of the robot that has the least; 0
         where one lets go."""
@@ -112,8 +118,8 @@ class GripPlant(ContactAccount):
         self.load = 0.0 if self._grasp is not None else 1.0
 
     def squeeze(self) -> str:
-        """The grasp, without load: how that ended."""
-        return self.towards(self._grasp)
+        """The grasp, without load where the object is handed over: how that ended."""
+        return self.towards(self.at if self._grasp is None else self._grasp)
 
     def grasp(self) -> str:
         """The squeeze that the first command begins with, and the load: how that ended."""

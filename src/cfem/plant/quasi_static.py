@@ -18,7 +18,7 @@ def carried_out(begin: np.ndarray, u: np.ndarray, longest: float | np.ndarray, g
         status = go(begin + there * way)
         if status == CONVERGED:
             share, size = there, min(2 * size, max(first, size))
-        elif size > SHORTEST:
+        elif size > SHORTEST and way.any():
             size /= 2
         else:
             return f"{status}, at {100 * share:.0f} % of the way"
