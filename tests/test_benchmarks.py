@@ -14,6 +14,7 @@ QUICK = {
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
+    "hysteresis.py": [BAR, "--set", "mesh.size=20 mm", "--steps", "2", "--largest", "0.5"],
     "measured.py coverage": ["--quick"],
     "measured.py cylinder": ["--quick"],
     "measured.py motion": ["--quick"],

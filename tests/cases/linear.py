@@ -11,6 +11,7 @@ from cfem.cases.fit import fit_cases
 from cfem.cases.outcome import Calibrated
 from cfem.cases.predict import predict
 from cfem.cases.rig import Seen
+from cfem.cases.scatter import Scatter
 from cfem.cases.table import Cases
 
 K, N_Z, PRIOR = 4, 5, 4  # markers, parameters, of which so many have a prior
@@ -44,7 +45,8 @@ class LinearRig:
         by_d = np.zeros((len(cases), K, 3, self.n_d))
         if self.n_d:
             by_d[:] = np.eye(3 * K).reshape(K, 3, 3 * K)
-        return Seen(by_z @ z + by_d @ d, by_z, by_d, (None,) * len(cases))
+        moved = np.linalg.norm(by_z @ z, axis=2)
+        return Seen(by_z @ z + by_d @ d, by_z, by_d, (None,) * len(cases), moved)
 
 
 def cases_of(forces: np.ndarray, places: np.ndarray) -> Cases:
@@ -53,11 +55,28 @@ def cases_of(forces: np.ndarray, places: np.ndarray) -> Cases:
     return Cases(names, ("",) * m, forces[:, None], np.ones(m), places, None)
 
 
-def disturbed(rng: np.random.Generator, f: np.ndarray, lacks: float, noise: float) -> np.ndarray:
-    """(m, K, 3) mm what no unknown explains: noise of each coordinate, and of each case one pattern that the model
-    lacks, which grows with the load."""
+def disturbed(rng: np.random.Generator, m: int, f: np.ndarray, moved: np.ndarray, sort: "Sort") -> np.ndarray:
+    """(len(f), K, 3) mm what no unknown explains: noise of each coordinate, and of each case one pattern that the model
+    lacks, which grows with the load. m: cases that are given, by which the growing noise is measured."""
     shape = rng.standard_normal((len(f), 2)) @ rng.standard_normal((2, 3 * K))
-    return noise * rng.standard_normal((len(f), K, 3)) + lacks * f[:, None, None] * shape.reshape(-1, K, 3)
+    grows = rng.uniform() if sort.grows is None else sort.grows
+    sd = sort.noise * np.sqrt(1 - grows + grows * moved**2 / np.mean(moved[:m] ** 2))[..., None]
+    return sd * rng.standard_normal((len(f), K, 3)) + sort.lacks * f[:, None, None] * shape.reshape(-1, K, 3)
+
+
+@dataclass(frozen=True)
+class Sort:
+    """Of calibration. lacks: what the model lacks, as a multiple of the noise; models: above 1 that of so many, each of
+    some of the parameters, which predicts left-out cases best; grows: w of the noise (scatter.py), None for any; given
+    and asked: ranges of the forces."""
+
+    lacks: float = 0.0
+    offset_sd: float = 0.0
+    models: int = 1
+    noise: float = 1.0
+    grows: float | None = 0.0
+    given: tuple[float, float] = (0.3, 1.0)
+    asked: tuple[float, float] = (0.3, 1.0)
 
 
 class Part:
@@ -76,37 +95,34 @@ class Part:
         every = np.zeros(len(self._whole.unknowns))
         every[self._columns] = z
         seen = self._whole.see(cases, every, d, slopes)
-        return Seen(seen.y, seen.by_z[..., self._columns], seen.by_d, seen.posed)
+        return Seen(seen.y, seen.by_z[..., self._columns], seen.by_d, seen.posed, seen.moved)
 
 
-def trial(
-    rng: np.random.Generator, m: int, lacks: float, offset_sd: float, models: int = 1, noise: float = 1.0, new: int = 6
-):
-    """One calibration by m cases, as cfem calibrate-cases does it, and the prediction of new ones. models: above 1 that
-    of so many, each of some of the parameters, which predicts left-out cases best."""
-    rig = LinearRig(rng, offset_sd)
+def trial(rng: np.random.Generator, m: int, sort: Sort, new: int = 6):
+    """One calibration by m cases, as cfem calibrate-cases does it, and the prediction of new ones."""
+    rig = LinearRig(rng, sort.offset_sd)
     z, d = rng.standard_normal(N_Z), rng.standard_normal(rig.n_d) * rig.d_sd
-    f = np.concatenate([np.linspace(0.3, 1, m), rng.uniform(0.3, 1, new)])
-    blank = cases_of(f, np.zeros((m + new, K, 3)))
-    measured = cases_of(f, rig.see(blank, z, d).y + disturbed(rng, f, lacks, noise))
+    f = np.concatenate([np.linspace(*sort.given, m), rng.uniform(*sort.asked, new)])
+    truth = rig.see(cases_of(f, np.zeros((m + new, K, 3))), z, d)
+    measured = cases_of(f, truth.y + disturbed(rng, m, f, truth.moved, sort))
     given, asked = measured.only(np.arange(m)), measured.only(np.arange(m, m + new))
     kept = None
-    for _ in range(models):
-        columns = sorted(rng.choice(N_Z, rng.integers(1, N_Z), replace=False)) if models > 1 else list(range(N_Z))
+    for _ in range(sort.models):
+        columns = sorted(rng.choice(N_Z, rng.integers(1, N_Z), replace=False)) if sort.models > 1 else list(range(N_Z))
         part = Part(rig, [int(i) for i in columns])
-        found = fit_cases(part, given, noise)
+        found = fit_cases(part, given, Scatter(sort.noise))
         left = leave_one_out(part, given, found)
         if kept is None or left.distance.mean() < kept[2].distance.mean():
             kept = part, found, left
     part, found, left = kept
-    degrees = left.degrees(found.count - found.free if models == 1 else 0.0)
+    degrees = left.degrees(found.count - found.free if sort.models == 1 else 0.0)
     names = tuple(one.name for one in part.unknowns)
     known = Calibrated(names, found.z, found.d, found.covariance, found.scatter, left.inflation, degrees, rig.sessions)
     return predict(part, asked, known, 0.95)
 
 
-def coverage(trials: int, m: int, lacks: float, offset_sd: float, models: int = 1) -> tuple[float, float]:
+def coverage(trials: int, m: int, sort: Sort) -> tuple[float, float]:
     """Share of coordinates within their 95 % intervals and of markers within their 95 % radius, over all trials."""
     rngs = (np.random.default_rng([seed, m]) for seed in range(trials))
-    found = [trial(rng, m, lacks, offset_sd, models).covered() for rng in rngs]
+    found = [trial(rng, m, sort).covered() for rng in rngs]
     return tuple(float(share) for share in np.mean(found, axis=0))

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from cases.linear import LinearRig, cases_of, coverage, trial
+from cases.linear import LinearRig, Sort, cases_of, coverage, trial
 
 from cfem.cases.compare import leave_one_out
 from cfem.cases.fit import fit_cases
 from cfem.cases.intervals import LeftOut
+from cfem.cases.scatter import Scatter
 
 _SLOW = pytest.mark.slow
 
@@ -23,14 +24,14 @@ _SLOW = pytest.mark.slow
 )
 def test_intervals_cover_what_they_say(m, lacks, offset_sd):
     """Whether the model is right, or lacks as much or three times as much as the noise, in one pattern a case."""
-    coordinates, markers = coverage(200, m, lacks, offset_sd)
+    coordinates, markers = coverage(200, m, Sort(lacks, offset_sd))
     assert 0.93 < coordinates < 0.97
     assert 0.90 < markers < 0.97  # errors of one pattern a case are along one axis, which the radius does not know
 
 
 @pytest.mark.slow
 def test_intervals_of_a_model_that_was_chosen_from_others_are_wider():
-    coordinates, markers = coverage(60, 5, 1.0, 5.0, models=12)
+    coordinates, markers = coverage(60, 5, Sort(1.0, 5.0, models=12))
     assert 0.94 < coordinates < 0.99 and 0.94 < markers < 1
 
 
@@ -51,10 +52,10 @@ def test_a_left_out_case_does_not_widen_its_own_interval():
 def test_one_case_is_not_left_out_of_itself():
     rig = LinearRig(np.random.default_rng(0), 5.0)
     given = cases_of(np.array([1.0]), np.ones((1, 4, 3)))
-    left = leave_one_out(rig, given, fit_cases(rig, given, 1.0))
+    left = leave_one_out(rig, given, fit_cases(rig, given, Scatter(1.0)))
     assert left.failed == ("c0",) and left.inflation == 1 and left.degrees(3.0) == 1
 
 
 def test_a_radius_is_that_of_a_normal_vector_where_much_is_known():
-    found = trial(np.random.default_rng(1), 40, 0.0, 0.0, new=1)
+    found = trial(np.random.default_rng(1), 40, Sort(), new=1)
     assert found.radius[0, 0] == pytest.approx(2.8, rel=0.35) and found.half[0, 0, 0] == pytest.approx(1.96, rel=0.35)

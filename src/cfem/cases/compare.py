@@ -34,14 +34,15 @@ def leave_one_out(rig: Rig, cases: Cases, whole: CaseFit) -> LeftOut:
         left[i], posed[i] = (seen.y - mine.target)[0], seen.posed[0]
         slopes = np.concatenate([seen.by_z, seen.by_d], axis=3)[0]
         spread = np.einsum("kin,nm,kjm->kij", slopes, found.covariance, slopes)
-        covariance[i] = spread + whole.scatter**2 * np.eye(3)
+        covariance[i] = spread + whole.scatter.variance(seen.moved[0])[:, None, None] * np.eye(3)
     return LeftOut(left, covariance, tuple(failed), tuple(posed))
 
 
 def criteria(found: CaseFit) -> dict[str, float]:
     """AICc and BIC, with n_eff as the number of parameters (Burnham and Anderson, Model Selection, 2002)."""
-    n, k = found.count, found.free + 1
-    fit = n * np.log(np.nansum(found.residuals**2) / n)
+    n, k = found.count, found.free + 1 + (found.scatter.share > 0)
+    V = found.scatter.variance(found.linear.moved)
+    fit = np.log(V).sum() + n * np.log((found.linear.r**2 / V).sum() / n)
     correction = 2 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
     return {"aicc": float(fit + 2 * k + correction), "bic": float(fit + k * np.log(n))}
 

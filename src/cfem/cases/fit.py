@@ -1,8 +1,8 @@
 """Maximum a posteriori of the unknowns of robot and rig, and how well they are known.
 
 Least squares of (y - measured) / s, of z where something is known of it, and of d / d_sd. The scatter s, which no
-unknown explains, is what the fit leaves: s^2 = |y - measured|^2 / (n_r - n_eff), n_eff the trace of the hat matrix (the
-measurements' own share of the unknowns), in turns with the fit. Covariance: s^2 included, (J^T J)^-1 of all rows."""
+unknown explains, is what the fit leaves (scatter.py), in turns with the fit. Covariance: s^2 included, (J^T J)^-1 of
+all rows."""
 
 from dataclasses import dataclass, replace
 
@@ -10,27 +10,29 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cfem.cases.rig import Rig, Seen
+from cfem.cases.scatter import Linear, Scatter, estimate
 from cfem.cases.table import Cases
 from cfem.core.errors import InputError, NumericalError
 
 _ROUNDS = 6  # of scatter and fit in turns
 _SETTLED = 0.02
-_LEAST = 0.3  # share of the degrees of freedom that is left at least to estimate the scatter from
 
 
 @dataclass(frozen=True)
 class CaseFit:
-    """z (n_z,), d (n_d,) mm; covariance (n, n) of both; scatter mm; free: n_eff; cost: of the posterior, halved; seen:
-    at the answer; residuals (m, k, 3) mm computed less measured, nan where not measured."""
+    """z (n_z,), d (n_d,) mm; covariance (n, n) of both; scatter; free: numbers of the unknowns that the measurements
+    tell, the trace of the hat matrix; cost: of the posterior, halved; seen: at the answer; residuals (m, k, 3) mm
+    computed less measured, nan where not measured; linear: the fit near its answer."""
 
     z: np.ndarray
     d: np.ndarray
     covariance: np.ndarray
-    scatter: float
+    scatter: Scatter
     free: float
     cost: float
     seen: Seen
     residuals: np.ndarray
+    linear: Linear
 
     @property
     def count(self) -> int:
@@ -39,30 +41,30 @@ class CaseFit:
 
 
 def fit_cases(
-    rig: Rig, cases: Cases, scatter: float, start: CaseFit | None = None, fixed_scatter: bool = False
+    rig: Rig, cases: Cases, scatter: Scatter, start: CaseFit | None = None, fixed_scatter: bool = False
 ) -> CaseFit:
     """InputError where nothing was measured, NumericalError where no equilibrium is found near the start."""
     if not np.isfinite(cases.target).any():
         raise InputError("no case has a marker that was measured")
     n_z = len(rig.unknowns)
     at = np.zeros(n_z + rig.n_d) if start is None else np.concatenate([start.z, start.d])
-    found = None
+    moved = rig.see(cases, at[:n_z], at[n_z:], slopes=False).moved
     for _ in range(1 if fixed_scatter else _ROUNDS):
-        found = _at_scatter(rig, cases, scatter, at)
-        at, before, scatter = np.concatenate([found.z, found.d]), scatter, _scatter(found)
-        if abs(scatter - before) < _SETTLED * before:
+        found = _at_scatter(rig, cases, scatter, moved, at)
+        if fixed_scatter:
+            return found
+        before, scatter = np.sqrt(scatter.variance(moved)), estimate(found.linear, scatter)
+        at, moved = np.concatenate([found.z, found.d]), found.seen.moved
+        if (np.abs(np.sqrt(scatter.variance(moved)) - before) <= _SETTLED * before).all():
             break
-    return found if fixed_scatter else replace(found, scatter=scatter)
+    return replace(found, scatter=scatter)
 
 
-def _scatter(found: CaseFit) -> float:
-    left = max(found.count - found.free, _LEAST * found.count)
-    return float(np.sqrt(np.nansum(found.residuals**2) / left))
-
-
-def _at_scatter(rig: Rig, cases: Cases, scatter: float, at: np.ndarray) -> CaseFit:
+def _at_scatter(rig: Rig, cases: Cases, scatter: Scatter, moved: np.ndarray, at: np.ndarray) -> CaseFit:
+    """moved: (m, k) mm about which each marker moves, for its scatter."""
     n_z, target = len(rig.unknowns), cases.target
     mask = np.isfinite(target)
+    sd = np.broadcast_to(np.sqrt(scatter.variance(moved))[..., None], target.shape)[mask]
     prior = np.concatenate([[float(one.known) for one in rig.unknowns], 1 / rig.d_sd])
     bounds = np.array([one.bounds for one in rig.unknowns] + [(-np.inf, np.inf)] * rig.n_d).reshape(-1, 2)
     last: dict[bytes, tuple] = {}
@@ -71,8 +73,8 @@ def _at_scatter(rig: Rig, cases: Cases, scatter: float, at: np.ndarray) -> CaseF
         key = u.tobytes()
         if key not in last or (slopes and not last[key][3]):
             seen = rig.see(cases, u[:n_z], u[n_z:], slopes)
-            r = np.concatenate([(seen.y - target)[mask] / scatter, prior * u])
-            J = np.vstack([np.concatenate([seen.by_z, seen.by_d], axis=3)[mask] / scatter, np.diag(prior)])
+            r = np.concatenate([(seen.y - target)[mask] / sd, prior * u])
+            J = np.vstack([np.concatenate([seen.by_z, seen.by_d], axis=3)[mask] / sd[:, None], np.diag(prior)])
             last.clear()
             last[key] = r, J, seen, slopes
         return last[key][:3]
@@ -89,9 +91,13 @@ def _at_scatter(rig: Rig, cases: Cases, scatter: float, at: np.ndarray) -> CaseF
         residuals, inside, lambda u: evaluate(u, True)[1], bounds=bounds.T, x_scale="jac", xtol=1e-6, ftol=1e-8
     )
     r, J, seen = evaluate(found.x, True)
-    measured = J[: int(mask.sum())]
+    n = int(mask.sum())
     H = J.T @ J
     covariance = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
-    free = float(np.einsum("ij,jk,ik->", measured, covariance, measured))
+    free = float(np.einsum("ij,jk,ik->", J[:n], covariance, J[:n]))
     left = np.where(mask, seen.y - target, np.nan)
-    return CaseFit(found.x[:n_z], found.x[n_z:], covariance, scatter, free, float(r @ r) / 2, seen, left)
+    ways = np.broadcast_to(seen.moved[..., None], target.shape)[mask]
+    linear = Linear(r[:n] * sd, J[:n] * sd[:, None], found.x, prior, ways)
+    return CaseFit(
+        found.x[:n_z], found.x[n_z:], covariance, scatter, free, float(r @ r) / 2, seen, left, linear
+    )

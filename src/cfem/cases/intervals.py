@@ -1,8 +1,8 @@
 """Intervals of predicted markers, and how much errors of left-out cases widen them.
 
 The variance of a coordinate is inflation^2 C, C = g^T C_u g + s^2: C_u the covariance of all unknowns of robot and rig,
-g the prediction's derivative by them, s the scatter that no unknown explains, and the inflation by which errors of
-left-out cases are larger than this says. Quantiles are Student's t of the degrees of freedom of the inflation; of the
+g the prediction's derivative by them, s the scatter that no unknown explains (scatter.py), and the inflation by which
+errors of left-out cases are larger than this says. Quantiles are Student's t of the degrees of freedom of the inflation; of the
 distance of a marker, those of trace F(h, degrees) with h = trace^2 / trace of the square of its covariance, which has
 the mean and the variance of the squared distance (Box, Ann. Math. Stat. 25, 1954)."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from cfem.cases.fit import CaseFit
 from cfem.cases.rig import Rig
+from cfem.cases.scatter import Scatter
 from cfem.cases.table import Cases
 from cfem.cases.unknowns import Sought
 from cfem.core.errors import InputError
@@ -28,7 +29,7 @@ class Calibrated:
     z: np.ndarray
     d: np.ndarray
     covariance: np.ndarray
-    scatter: float
+    scatter: Scatter
     inflation: float
     degrees: float
     sessions: tuple[str, ...]
@@ -42,7 +43,8 @@ def write_calibrated(path: Path, found: CaseFit, rig: Rig, inflation: float, deg
         "z": found.z,
         "offsets_mm": found.d,
         "covariance": found.covariance,
-        "scatter_mm": found.scatter,
+        "scatter_mm": found.scatter.fixed,
+        "scatter_share": found.scatter.share,
         "inflation": inflation,
         "degrees_of_freedom": degrees,
         "sessions": list(rig.sessions),
@@ -57,9 +59,10 @@ def read_calibrated(path: Path) -> Calibrated:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         arrays = (np.array(data[name], float) for name in ("z", "offsets_mm", "covariance"))
-        numbers = (float(data["scatter_mm"]), float(data["inflation"]), float(data["degrees_of_freedom"]))
+        scatter = Scatter(float(data["scatter_mm"]), float(data["scatter_share"]))
+        numbers = (float(data["inflation"]), float(data["degrees_of_freedom"]))
         told = (tuple(data[name]) for name in ("sessions", "cases", "largest_forces"))
-        return Calibrated(tuple(data["unknowns"]), *arrays, *numbers, *told)
+        return Calibrated(tuple(data["unknowns"]), *arrays, scatter, *numbers, *told)
     except (OSError, ValueError, KeyError, TypeError) as error:
         do = "run cfem calibrate-cases again"
         raise InputError(f"is no calibration by cases of this version: {error}", where=str(path), do=do) from None

@@ -44,6 +44,7 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float) -> Pre
     z, d, C = widened(known, rig)
     y = np.full(cases.places.shape, np.nan)
     slopes, posed, failed = np.zeros((*y.shape, len(z) + len(d))), [], {}
+    moved = np.zeros(y.shape[:2])
     for i in range(len(cases)):
         try:
             seen = rig.see(cases.only(np.array([i])), z, d)
@@ -52,8 +53,10 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float) -> Pre
             posed.append(Posed(rig.robots.rest, np.tile(np.eye(3), (len(rig.robots.rest), 1, 1)), rig.robots.robot.X))
             continue
         y[i], slopes[i] = seen.y[0], np.concatenate([seen.by_z, seen.by_d], axis=3)[0]
+        moved[i] = seen.moved[0]
         posed.append(seen.posed[0])
-    C3 = np.einsum("mkin,no,mkjo->mkij", slopes, C, slopes) + known.scatter**2 * np.eye(3)
+    C3 = np.einsum("mkin,no,mkjo->mkij", slopes, C, slopes)
+    C3 = C3 + known.scatter.variance(moved)[..., None, None] * np.eye(3)
     half, radius = half_and_radius(C3, known.inflation, known.degrees, confidence)
     half[list(failed)], radius[list(failed)] = np.nan, np.nan
     return Prediction(y, half, radius, y - cases.target, tuple(posed), failed)

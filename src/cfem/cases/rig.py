@@ -24,12 +24,14 @@ _STEP = 1e-3  # of z, by which predictions are differenced
 
 @dataclass(frozen=True)
 class Seen:
-    """Predictions of m cases: y (m, k, 3) mm; by_z (m, k, 3, n_z); by_d (m, k, 3, n_d); posed: the robot in each."""
+    """Predictions of m cases: y (m, k, 3) mm; by_z (m, k, 3, n_z); by_d (m, k, 3, n_d); posed: the robot in each; moved
+    (m, k) mm from where each marker is without any load."""
 
     y: np.ndarray
     by_z: np.ndarray
     by_d: np.ndarray
     posed: tuple[Posed, ...]
+    moved: np.ndarray
 
 
 class Rig:
@@ -70,7 +72,7 @@ class Rig:
             step = _STEP * (np.arange(len(z)) == i)
             ahead, behind = (self._markers(cases, self._posed(cases, one), one, d)[0] for one in (z + step, z - step))
             by_z[..., i] = (ahead - behind) / (2 * _STEP)
-        return Seen(y, by_z, by_d, posed)
+        return Seen(y, by_z, by_d, posed, np.array([self._moved(one) for one in posed]))
 
     def _posed(self, cases: Cases, z: np.ndarray) -> tuple[Posed, ...]:
         mine = [(one, share) for one, share in zip(self.unknowns, z, strict=True) if one.of_scene]
@@ -111,6 +113,10 @@ class Rig:
                 for marker in range(k):
                     by_d[i, marker][:, columns[marker]] = own[marker]
         return y + by_d @ d, by_d
+
+    def _moved(self, one: Posed) -> np.ndarray:
+        turned = (one.turn[self._effector] @ self._stand_off[:, :, None])[:, :, 0] - self._stand_off
+        return np.linalg.norm((one.x - self.robots.rest)[self._effector] + turned, axis=1)
 
     def _mine(self, session: str) -> list[int]:
         """Blocks of d that act in a session."""

@@ -107,7 +107,8 @@ class CasesSpec(Spec):
     compare: dict[str, list[str]] = {}
     """Other models, by name: the parameters that each of them finds."""
     scatter: Length = Field(default=1.0, gt=0)
-    """First guess of what no model explains in a coordinate. It is estimated from what the fit leaves."""
+    """First guess of what no model explains in a coordinate. It is estimated from what the fit leaves, and with it how
+    it grows with the load."""
     confidence: float = Field(0.95, gt=0, lt=1)
     """Level of the intervals."""
     figure: bool = True

@@ -31,7 +31,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec, base = load_spec(spec_path, CasesSpec, overrides), spec_path.parent
     return Stage(
         name="calibrate-cases",
-        version=3,
+        version=4,
         spec=spec,
         inputs={"measurements": base / spec.measurements, "mesh": base / spec.mesh},
         out=out or base / spec.out,
@@ -51,6 +51,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import FILE, estimates, read_calibrated, sentence, write_calibrated
     from cfem.cases.predict import predict
+    from cfem.cases.scatter import Scatter
     from cfem.cases.written import repeats, write_predictions
 
     begin = time.process_time()
@@ -61,7 +62,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     compared, kept = {}, None
     for name, find in models.items():
         rig = lab.rig(find, sessions)
-        found = fit_cases(rig, cases, spec.scatter)
+        found = fit_cases(rig, cases, Scatter(spec.scatter))
         left = leave_one_out(rig, cases, found)
         compared[name] = _row(find, found, left, criteria(found), rig.robots.solves)
         if name == "kept":
@@ -100,9 +101,9 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         )
     if len(compared) > 1:
         headline.append(f"of {len(compared)} models '{best}' predicts left-out cases best")
-    scatter = repeats(cases)
-    if scatter:
-        headline.append(f"repeats of a load differ by {max(scatter.values()):.2g} mm (largest distance of a marker)")
+    repeated = repeats(cases)
+    if repeated:
+        headline.append(f"repeats of a load differ by {max(repeated.values()):.2g} mm (largest distance of a marker)")
     headline.append(
         f"{len(cases)} cases, {found.count} numbers, {sum(one['solves'] for one in compared.values())} equilibria, "
         f"{duration(time.process_time() - begin)} of CPU time"
@@ -111,14 +112,15 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         "judgement": judged,
         "headline": headline,
         "estimates": values,
-        "scatter_mm": found.scatter,
+        "scatter_mm": found.scatter.fixed,
+        "scatter_share": found.scatter.share,
         "inflation": left.inflation,
         "degrees_of_freedom": degrees,
         "errors_mm": _errors(cases, lab.markers, fitted.distance),
         "left_out_mm": _errors(cases, lab.markers, left.distance),
         "left_out_within": [share if np.isfinite(share) else None for share in (inside, near)],
-        "repeats_mm": max(scatter.values()) if scatter else None,
-        "repeats_by_case_mm": scatter,
+        "repeats_mm": max(repeated.values()) if repeated else None,
+        "repeats_by_case_mm": repeated,
         "models": compared,
         "best": best,
         "offsets_mm": _offsets(found.d, lab.markers, rig),
@@ -136,7 +138,8 @@ def _row(find: Sequence[str], found: Any, left: Any, criterion: dict[str, float]
         "in_fit_mm": float(np.nanmean(np.linalg.norm(found.residuals, axis=2))),
         "left_out_mm": float(np.nanmean(left.distance)) if np.isfinite(left.distance).any() else None,
         "left_out_failed": list(left.failed),
-        "scatter_mm": found.scatter,
+        "scatter_mm": found.scatter.fixed,
+        "scatter_share": found.scatter.share,
         "free": found.free,
         "solves": solves,
         **{name: value if np.isfinite(value) else None for name, value in criterion.items()},

@@ -35,7 +35,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     scene = scene_meaning((base / spec.cases).parent / cases.scene)
     return Stage(
         name="predict-cases",
-        version=3,
+        version=4,
         spec=spec,
         inputs={"calibrated": base / spec.calibrated, "table": base / spec.table},
         out=out or base / spec.out,
