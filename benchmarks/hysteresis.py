@@ -72,7 +72,9 @@ def main() -> None:
         robot = build_robot(scene, make_mesh(scene, Path(folder))[0])
     actuators = list(robot.actuators)
     actuators[given.cable] = replace(actuators[given.cable], friction=given.friction)
-    print(json.dumps(loop(replace(robot, actuators=tuple(actuators)), given.cable, given.largest, given.steps), indent=2))
+    print(
+        json.dumps(loop(replace(robot, actuators=tuple(actuators)), given.cable, given.largest, given.steps), indent=2)
+    )
 
 
 if __name__ == "__main__":

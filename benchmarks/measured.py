@@ -5,7 +5,8 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
     Hundreds of simulated calibrations by markers that are linear in all unknowns: share of coordinates of new cases
     within their 95 % intervals and of markers within their 95 % radius. lacks: what the model lacks, one pattern a
     case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best; with
-    more than one, a fifth of the trials. Three minutes.
+    more than one, a fifth of the trials. grows: share of the noise's variance that goes with the square of the
+    displacement, null for any. given, asked: ranges of the forces. Three minutes.
 
 python benchmarks/measured.py rods [--quick]
 
@@ -55,14 +56,16 @@ PLACES, RADII = (0.0, 305.0, 360.0), (15.41, 6.42, 4.80)
 
 
 def coverages(trials: int) -> list[dict]:
-    from cases.linear import coverage
+    from cases.linear import Sort, coverage
 
-    rows = []
-    asked = [(cases, sd, lacks, 1) for cases, sd in ((4, 0.0), (5, 5.0), (8, 5.0)) for lacks in (0.0, 1.0, 3.0)]
-    for cases, offset_sd, lacks, models in [*asked, (5, 5.0, 1.0, 12), (5, 5.0, 3.0, 12)]:
-        count = trials if models == 1 else max(trials // 5, 1)
-        coordinates, markers = coverage(count, cases, lacks, offset_sd, models)
-        row = {"cases": cases, "offsets_sd_mm": offset_sd, "lacks": lacks, "models": models, "trials": count}
+    small, large, rows = (0.25, 0.35), (0.8, 1.0), []
+    asked = [(m, Sort(lacks, sd)) for m, sd in ((4, 0.0), (5, 5.0), (8, 5.0)) for lacks in (0.0, 1.0, 3.0)]
+    asked += [(5, Sort(grows=grows)) for grows in (1.0, None)]
+    asked += [(4, Sort(grows=grows, given=small, asked=large)) for grows in (0.0, 1.0, None)]
+    for m, sort in [*asked, (5, Sort(1.0, 5.0, 12)), (5, Sort(3.0, 5.0, 12))]:
+        count = trials if sort.models == 1 else max(trials // 5, 1)
+        coordinates, markers = coverage(count, m, sort)
+        row = {"cases": m, **vars(sort), "trials": count}
         rows.append(row | {"coordinates": round(coordinates, 3), "markers": round(markers, 3)})
     return rows
 

@@ -115,7 +115,7 @@ def trial(rng: np.random.Generator, m: int, sort: Sort, new: int = 6):
         if kept is None or left.distance.mean() < kept[2].distance.mean():
             kept = part, found, left
     part, found, left = kept
-    degrees = left.degrees(found.count - found.free if sort.models == 1 else 0.0)
+    degrees = left.degrees(found.count - found.free)
     names = tuple(one.name for one in part.unknowns)
     known = Calibrated(names, found.z, found.d, found.covariance, found.scatter, left.inflation, degrees, rig.sessions)
     return predict(part, asked, known, 0.95)

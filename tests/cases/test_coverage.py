@@ -13,26 +13,37 @@ _SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    ("m", "lacks", "offset_sd"),
+    ("m", "sort"),
     [
-        (4, 1.0, 0.0),
-        (5, 1.0, 5.0),
-        pytest.param(5, 0.0, 5.0, marks=_SLOW),
-        pytest.param(8, 1.0, 5.0, marks=_SLOW),
-        pytest.param(5, 3.0, 5.0, marks=_SLOW),
+        (4, Sort(lacks=1.0)),
+        (5, Sort(lacks=1.0, offset_sd=5.0)),
+        (5, Sort(grows=None)),
+        pytest.param(5, Sort(offset_sd=5.0), marks=_SLOW),
+        pytest.param(8, Sort(lacks=1.0, offset_sd=5.0), marks=_SLOW),
+        pytest.param(5, Sort(lacks=3.0, offset_sd=5.0), marks=_SLOW),
+        pytest.param(5, Sort(grows=1.0), marks=_SLOW),
     ],
 )
-def test_intervals_cover_what_they_say(m, lacks, offset_sd):
-    """Whether the model is right, or lacks as much or three times as much as the noise, in one pattern a case."""
-    coordinates, markers = coverage(200, m, Sort(lacks, offset_sd))
+def test_intervals_cover_what_they_say(m, sort):
+    """Whether the model is right, or lacks as much or three times as much as the noise, in one pattern a case, and
+    whether or not the noise grows with the load."""
+    coordinates, markers = coverage(200 if sort.lacks > 1 else 120, m, sort)
     assert 0.93 < coordinates < 0.97
     assert 0.90 < markers < 0.97  # errors of one pattern a case are along one axis, which the radius does not know
 
 
 @pytest.mark.slow
-def test_intervals_of_a_model_that_was_chosen_from_others_are_wider():
-    coordinates, markers = coverage(60, 5, Sort(1.0, 5.0, models=12))
-    assert 0.94 < coordinates < 0.99 and 0.94 < markers < 1
+@pytest.mark.parametrize(("lacks", "models"), [(1.0, 12), (0.0, 5)])
+def test_intervals_cover_where_left_out_cases_chose_the_model(lacks, models):
+    coordinates, markers = coverage(80, 5, Sort(lacks, 5.0, models=models))
+    assert 0.93 < coordinates < 0.98 and 0.92 < markers < 0.985
+
+
+def test_intervals_widen_to_loads_that_no_case_has():
+    """Three times larger: right on average where nobody knows whether the noise grows, too wide where it does not."""
+    small, large = (0.25, 0.35), (0.8, 1.0)
+    coordinates, markers = coverage(120, 4, Sort(grows=None, given=small, asked=large))
+    assert 0.93 < coordinates < 0.97 and 0.92 < markers < 0.97
 
 
 def test_cases_that_err_as_one_count_as_few():

@@ -98,6 +98,4 @@ def _at_scatter(rig: Rig, cases: Cases, scatter: Scatter, moved: np.ndarray, at:
     left = np.where(mask, seen.y - target, np.nan)
     ways = np.broadcast_to(seen.moved[..., None], target.shape)[mask]
     linear = Linear(r[:n] * sd, J[:n] * sd[:, None], found.x, prior, ways)
-    return CaseFit(
-        found.x[:n_z], found.x[n_z:], covariance, scatter, free, float(r @ r) / 2, seen, left, linear
-    )
+    return CaseFit(found.x[:n_z], found.x[n_z:], covariance, scatter, free, float(r @ r) / 2, seen, left, linear)

@@ -2,9 +2,9 @@
 
 The variance of a coordinate is inflation^2 C, C = g^T C_u g + s^2: C_u the covariance of all unknowns of robot and rig,
 g the prediction's derivative by them, s the scatter that no unknown explains (scatter.py), and the inflation by which
-errors of left-out cases are larger than this says. Quantiles are Student's t of the degrees of freedom of the inflation; of the
-distance of a marker, those of trace F(h, degrees) with h = trace^2 / trace of the square of its covariance, which has
-the mean and the variance of the squared distance (Box, Ann. Math. Stat. 25, 1954)."""
+errors of left-out cases are larger than this says. Quantiles are Student's t of the degrees of freedom of the
+inflation; of the distance of a marker, those of trace F(h, degrees) with h = trace^2 / trace of the square of its
+covariance, which has the mean and the variance of the squared distance (Box, Ann. Math. Stat. 25, 1954)."""
 
 from dataclasses import dataclass
 
@@ -36,8 +36,7 @@ def degrees_of_freedom(ratios: np.ndarray, most: float) -> float:
 
     Where the model lacks something, the errors of a case's markers are correlated, so a case counts as fewer numbers
     than it has. The spread of the cases' ratios tells how few (Satterthwaite, Biometrics Bull. 2, 1946): their mean has
-    2 m mean^2 / variance degrees, times (m - 1) / (m + 1), as few cases tell the variance itself. Where left-out cases
-    chose the model among others, their errors look better than those of new cases: `most` is then 0."""
+    2 m mean^2 / variance degrees, times (m - 1) / (m + 1), as few cases tell the variance itself."""
     m = len(ratios)
     least = float(max(m - 1, 1))
     if m < 2 or ratios.var(ddof=1) == 0:
@@ -81,7 +80,7 @@ class LeftOut:
         return inflation(self.ratios)
 
     def degrees(self, most: float) -> float:
-        """Of freedom, of the inflation; most: those of the scatter, 0 where these errors chose the model."""
+        """Of freedom, of the inflation; most: those of the scatter."""
         return degrees_of_freedom(self.ratios, most)
 
     def covered(self, most: float, confidence: float) -> tuple[float, float]:

@@ -33,8 +33,8 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Linear:
-    """A fit near its answer: r (n_r,) mm computed less measured; J (n_r, n) its derivative by the unknowns u (n,), which
-    are known to 1 / prior (n,) around 0; moved (n_r,) mm of each one's marker."""
+    """A fit near its answer: r (n_r,) mm computed less measured; J (n_r, n) its derivative by the unknowns
+    u (n,), which have a normal prior of sd 1 / prior (n,); moved (n_r,) mm of each one's marker."""
 
     r: np.ndarray
     J: np.ndarray

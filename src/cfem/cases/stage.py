@@ -68,7 +68,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         if name == "kept":
             kept = rig, found, left
     rig, found, left = kept
-    most = 0.0 if spec.compare else found.count - found.free
+    most = found.count - found.free
     degrees = left.degrees(most)
     write_calibrated(folder / FILE, found, rig, left.inflation, degrees, cases)
     known = read_calibrated(folder / FILE)

@@ -85,7 +85,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     results["in_fit"] = known_before
     if beyond:
         what = f"{len(beyond)} of {len(cases)} cases are of larger forces than the calibration, the first {beyond[0]}"
-        results["judgement"] = [poor(f"{what}: errors grow with the load, which their intervals do not know")]
+        results["judgement"] = [poor(f"{what}: what the model lacks may grow faster than their intervals")]
     if measured.any():
         coordinates, markers = found.covered()
         by_marker = {name: _mean(found.distance[:, j]) for j, name in enumerate(lab.markers)}
