@@ -51,6 +51,13 @@ def test_larger_forces_than_those_of_the_calibration_are_told(folder, tmp_path):
     write(tmp_path / "asked.csv", [["c", "a", 0.5, "t"], ["d", "a", 1.5, "t"]], header)
     manifest = predict(folder / "predict.yaml", [f"table={tmp_path / 'asked.csv'}"], tmp_path / "out", QUIET)
     (said,) = manifest["results"]["judgement"]
+    halves = {}
+    for beyond in (0.03, 0.0):
+        overrides = [f"table={tmp_path / 'asked.csv'}", f"beyond={beyond}"]
+        predict(folder / "predict.yaml", overrides, tmp_path / f"{beyond}", QUIET)
+        with open(tmp_path / f"{beyond}" / "predicted.csv", newline="") as file:
+            halves[beyond] = [float(row["half_z_mm"]) for row in csv.DictReader(file) if row["marker"] == "t"]
+    assert halves[0.03][0] == halves[0.0][0] and halves[0.03][1] > 1.5 * halves[0.0][1]
     assert "1 of 2 cases are of larger forces than the calibration, the first d" in str(said)
 
 

@@ -11,6 +11,8 @@ from cfem.cases.robots import Posed
 from cfem.cases.table import Cases
 from cfem.core.errors import NumericalError
 
+_FAR = 1.03
+
 
 @dataclass(frozen=True)
 class Prediction:
@@ -40,7 +42,16 @@ class Prediction:
         )
 
 
-def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float) -> Prediction:
+def beyond_calibration(cases: Cases, known: Calibrated) -> np.ndarray:
+    """(m,) whether any force is larger, by more than a thirtieth, than all that the calibration knows."""
+    if not known.largest:
+        return np.zeros(len(cases), dtype=bool)
+    return (np.abs(cases.forces) > _FAR * np.array(known.largest) + 1e-12).any(axis=1)
+
+
+def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond: float = 0.0) -> Prediction:
+    """beyond: share of its displacement that a coordinate may be off, one sd, where forces are beyond those of the
+    calibration, as no case told what the model lacks there."""
     z, d, C = widened(known, rig)
     y = np.full(cases.places.shape, np.nan)
     slopes, posed, failed = np.zeros((*y.shape, len(z) + len(d))), [], {}
@@ -56,7 +67,8 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float) -> Pre
         moved[i] = seen.moved[0]
         posed.append(seen.posed[0])
     C3 = np.einsum("mkin,no,mkjo->mkij", slopes, C, slopes)
-    C3 = C3 + known.scatter.variance(moved)[..., None, None] * np.eye(3)
+    lacks = beyond * beyond_calibration(cases, known)[:, None] * moved
+    C3 = C3 + (known.scatter.variance(moved) + lacks**2)[..., None, None] * np.eye(3)
     half, radius = half_and_radius(C3, known.inflation, known.degrees, confidence)
     half[list(failed)], radius[list(failed)] = np.nan, np.nan
     return Prediction(y, half, radius, y - cases.target, tuple(posed), failed)

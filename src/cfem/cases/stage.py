@@ -50,6 +50,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     from cfem.cases.intervals import half_and_radius
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import FILE, estimates, read_calibrated, sentence, write_calibrated
+    from cfem.cases.plausible import implausible
     from cfem.cases.predict import predict
     from cfem.cases.scatter import Scatter
     from cfem.cases.written import repeats, write_predictions
@@ -83,6 +84,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     if left.inflation > _UNLIKE:
         what = f"errors of left-out cases are {left.inflation:.1f} times those that the fit expects"
         judged.append(poor(what + ": the model lacks something"))
+    judged += [poor(what) for what in implausible(rig.unknowns, values)]
     if spec.figure:
         half, _ = half_and_radius(left.covariance, left.inflation, degrees, spec.confidence)
         shapes = left.posed, left.residuals + cases.target, half

@@ -19,7 +19,6 @@ from cfem.core.stage import Options, Stage, artefact_file, run_stage
 from cfem.robot.spec import scene_meaning
 
 _PATHS = ("cases", "calibrated", "table", "out")
-_FAR = 1.03
 RESULT, TABLE, FIGURE = "prediction.json", "predicted.csv", "shapes.png"
 
 
@@ -49,7 +48,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import read_calibrated
-    from cfem.cases.predict import predict
+    from cfem.cases.predict import beyond_calibration, predict
     from cfem.cases.written import repeats, write_predictions
 
     path = base / spec.cases
@@ -61,13 +60,13 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     if strange:
         what = f"was made with the unknown '{strange[0]}', which {spec.cases} does not find"
         raise InputError(what, where=str(spec.calibrated), do="run cfem calibrate-cases again")
-    found = predict(rig, cases, known, spec.confidence)
+    found = predict(rig, cases, known, spec.confidence, spec.beyond)
     write_predictions(folder / TABLE, cases, lab.markers, found)
     if spec.figure:
         _draw(folder / FIGURE, lab, cases, found)
     measured = np.isfinite(found.distance)
     known_before = sum(bool(mark) and mark in known.given for mark in cases.marks)
-    beyond = [name for name, forces in zip(cases.names, cases.forces, strict=True) if _beyond(forces, known.largest)]
+    beyond = [cases.names[i] for i in np.flatnonzero(beyond_calibration(cases, known))]
     if len(found.failed) == len(cases):
         raise NumericalError(f"no case has an equilibrium; the first: {next(iter(found.failed.values()))}")
     half = float(np.nanmedian(found.half))
@@ -85,7 +84,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     results["in_fit"] = known_before
     if beyond:
         what = f"{len(beyond)} of {len(cases)} cases are of larger forces than the calibration, the first {beyond[0]}"
-        results["judgement"] = [poor(f"{what}: what the model lacks may grow faster than their intervals")]
+        results["judgement"] = [poor(f"{what}: their intervals hold a guess of what the model lacks there")]
     if measured.any():
         coordinates, markers = found.covered()
         by_marker = {name: _mean(found.distance[:, j]) for j, name in enumerate(lab.markers)}
@@ -113,11 +112,6 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
         }
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
-
-
-def _beyond(forces: np.ndarray, largest: Sequence[float]) -> bool:
-    """Whether any force is larger, by more than a thirtieth, than all that the calibration knows."""
-    return bool(len(largest)) and bool((np.abs(forces) > _FAR * np.array(largest) + 1e-12).any())
 
 
 def _mean(distance: np.ndarray) -> float | None:
