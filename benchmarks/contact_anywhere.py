@@ -6,9 +6,10 @@ A sphere, a plane or the edge of a box comes to a random patch of the robot at a
 robot gives way by 0.3 to 1.5 mm: in three steps, as where a patch comes to lie beside an edge depends on the way. The
 edge is a quarter of the depth aside of the patch. The finite-element truth (`cfem.equilibrium.press`) has the same
 patches for contact points. Prints the largest and the median error of force and tip, and the processor time of a
-learned step: with one obstacle, and with ten pads, each of which presses on one patch."""
+learned step: with one obstacle, and with ten pads, each of which presses on one patch, the latter in C too."""
 
 import argparse
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,12 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.patch_compliance import patch_compliance, with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
-from cfem.predict.load import load_model
+from cfem.export.c_export import write_c
+from cfem.export.c_touch import write_c_touch
+from cfem.export.compiled import compiler
+from cfem.export.compiled_touch import CompiledTouch
+from cfem.export.spec import CSpec
+from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.predict.protocol import Predictor
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.predict.touching import touch_step
@@ -130,12 +136,25 @@ def main() -> None:
         placed("pad", patches.mean(x)[one], outward(model, patches, x, one), 0.3, 0.0)
         for one in rng.choice(loose, 10, replace=False)
     ]
-    pads, count, before = Several(tuple(pads)), 50, None
+    together, count, before = Several(tuple(pads)), 50, None
     begin = time.process_time()
     for step in range(count):
-        before = touch_step(touchable, delta * (1 + 1e-4 * step), pads, mu=given.mu, before=before)
+        before = touch_step(touchable, delta * (1 + 1e-4 * step), together, mu=given.mu, before=before)
     spent = 1e3 * (time.process_time() - begin) / count
-    print(f"step with ten pads on {len(before.patches)} patches: mean {spent:.2f} ms")
+    print(f"step with ten pads, {np.sum(before.forces.any(axis=1))} pressed: mean {spent:.2f} ms")
+    if compiler():
+        print(f"the same in C: {1e6 * in_c(given.model, touchable, delta, pads, given.mu):.0f} us")
+
+
+def in_c(folder: Path, touchable: Touchable, delta: np.ndarray, obstacles: list[Obstacle], mu: float) -> float:
+    """Seconds of a step, the least of ten means."""
+    meta, arrays = read_model(folder)
+    with tempfile.TemporaryDirectory() as place:
+        write_c(Path(place), meta, arrays, CSpec(), read_vectors(folder, meta)["s"])
+        write_c_touch(Path(place), touchable, obstacles, mu)
+        compiled = CompiledTouch(Path(place))
+    compiled(delta, obstacles, mu)
+    return min(compiled.seconds(delta * (1 + 1e-4), obstacles, mu, 50) for _ in range(10))
 
 
 if __name__ == "__main__":

@@ -22,12 +22,13 @@ def array(name: str, values: np.ndarray, scalar: str) -> tuple[str, str]:
     """Declaration and definition of a constant array of any shape; scalar: its C type ('cfem_real' stands for what
     `c_numbers` makes of it)."""
     shape = "".join(f"[{size}]" for size in values.shape)
-    return f"extern const {scalar} {name}{shape};", f"const {scalar} {name}{shape} = {_braces(values, scalar)};"
+    return f"extern const {scalar} {name}{shape};", f"const {scalar} {name}{shape} = {braces(values)};"
 
 
-def _braces(values: np.ndarray, scalar: str) -> str:
+def braces(values: np.ndarray) -> str:
+    """An initialiser."""
     if values.ndim > 1:
-        return "{" + ",\n".join(_braces(row, scalar) for row in values) + "}"
+        return "{" + ",\n".join(braces(row) for row in values) + "}"
     if np.issubdtype(values.dtype, np.integer):
         texts = [str(int(value)) for value in values]
     else:

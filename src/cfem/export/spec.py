@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt
+from pydantic import Field, PositiveInt, model_validator
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacement, Displacements, Effort
@@ -11,6 +11,7 @@ from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length
 from cfem.predict.load_spec import LoadSpec
+from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
 Format = Literal["arrays", "onnx", "torchscript", "c", "html"]
 
@@ -72,6 +73,18 @@ class CSpec(Spec):
     """Number of vectors of the self-test."""
     controller: ControllerSpec = ControllerSpec()
     """The controller around the model."""
+    obstacles: dict[Name, ObstacleSpec] = {}
+    """Rigid bodies that the robot may touch, in its own frame: their numbers, and the contact of the robot's surface.
+    Needs `scene`."""
+    contact: ContactSpec = ContactSpec()
+    """How the robot's surface touches obstacles."""
+
+    @model_validator(mode="after")
+    def _touched_alone(self):
+        for name, one in self.obstacles.items():
+            if one.pressed or one.avoid is not None:
+                raise ValueError(f"obstacles.{name}: press, largest_force and avoid are of `cfem control` alone")
+        return self
 
 
 class ExportSpec(Spec):
@@ -80,7 +93,7 @@ class ExportSpec(Spec):
     model: Path
     """Folder of `cfem train`."""
     scene: Path | None = None
-    """For formats c and html: the scene whose stated pressures bound the multipliers."""
+    """For formats c and html: the scene whose stated pressures bound the multipliers, and whose surface touches."""
     skin: Path | None = None
     """For format html: folder of a model of the same robot whose skin is drawn. The model's own unless given."""
     out: Path
@@ -94,3 +107,9 @@ class ExportSpec(Spec):
     """Whether to write the whole surface in every format too: shape.onnx, shape.ts, cfem_shape in C."""
     c: CSpec = CSpec()
     """Settings of format c; of its controller and parameters, for format html too."""
+
+    @model_validator(mode="after")
+    def _obstacles_have_a_scene(self):
+        if self.c.obstacles and (self.scene is None or self.loads):
+            raise ValueError("c.obstacles need `scene`, of which the surface is solved, and do not go with loads yet")
+        return self

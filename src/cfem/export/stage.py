@@ -26,7 +26,7 @@ from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.loaded_skin import loaded_skin
 from cfem.predict.skin import FILE
 from cfem.robot.same import demand_robot
-from cfem.robot.spec import SceneSpec
+from cfem.robot.spec import SceneSpec, scene_meaning
 
 MOTION = motion.FILE
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c", "html": "page.html"}
@@ -40,24 +40,32 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
     made = stage(spec_path, overrides, out)
     embedded = _embedding(made.spec, spec_path.parent)
     model, skin = made.inputs["model"], made.inputs.get("skin")
-    return run_stage(
-        made, partial(work, spec=made.spec, model_folder=model, embedded=embedded, skin_folder=skin), options
-    )
+    scene = spec_path.parent / made.spec.scene if made.spec.scene else None
+    filled = partial(work, spec=made.spec, model_folder=model, embedded=embedded, skin_folder=skin, scene=scene)
+    return run_stage(made, filled, options)
 
 
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     spec, base = load_spec(spec_path, ExportSpec, overrides), spec_path.parent
+    touches, inputs = "c" in spec.formats and bool(spec.c.obstacles), {"model": base / spec.model}
+    if spec.skin:
+        inputs["skin"] = base / spec.skin
+    if touches:
+        scene = base / spec.scene
+        inputs["mesh"] = scene.parent / load_spec(scene, SceneSpec).out
 
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)
-        found = {name: _sources(name) for name in sorted(chosen)}
+        found: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}
+        if touches:
+            found["scene"] = scene_meaning(base / spec.scene)
         return found | ({"embedding": plain(vars(_embedding(spec, base)))} if chosen else {})
 
     return Stage(
         name="export",
         version=5,
         spec=spec,
-        inputs={"model": base / spec.model} | ({"skin": base / spec.skin} if spec.skin else {}),
+        inputs=inputs,
         out=out or base / spec.out,
         paths=("model", "scene", "skin", "out"),
         extra=extra,
@@ -82,9 +90,9 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page_file import sources
 
         return sources()
-    from cfem.export import c_export, c_motion, c_skin
+    from cfem.export import c_export, c_motion, c_skin, c_touch
 
-    folders = (c_export.SOURCES, c_skin.SOURCES, c_motion.SOURCES)
+    folders = (c_export.SOURCES, c_skin.SOURCES, c_motion.SOURCES, c_touch.SOURCES)
     paths = [path for folder in folders for path in folder.iterdir()]
     return {path.name: file_sha256(path) for path in sorted(paths)}
 
@@ -95,9 +103,10 @@ def work(
     model_folder: Path,
     embedded: Embedding = NOTHING,
     skin_folder: Path | None = None,
+    scene: Path | None = None,
 ) -> dict[str, Any]:
     """Writes every format, runs each from its file, compares. skin_folder: of the model whose skin a page draws, if it
-    is another."""
+    is another; scene: that of the spec."""
     for name in spec.formats:
         demand(*PACKAGES.get(name, ()), where=f"formats: {name}")
     meta, arrays = read_model(model_folder)
@@ -135,6 +144,13 @@ def work(
 
             moving = read_arrays(model_folder, MOTION)
             report["motion_bytes"] = write_c_motion(folder / FILES["c"], meta, arrays, moving)
+        if spec.c.obstacles:
+            from cfem.export.touching import write_touch
+
+            report["contact"] = write_touch(folder / FILES["c"], spec.c, scene, model_folder, vectors["s"])
+            sizes["c contact"] = report["contact"]["bytes"]
+            if report["contact"]["parity"] is not None:
+                parity["c contact"] = report["contact"]["parity"]
         if report["parity"] is not None:
             parity["c"] = report["parity"]
     if has_skin(model_folder):

@@ -54,7 +54,7 @@ class Touchable:
         return self.U.reshape(-1, self.U.shape[-1])
 
     @cached_property
-    def _spread(self) -> tuple[np.ndarray, np.ndarray]:
+    def spread(self) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3, 3) and (k, N, 3, 3): sum of (x - mean x) (X - mean X)^T over the nodes of each patch and of its
         triangles, at rest and by each row of the skin."""
         skin, of = self.model.skin, self.patches.of
@@ -69,18 +69,19 @@ class Touchable:
 
     def turns(self, rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """(c, 3, 3) rotations of chosen patches since rest, rows (k,) mm of the skin."""
-        rest, by_row = self._spread
+        rest, by_row = self.spread
         left, _, right = np.linalg.svd(rest[chosen] + np.tensordot(rows, by_row[:, chosen], axes=1))
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
         return left @ right
 
     @cached_property
-    def _degrees(self) -> np.ndarray:
-        return degrees(self.model.rows.n_a)
+    def degrees(self) -> np.ndarray:
+        """Of the series of L."""
+        return degrees(self.model.rows.n_a)[: len(self.states)]
 
     @cached_property
     def local(self) -> np.ndarray:
-        """(terms, N, N, 3, 3) mm/N, series of L."""
+        """(terms, N, N, 3, 3) mm/N, series of L, rounded to single precision, as C has them: far below their error."""
         model, N = self.model, len(self.patches)
         left = np.empty((len(self.states), N, N, 3, 3))
         for j, (delta, own) in enumerate(zip(self.states, self.own, strict=True)):
@@ -88,8 +89,9 @@ class Touchable:
             apart = (own - self.flat @ C @ self.flat.T).reshape(N, 3, N, 3).swapaxes(1, 2)
             R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
             left[j] = np.einsum("pba,pqbc,qcd->pqad", R, apart, R, optimize=True)
-        at = basis(self._box(self.states), self._degrees[: len(self.states)])
-        return np.linalg.lstsq(at, left.reshape(len(left), -1), rcond=None)[0].reshape(-1, N, N, 3, 3)
+        at = basis(self._box(self.states), self.degrees)
+        series = np.linalg.lstsq(at, left.reshape(len(left), -1), rcond=None)[0].reshape(-1, N, N, 3, 3)
+        return ((series + series.transpose(0, 2, 1, 4, 3)) / 2).astype(np.float32).astype(float)
 
     def _box(self, delta: np.ndarray) -> np.ndarray:
         low, high = self.model.domain.delta_a
@@ -98,7 +100,7 @@ class Touchable:
     def held(self, delta_a: np.ndarray) -> "Held":
         """The robot without forces on it, actuators held at delta_a (n_a,) mm."""
         skin = self.model.skin
-        at = basis(self._box(delta_a), self._degrees[: len(self.states)])
+        at = basis(self._box(delta_a), self.degrees)
         return Held(self, delta_a, skin.rows(delta_a, NONE), *skin.compliance(delta_a, NONE), at)
 
 

@@ -1,0 +1,87 @@
+"""Contact anywhere in C: cfem_touch.c, the same for every robot, and its numbers, cfem_touch_data.c."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cfem.contact.obstacle import Obstacle, Rounded
+from cfem.core.errors import InputError
+from cfem.core.files import disk_errors, write_whole
+from cfem.export import c_text
+from cfem.predict.touchable import Touchable
+
+SOURCES = Path(__file__).parent / "touch"
+CORE = ("cfem_touch.c", "cfem_touch_held.c", "cfem_law.c", "cfem_obstacle.c", "cfem_touch_data.c")
+DATA = ("cfem_touch_data.c", "cfem_touch_data.h")
+
+
+def write_c_touch(folder: Path, touchable: Touchable, obstacles: Sequence[Obstacle], friction: float) -> int:
+    """Adds contact to the C folder of a model; the bytes of its constants. InputError where an obstacle is a mesh."""
+    with disk_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in SOURCES.iterdir():
+            shutil.copyfile(path, folder / path.name)
+    constants = touch_constants(touchable)
+    sizes = {
+        "CFEM_PATCHES": len(touchable.patches),
+        "CFEM_PATCH_ROWS": len(touchable.model.skin),
+        "CFEM_PATCH_TERMS": len(constants["degrees"]),
+        "CFEM_PATCH_COMPLIANCE_TERMS": len(constants["compliance_degrees"]),
+        "CFEM_PATCH_LOCAL_TERMS": len(constants["local_degrees"]),
+        "CFEM_PATCH_DEGREE": int(max(constants[name].max(initial=1) for name in ("degrees", "compliance_degrees"))),
+        "CFEM_PATCH_LENGTH": repr(float(touchable.model.length)),
+        "CFEM_TOUCH_OBSTACLES": len(obstacles),
+        "CFEM_TOUCH_FRICTION": repr(float(friction)),
+    }
+    header = [
+        "/* The robot's surface and what it touches: by cfem export. Units: mm, N. */\n",
+        "#ifndef CFEM_TOUCH_DATA_H\n#define CFEM_TOUCH_DATA_H\n\n",
+        '#include "cfem.h"\n#include "cfem_obstacle.h"\n\n',
+        c_text.defines(sizes),
+        f"\nextern const cfem_obstacle cfem_obstacles[{len(obstacles)}];\n",
+    ]
+    rows = ",\n".join(map(_obstacle, obstacles))
+    body = [
+        f'#include "cfem_touch_data.h"\n\n#include <math.h>\n\nconst cfem_obstacle cfem_obstacles[] = {{{rows}}};\n\n'
+    ]
+    kinds = {"f4": "float", "f8": "double", "u1": "uint8_t"}
+    for name, values in constants.items():
+        declaration, definition = c_text.array(f"cfem_patch_{name}", values, kinds[values.dtype.str[1:]])
+        header.append(declaration + "\n")
+        body.append(definition + "\n\n")
+    write_whole(folder / DATA[1], "".join([*header, "\n#endif\n"]).encode())
+    write_whole(folder / DATA[0], "".join(body).encode())
+    return sum(values.nbytes for values in constants.values())
+
+
+def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
+    """What the patches need of the skin, and the series of what its modes leave: of pairs p <= q, row by row."""
+    skin, N = touchable.model.skin, len(touchable.patches)
+    arrays, (spread, by_row) = skin.arrays, touchable.spread
+    one, other = np.triu_indices(N)
+    local = touchable.local[:, one, other].reshape(len(touchable.degrees), len(one), 9)
+    return {
+        "to_box": np.asarray(arrays["to_box"], float),
+        "offset": np.asarray(arrays["offset"], float),
+        "degrees": arrays["indices"].astype(np.uint8),
+        "series": np.ascontiguousarray(arrays["series"].T, dtype=float),
+        "compliance_degrees": arrays["compliance_indices"].astype(np.uint8),
+        "compliance": np.ascontiguousarray(arrays["compliance"].T, dtype=float),
+        "local_degrees": touchable.degrees.astype(np.uint8),
+        "local": np.ascontiguousarray(local.swapaxes(0, 1), dtype=np.float32),
+        "box": np.asarray(touchable.model.domain.delta_a, float),
+        "rest": touchable.patches.rest,
+        "modes": touchable.U,
+        "spread": spread.reshape(N, 9),
+        "spread_by_row": np.ascontiguousarray(by_row.reshape(-1, N, 9).transpose(1, 2, 0)),
+    }
+
+
+def _obstacle(one: Obstacle) -> str:
+    if not isinstance(one, Rounded):
+        what = "closed meshes have no C code"
+        raise InputError(what, where="c.obstacles", do="take planes, spheres, boxes and capsules")
+    R, t, core = (c_text.braces(np.asarray(values, float)) for values in (one.R, one.t, one.core))
+    return f"{{{R}, {t}, {core}, {c_text.number(one.rounding, 'double')}, {int(np.isinf(one.core[0]))}}}"

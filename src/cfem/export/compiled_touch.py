@@ -1,0 +1,130 @@
+"""Contact of a C folder, compiled on this machine, as a Python object."""
+
+import ctypes
+import re
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cfem.contact.obstacle import Rounded
+from cfem.core.errors import InputError
+from cfem.export import c_touch, compiled
+
+MOST = 30
+
+
+@dataclass(frozen=True)
+class TouchedInC:
+    """One state: status as in cfem_touch.h, and the rest as `cfem.predict.touching.Touched`; holds (N,): whether
+    friction holds each patch."""
+
+    status: int
+    iterations: int
+    patches: np.ndarray
+    obstacles: np.ndarray
+    modes: np.ndarray
+    forces: np.ndarray
+    normals: np.ndarray
+    gaps: np.ndarray
+    rows: np.ndarray
+    delta_e: np.ndarray
+    lambda_a: np.ndarray
+    everywhere: np.ndarray
+    stuck: np.ndarray
+    holds: np.ndarray
+
+
+class CompiledTouch:
+    """cfem_touch of a folder. Each step begins where the last one that converged ended; `reset` begins from the free
+    robot."""
+
+    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
+        command = compiled.compiler()
+        if not command:
+            raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
+        text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_touch_data.h"))
+        defines = dict(re.findall(r"^#define (\w+) (\S+)", text, re.MULTILINE))
+        n, k = int(defines["CFEM_PATCHES"]), int(defines["CFEM_PATCH_ROWS"])
+        self.n_a, n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
+        numbers, real = ctypes.c_int * MOST, ctypes.c_double
+
+        class State(ctypes.Structure):
+            _fields_ = (
+                ("status", ctypes.c_uint),
+                ("count", ctypes.c_int),
+                ("iterations", ctypes.c_int),
+                ("patch", numbers),
+                ("obstacle", numbers),
+                ("mode", numbers),
+                ("force", real * (3 * MOST)),
+                ("normal", real * (3 * MOST)),
+                ("gap", real * MOST),
+                ("rows", real * k),
+                ("delta_e", real * n_e),
+                ("lambda_a", real * self.n_a),
+                ("place", real * (3 * n)),
+                ("stuck", real * (3 * n)),
+                ("holds", ctypes.c_ubyte * n),
+            )
+
+        class Body(ctypes.Structure):
+            _fields_ = (
+                ("R", real * 9),
+                ("t", real * 3),
+                ("core", real * 3),
+                ("rounding", real),
+                ("below", ctypes.c_int),
+            )
+
+        self._states, self._body, self._before = (State(), State()), Body, None
+        self._room = (real * (60000 + 100 * (n + k) + (n_e + k) * k))()
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
+            out = Path(place) / "libtouch.so"
+            sources = [str((folder / name).resolve()) for name in (*compiled.CORE, *c_touch.CORE)]
+            options = [*compiled.STANDARD, *flags, "-shared", "-fPIC", "-o", str(out)]
+            compiled.run([command, *options, *sources, "-lm"], place)
+            self._call = ctypes.CDLL(str(out)).cfem_touch
+
+    def reset(self) -> None:
+        self._before = None
+
+    def __call__(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float = 0.0) -> TouchedInC:
+        now, given = self._given(delta_a, obstacles, mu)
+        status = self._call(*given)
+        if not status:
+            self._before = now
+        c = now.count
+        return TouchedInC(
+            status,
+            now.iterations,
+            *(np.array(values)[:c] for values in (now.patch, now.obstacle, now.mode)),
+            *(np.array(values).reshape(-1, 3)[:c] for values in (now.force, now.normal)),
+            np.array(now.gap)[:c],
+            *(np.array(values) for values in (now.rows, now.delta_e, now.lambda_a)),
+            *(np.array(values).reshape(-1, 3) for values in (now.place, now.stuck)),
+            np.array(now.holds, dtype=bool),
+        )
+
+    def seconds(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float, count: int) -> float:
+        """Processor time of a step from where the last one ended, the mean of `count`."""
+        _, given = self._given(delta_a, obstacles, mu)
+        begin = time.process_time()
+        for _ in range(count):
+            self._call(*given)
+        return (time.process_time() - begin) / count
+
+    def _given(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float) -> tuple[ctypes.Structure, tuple]:
+        """The state that a step fills, and its arguments."""
+        bodies = (self._body * max(len(obstacles), 1))()
+        for body, one in zip(bodies, obstacles, strict=False):
+            body.R[:], body.t[:], body.core[:] = one.R.ravel().tolist(), one.t.tolist(), one.core.tolist()
+            body.rounding, body.below = one.rounding, bool(np.isinf(one.core[0]))
+        now = self._states[1] if self._before is self._states[0] else self._states[0]
+        before = ctypes.byref(self._before) if self._before else None
+        at = (ctypes.c_double * self.n_a)(*np.asarray(delta_a, float).tolist())
+        friction = ctypes.c_double(mu)
+        return now, (at, bodies, len(obstacles), friction, before, ctypes.byref(now), ctypes.byref(self._room))

@@ -1,0 +1,163 @@
+#include "cfem_law.h"
+
+#include "cfem_linear.h"
+
+enum { ITERATIONS = 40, HALVINGS = 4 };
+static const double EXACT = 1e-13; /* of the largest force: change of a force in the last step */
+
+int cfem_solve(int n, double *A, int k, double *B) {
+    for (int i = 0; i < n; i++) {
+        int pivot = i;
+        for (int r = i + 1; r < n; r++)
+            if (fabs(A[r * n + i]) > fabs(A[pivot * n + i])) pivot = r;
+        if (!(fabs(A[pivot * n + i]) > 0.0)) return 1;
+        if (pivot != i) {
+            for (int c = i; c < n; c++) {
+                const double kept = A[i * n + c];
+                A[i * n + c] = A[pivot * n + c], A[pivot * n + c] = kept;
+            }
+            for (int c = 0; c < k; c++) {
+                const double kept = B[i * k + c];
+                B[i * k + c] = B[pivot * k + c], B[pivot * k + c] = kept;
+            }
+        }
+        const double inverse = 1.0 / A[i * n + i];
+        for (int r = i + 1; r < n; r++) {
+            const double share = A[r * n + i] * inverse;
+            if (share == 0.0) continue;
+            for (int c = i + 1; c < n; c++) A[r * n + c] -= share * A[i * n + c];
+            for (int c = 0; c < k; c++) B[r * k + c] -= share * B[i * k + c];
+        }
+    }
+    for (int i = n - 1; i >= 0; i--)
+        for (int c = 0; c < k; c++) {
+            double sum = B[i * k + c];
+            for (int j = i + 1; j < n; j++) sum -= A[i * n + j] * B[j * k + c];
+            B[i * k + c] = sum / A[i * n + i];
+        }
+    return 0;
+}
+
+int cfem_definite(int n, double *A) {
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            const double sum = A[i * n + j] - cfem_dot(j, A + i * n, A + j * n);
+            if (i == j && !(sum > 0.0)) return 0;
+            A[i * n + j] = i == j ? sqrt(sum) : sum / A[j * n + j];
+        }
+    return 1;
+}
+
+static double largest_of(int n, const double *x) {
+    double found = 0.0;
+    for (int i = 0; i < n; i++) {
+        if (!cfem_finite(x[i])) return HUGE_VAL;
+        if (fabs(x[i]) > found) found = fabs(x[i]);
+    }
+    return found;
+}
+
+/* F = lambda - P(p), p = A lambda - constant, and the derivatives D (m, 3, 3) of P, the projection of p by the law. |F|. */
+static double missing(int m, const double *A, const double *constant, double mu, const double *lambda, double *F, double *D) {
+    const int n = 3 * m;
+    for (int i = 0; i < m; i++) {
+        double p[3], *const d = D + 9 * i, *const f = F + 3 * i;
+        for (int a = 0; a < 3; a++) p[a] = cfem_dot(n, A + (3 * i + a) * n, lambda) - constant[3 * i + a];
+        for (int a = 0; a < 9; a++) d[a] = 0.0;
+        for (int a = 0; a < 3; a++) f[a] = lambda[3 * i + a];
+        if (!(p[0] > 0.0)) continue;
+        f[0] -= p[0], d[0] = 1.0;
+        if (!(mu > 0.0)) continue;
+        const double length = sqrt(p[1] * p[1] + p[2] * p[2]), limit = mu * p[0];
+        if (length <= limit) {
+            f[1] -= p[1], f[2] -= p[2], d[4] = d[8] = 1.0;
+            continue;
+        }
+        const double share = limit / length, along[2] = {p[1] / length, p[2] / length};
+        for (int a = 0; a < 2; a++) {
+            f[1 + a] -= share * p[1 + a];
+            d[3 * (1 + a)] = mu * along[a];
+            for (int b = 0; b < 2; b++) d[3 * (1 + a) + 1 + b] = share * ((a == b ? 1.0 : 0.0) - along[a] * along[b]);
+        }
+    }
+    return largest_of(n, F);
+}
+
+/* Forces of open points exactly 0, no friction beyond its limit by rounding. */
+static void clean(int m, double mu, double *lambda) {
+    const double least = EXACT * largest_of(3 * m, lambda);
+    for (int i = 0; i < m; i++) {
+        double *const f = lambda + 3 * i;
+        if (!(f[0] > least)) f[0] = f[1] = f[2] = 0.0;
+        const double length = sqrt(f[1] * f[1] + f[2] * f[2]);
+        if (length > mu * f[0]) f[1] *= mu * f[0] / length, f[2] *= mu * f[0] / length;
+    }
+}
+
+/* Newton's method from lambda, the answer in its place; see cfem.contact.newton. */
+static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+    const int n = 3 * m;
+    double *const A = room, *const J = A + n * n, *const constant = J + n * n, *const F = constant + n;
+    double *const step = F + n, *const trial = step + n, *const now = trial + n, *const D = now + n;
+    for (int i = 0; i < m; i++) {
+        double yields = 0.0;
+        for (int a = 3 * i; a < 3 * i + 3; a++)
+            if (W[a * n + a] > yields) yields = W[a * n + a];
+        if (!(yields > 0.0)) return 1;
+        for (int a = 3 * i; a < 3 * i + 3; a++) {
+            for (int b = 0; b < n; b++) A[a * n + b] = (a == b ? 1.0 : 0.0) - W[a * n + b] / yields;
+            constant[a] = free[a] / yields;
+        }
+    }
+    for (int a = 0; a < n; a++) now[a] = lambda[a];
+    const double forces = largest_of(n, constant);
+    double size = missing(m, A, constant, mu, now, F, D);
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+        for (int i = 0; i < m; i++)
+            for (int a = 0; a < 3; a++) {
+                double *const row = J + (3 * i + a) * n;
+                const double *const d = D + 9 * i + 3 * a, *const from = A + 3 * i * n;
+                for (int b = 0; b < n; b++) row[b] = -(d[0] * from[b] + d[1] * from[n + b] + d[2] * from[2 * n + b]);
+                row[3 * i + a] += 1.0;
+            }
+        for (int a = 0; a < n; a++) step[a] = -F[a];
+        if (cfem_solve(n, J, 1, step)) return 1;
+        double share = 1.0;
+        for (int halving = 0; halving <= HALVINGS; halving++, share *= 0.5) {
+            for (int a = 0; a < n; a++) trial[a] = now[a] + share * step[a];
+            const double next = missing(m, A, constant, mu, trial, F, D);
+            if (next < size || halving == HALVINGS) {
+                size = next;
+                break;
+            }
+        }
+        for (int a = 0; a < n; a++) now[a] = trial[a];
+        const double most = largest_of(n, now);
+        if (!cfem_finite(most) || !cfem_finite(size)) return 1;
+        if (size <= EXACT * (most > forces ? most : forces)) {
+            for (int a = 0; a < n; a++) lambda[a] = now[a];
+            clean(m, mu, lambda);
+            return 0;
+        }
+    }
+    return 1;
+}
+
+int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+    static const int steps[] = {4, 16, 64};
+    const int n = 3 * m;
+    double *const found = room + CFEM_LAW_ROOM(m) - n;
+    for (int a = 0; a < n * n; a++)
+        if (!cfem_finite(W[a])) return 1;
+    if (!newton(m, W, free, mu, lambda, room)) return 0;
+    for (int a = 0; a < n; a++) found[a] = 0.0;
+    int status = newton(m, W, free, mu, found, room);
+    for (int way = 0; way < 3 && status && mu > 0.0; way++) {
+        for (int a = 0; a < n; a++) found[a] = 0.0;
+        status = newton(m, W, free, 0.0, found, room);
+        for (int step = 1; step <= steps[way] && !status; step++)
+            status = newton(m, W, free, mu * step / steps[way], found, room);
+    }
+    for (int a = 0; a < n && !status; a++) lambda[a] = found[a];
+    return status;
+}

@@ -1,0 +1,29 @@
+/* The law of contact, Signorini's with Coulomb's friction, for points in their frames n, t1, t2:
+ *
+ *     gap = W lambda + free      gap_n >= 0, lambda_n >= 0, gap_n lambda_n = 0
+ *                                |lambda_t| <= mu lambda_n, and lambda_t = -mu lambda_n slip / |slip| where slip = gap_t is not 0 */
+#ifndef CFEM_LAW_H
+#define CFEM_LAW_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Numbers of the room that cfem_law needs for m points. */
+#define CFEM_LAW_ROOM(m) (2 * (3 * (m)) * (3 * (m)) + 27 * (m))
+
+/* lambda (3 m,) N: forces to begin with, and the answer. W (3 m, 3 m) mm/N, free (3 m,) mm. 0, or 1 where no forces were found that
+ * obey the law; lambda is not changed then. Newton's method from lambda, from no forces, and along growing friction; all loops
+ * are bounded. */
+int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room);
+
+/* Solves A X = B in place, A (n, n), B (n, k), rows after each other, by elimination with pivots. 0, or 1 where A is singular. */
+int cfem_solve(int n, double *A, int k, double *B);
+
+/* Whether the lower triangle of A (n, n) is that of a positive definite matrix; it is overwritten. */
+int cfem_definite(int n, double *A);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

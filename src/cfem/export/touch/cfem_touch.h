@@ -1,0 +1,86 @@
+/* The robot touches rigid bodies with its surface, beside its controller: forces, shape and actuators of the quasi-static state at
+ * held displacements. cfem_touch_data.h and cfem_touch_data.c hold the robot's numbers and were written by `cfem export`.
+ *
+ * The surface is cut into CFEM_PATCHES patches. Memory is what the caller owns: a state, and a room to work in. Every loop is
+ * bounded; a step that finds no state says so. */
+#ifndef CFEM_TOUCH_H
+#define CFEM_TOUCH_H
+
+#include "cfem_law.h"
+#include "cfem_obstacle.h"
+#include "cfem_touch_data.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CFEM_TOUCH_MOST 30 /* patches that may touch at once */
+
+/* How a step ended. */
+enum {
+    CFEM_TOUCH_CONVERGED = 0,
+    CFEM_TOUCH_NO_STATE = 1,   /* no forces were found that obey the law */
+    CFEM_TOUCH_ITERATIONS = 2, /* open, sticking and sliding patches keep changing: the iterations allowed were used up */
+    CFEM_TOUCH_MANY = 3,       /* more than CFEM_TOUCH_MOST patches touch */
+    CFEM_TOUCH_BAD_INPUT = 4,  /* a number of the input is not finite, or friction is below 0 */
+    CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here */
+};
+enum { CFEM_TOUCH_OPEN, CFEM_TOUCH_STICK, CFEM_TOUCH_SLIP };
+
+/* One state. The members up to `rows` are of patches that touch, `count` of them; those after it of the robot. */
+typedef struct {
+    unsigned status;
+    int count, iterations;
+    int patch[CFEM_TOUCH_MOST];        /* number of it */
+    int obstacle[CFEM_TOUCH_MOST];     /* number of what it touches */
+    int mode[CFEM_TOUCH_MOST];
+    double force[CFEM_TOUCH_MOST][3];  /* N, on it */
+    double normal[CFEM_TOUCH_MOST][3]; /* of what it touches */
+    double gap[CFEM_TOUCH_MOST];       /* mm */
+    double rows[CFEM_PATCH_ROWS];      /* mm: how far the modes of the surface go */
+    double delta_e[CFEM_NE];           /* mm, effectors from rest */
+    double lambda_a[CFEM_NA];          /* N: what holds the actuators */
+    double place[CFEM_PATCHES][3];     /* mm, of all patches */
+    double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */
+    unsigned char holds[CFEM_PATCHES];
+} cfem_touched;
+
+#define CFEM_TOUCH_ROWS (3 * CFEM_TOUCH_MOST)
+
+/* Room to work in. */
+typedef struct {
+    double s[CFEM_NA], rows[CFEM_PATCH_ROWS], C_es[CFEM_NE][CFEM_PATCH_ROWS], C_ss[CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];
+    double terms[CFEM_PATCH_LOCAL_TERMS];             /* of the polynomial of what the modes leave of the compliance */
+    double free[CFEM_PATCHES][3];                     /* mm: places without forces */
+    int of[CFEM_TOUCH_MOST], count;                   /* the patches that `left` and `yields` are of */
+    double left[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];   /* mm/N: what the modes leave of */
+    double yields[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: how the places of patches yield to forces on them */
+    double turned[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same with normal forces that turn with obstacles */
+    double W[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];      /* mm/N: in the frames of what they touch */
+    double bend[CFEM_TOUCH_MOST][3][3], distance[CFEM_PATCHES];
+    int which[CFEM_PATCHES];
+    double law[CFEM_LAW_ROOM(CFEM_TOUCH_MOST)];
+} cfem_touch_room;
+
+/* Quasi-static step to delta_a (CFEM_NA,) mm from the state `before` (0: the free robot, friction holds nothing yet); friction mu of
+ * all obstacles (count,). Returns now->status; `now` may not be `before`. CFEM_TOUCH_OBSTACLES of them and CFEM_TOUCH_FRICTION are
+ * those that the robot was exported with. */
+unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacles, int count, double mu,
+                    const cfem_touched *before, cfem_touched *now, cfem_touch_room *room);
+
+/* N: how hard obstacle `number` is pressed, the sum of the normal forces of all patches that touch it. */
+double cfem_touch_pressed(const cfem_touched *state, int number);
+
+/* cfem_touch_held.c, for cfem_touch.c: the robot without forces at delta_a. 0, or a status. */
+unsigned cfem_touch_hold(const double delta_a[CFEM_NA], cfem_touched *now, cfem_touch_room *room);
+/* Finds `left` and `yields` of patches (count,). 0, or 1 where they are not finite. */
+int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
+/* place (CFEM_PATCHES, 3) mm under forces on patches (count,), whose compliance the room holds. */
+void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]);
+/* rows, delta_e and lambda_a under the state's forces. */
+void cfem_touch_loaded(cfem_touched *now, const cfem_touch_room *room);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,218 @@
+/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q, rows = s_0 + C_ss w, w_k = sum_p u_kp . f_p;
+ * see cfem.predict.touchable. */
+#include "cfem_linear.h"
+#include "cfem_touch.h"
+
+#define K CFEM_PATCH_ROWS
+#define NA CFEM_NA
+#define NE CFEM_NE
+#define PACKED (NE * K + K * (K + 1) / 2)
+#define SWEEPS 60
+
+typedef struct {
+    double value[NA][CFEM_PATCH_DEGREE + 2], slope[NA][CFEM_PATCH_DEGREE + 2];
+} polynomials;
+
+/* Chebyshev polynomials and their derivatives. */
+static void evaluate(const double *s, polynomials *t) {
+    for (int i = 0; i < NA; i++) {
+        double z = cfem_patch_offset[i];
+        for (int j = 0; j < NA; j++) z += cfem_patch_to_box[i][j] * s[j];
+        t->value[i][0] = 1.0, t->value[i][1] = z, t->slope[i][0] = 0.0, t->slope[i][1] = 1.0;
+        for (int k = 2; k <= CFEM_PATCH_DEGREE; k++) {
+            t->value[i][k] = 2.0 * z * t->value[i][k - 1] - t->value[i][k - 2];
+            t->slope[i][k] = 2.0 * t->value[i][k - 1] + 2.0 * z * t->slope[i][k - 1] - t->slope[i][k - 2];
+        }
+    }
+}
+
+static double product(const polynomials *t, const uint8_t *degrees, int slope_of) {
+    double found = 1.0;
+    for (int i = 0; i < NA; i++) found *= (i == slope_of ? t->slope : t->value)[i][degrees[i]];
+    return found;
+}
+
+unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
+    polynomials t;
+    cfem_condensed m;
+    double packed[PACKED] = {0.0};
+    if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
+    for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
+    for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = delta_a[i];
+    evaluate(delta_a, &t);
+    for (int k = 0; k < K; k++) room->rows[k] = 0.0;
+    for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
+        const double value = product(&t, cfem_patch_degrees[l], -1);
+        for (int k = 0; k < K; k++) room->rows[k] += cfem_patch_series[l][k] * value;
+    }
+    for (int l = 0; l < CFEM_PATCH_COMPLIANCE_TERMS; l++) {
+        const double value = product(&t, cfem_patch_compliance_degrees[l], -1);
+        for (int k = 0; k < PACKED; k++) packed[k] += cfem_patch_compliance[l][k] * value;
+    }
+    for (int e = 0; e < NE; e++)
+        for (int k = 0; k < K; k++) room->C_es[e][k] = packed[e * K + k];
+    for (int i = 0, at = NE * K; i < K; i++)
+        for (int j = i; j < K; j++, at++) room->C_ss[i][j] = room->C_ss[j][i] = packed[at];
+    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
+        double value = 1.0;
+        for (int i = 0; i < NA; i++) {
+            const double low = cfem_patch_box[0][i], z = 2.0 * (delta_a[i] - low) / (cfem_patch_box[1][i] - low) - 1.0;
+            const int degree = cfem_patch_local_degrees[l][i]; /* 2 at most */
+            value *= degree == 0 ? 1.0 : degree == 1 ? z : 2.0 * z * z - 1.0;
+        }
+        room->terms[l] = value;
+    }
+    for (int p = 0; p < CFEM_PATCHES; p++)
+        for (int a = 0; a < 3; a++) room->free[p][a] = cfem_patch_rest[p][a] + cfem_dot(K, cfem_patch_modes[p][a], room->rows);
+    room->count = -1;
+    return 0;
+}
+
+/* Eigenvectors of a symmetric matrix A (n, n) in the columns of V by Jacobi's rotations; A becomes diagonal. */
+static void jacobi(int n, double *A, double *V) {
+    for (int i = 0; i < n * n; i++) V[i] = i % (n + 1) ? 0.0 : 1.0;
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double off = 0.0, on = 0.0;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) *(i == j ? &on : &off) += A[i * n + j] * A[i * n + j];
+        if (!(off > 1e-32 * on)) return;
+        for (int p = 0; p < n; p++)
+            for (int q = p + 1; q < n; q++) {
+                if (A[p * n + q] == 0.0) continue;
+                const double theta = (A[q * n + q] - A[p * n + p]) / (2.0 * A[p * n + q]);
+                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
+                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                for (int i = 0; i < n; i++) {
+                    const double a = A[i * n + p], b = A[i * n + q];
+                    A[i * n + p] = c * a - s * b, A[i * n + q] = s * a + c * b;
+                }
+                for (int i = 0; i < n; i++) {
+                    const double a = A[p * n + i], b = A[q * n + i];
+                    A[p * n + i] = c * a - s * b, A[q * n + i] = s * a + c * b;
+                }
+                for (int i = 0; i < n; i++) {
+                    const double a = V[i * n + p], b = V[i * n + q];
+                    V[i * n + p] = c * a - s * b, V[i * n + q] = s * a + c * b;
+                }
+            }
+    }
+}
+
+/* Rotation R of a patch since rest that fits its nodes best, from M = sum (x - mean x) (X - mean X)^T: the quaternion of the largest
+ * eigenvalue (Horn, Closed-form solution of absolute orientation using unit quaternions, 1987). */
+static void rotation(int patch, const double *rows, double R[3][3]) {
+    double M[3][3], V[16];
+    for (int a = 0; a < 9; a++)
+        M[a / 3][a % 3] = cfem_patch_spread[patch][a] + cfem_dot(K, cfem_patch_spread_by_row[patch][a], rows);
+    double N[16] = {
+        M[0][0] + M[1][1] + M[2][2], M[2][1] - M[1][2], M[0][2] - M[2][0], M[1][0] - M[0][1],
+        M[2][1] - M[1][2], M[0][0] - M[1][1] - M[2][2], M[0][1] + M[1][0], M[0][2] + M[2][0],
+        M[0][2] - M[2][0], M[0][1] + M[1][0], M[1][1] - M[0][0] - M[2][2], M[1][2] + M[2][1],
+        M[1][0] - M[0][1], M[0][2] + M[2][0], M[1][2] + M[2][1], M[2][2] - M[0][0] - M[1][1]};
+    jacobi(4, N, V);
+    int best = 0;
+    for (int i = 1; i < 4; i++)
+        if (N[5 * i] > N[5 * best]) best = i;
+    const double w = V[best], x = V[4 + best], y = V[8 + best], z = V[12 + best];
+    R[0][0] = w * w + x * x - y * y - z * z, R[0][1] = 2 * (x * y - w * z), R[0][2] = 2 * (x * z + w * y);
+    R[1][0] = 2 * (x * y + w * z), R[1][1] = w * w - x * x + y * y - z * z, R[1][2] = 2 * (y * z - w * x);
+    R[2][0] = 2 * (x * z - w * y), R[2][1] = 2 * (y * z + w * x), R[2][2] = w * w - x * x - y * y + z * z;
+}
+
+/* A (n, n) without its negative eigenvalues; V: room for as many numbers. */
+static void without_negative(int n, double *A, double *V, double *size) {
+    jacobi(n, A, V);
+    for (int i = 0; i < n; i++) size[i] = A[i * n + i] > 0.0 ? A[i * n + i] : 0.0;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            A[i * n + j] = 0.0;
+            for (int k = 0; k < n; k++) A[i * n + j] += V[i * n + k] * size[k] * V[j * n + k];
+        }
+}
+
+int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
+    const int n = 3 * count;
+    double R[CFEM_TOUCH_MOST][3][3], size[CFEM_TOUCH_ROWS], finite = 0.0;
+    int same = room->count == count;
+    for (int i = 0; same && i < count; i++) same = room->of[i] == patch[i];
+    if (same) return 0;
+    room->count = count;
+    for (int i = 0; i < count; i++) room->of[i] = patch[i], rotation(patch[i], room->rows, R[i]);
+    for (int i = 0; i < count; i++) {
+        double by[3][K]; /* U C_ss of patch i */
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < K; k++) by[a][k] = cfem_dot(K, cfem_patch_modes[patch[i]][a], room->C_ss[k]);
+        for (int j = i; j < count; j++) { /* patches in ascending order: the pair is stored as it is asked */
+            const int p = patch[i], q = patch[j];
+            const float(*const of)[9] = cfem_patch_local[p * CFEM_PATCHES - p * (p - 1) / 2 + q - p];
+            double L[9] = {0.0}, half[9], turned[9];
+            for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
+                for (int a = 0; a < 9; a++) L[a] += room->terms[l] * (double)of[l][a];
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++)
+                    half[3 * a + b] = R[i][a][0] * L[b] + R[i][a][1] * L[3 + b] + R[i][a][2] * L[6 + b];
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) turned[3 * a + b] = cfem_dot(3, half + 3 * a, R[j][b]);
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) {
+                    const int one = (3 * i + a) * n + 3 * j + b, other = (3 * j + b) * n + 3 * i + a;
+                    const double left = i == j ? (turned[3 * a + b] + turned[3 * b + a]) / 2.0 : turned[3 * a + b];
+                    const double smooth = cfem_dot(K, by[a], cfem_patch_modes[q][b]);
+                    room->left[one] = room->left[other] = left;
+                    room->yields[one] = room->yields[other] = smooth + left;
+                    finite += smooth + left;
+                }
+        }
+    }
+    if (!cfem_finite(finite)) return 1;
+    for (int i = 0; i < n * n; i++) room->W[i] = room->yields[i];
+    if (!cfem_definite(n, room->W)) {
+        for (int i = 0; i < n * n; i++) room->left[i] -= room->yields[i];
+        without_negative(n, room->yields, room->W, size);
+        for (int i = 0; i < n * n; i++) room->left[i] += room->yields[i];
+    }
+    return 0;
+}
+
+/* w (K,) N: the load on the modes. */
+static void work(int count, const int *patch, double (*force)[3], double *w) {
+    for (int k = 0; k < K; k++) w[k] = 0.0;
+    for (int i = 0; i < count; i++)
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < K; k++) w[k] += cfem_patch_modes[patch[i]][a][k] * force[i][a];
+}
+
+void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]) {
+    double w[K], moved[K];
+    work(count, patch, force, w);
+    for (int k = 0; k < K; k++) moved[k] = cfem_dot(K, room->C_ss[k], w);
+    for (int p = 0; p < CFEM_PATCHES; p++)
+        for (int a = 0; a < 3; a++)
+            place[p][a] = room->free[p][a] + (count ? cfem_dot(K, cfem_patch_modes[p][a], moved) : 0.0);
+    for (int i = 0; i < 3 * count; i++)
+        place[patch[i / 3]][i % 3] += cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]);
+}
+
+void cfem_touch_loaded(cfem_touched *now, const cfem_touch_room *room) {
+    double w[K], slope[NA] = {0.0};
+    polynomials t;
+    work(now->count, now->patch, now->force, w);
+    for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + cfem_dot(K, room->C_ss[k], w);
+    for (int e = 0; e < NE; e++) now->delta_e[e] += cfem_dot(K, room->C_es[e], w);
+    if (!now->count) return;
+    /* lambda = grad (Psi - w . s_0 - w . C_ss w / 2) */
+    evaluate(room->s, &t);
+    for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
+        const double load = cfem_dot(K, cfem_patch_series[l], w);
+        for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_degrees[l], i);
+    }
+    for (int l = 0; l < CFEM_PATCH_COMPLIANCE_TERMS; l++) {
+        const double *C = cfem_patch_compliance[l] + NE * K;
+        double load = 0.0;
+        for (int i = 0; i < K; i++)
+            for (int j = i; j < K; j++) load += (i == j ? 0.5 : 1.0) * w[i] * w[j] * *C++;
+        for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_compliance_degrees[l], i);
+    }
+    for (int j = 0; j < NA; j++)
+        for (int i = 0; i < NA; i++) now->lambda_a[j] -= cfem_patch_to_box[i][j] * slope[i];
+}

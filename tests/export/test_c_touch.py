@@ -1,0 +1,192 @@
+"""Contact anywhere in C against Python's: obstacles, the law, and whole steps."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+import cfem
+from cfem.contact import ContactProblem, check
+from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
+from cfem.contact.several import Several
+from cfem.core.errors import InputError, SpecError
+from cfem.core.stage import artefact_content
+from cfem.export import c_export, c_touch
+from cfem.export.c_touch import write_c_touch
+from cfem.export.compiled import STANDARD, compiler, run
+from cfem.export.compiled_touch import CompiledTouch
+from cfem.predict.kept_patches import touchable_of
+from cfem.predict.touching import touch_step
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.spec import scene_meaning
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
+CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
+BAD_INPUT = 4
+
+
+def export(bar, out, obstacles, **contact):
+    words = [
+        "formats=[c]",
+        "scene=scene.yaml",
+        f"c.obstacles={obstacles}",
+        f"c.contact={ {'patches': '8 mm', **contact} }",
+    ]
+    return cfem.run_stage("export", bar / "pipelines" / "bar" / "export.yaml", out=out, overrides=words)
+
+
+@pytest.fixture(scope="module")
+def exported(bar, tmp_path_factory):
+    out = tmp_path_factory.mktemp("touch") / "exported"
+    return out, export(bar, out, {"ceiling": CEILING}, friction=0.4)["results"]
+
+
+@pytest.fixture(scope="module")
+def touchable(bar, exported):  # whose patches the export has left beside the model
+    scene = bar / "pipelines" / "bar" / "scene.yaml"
+    spec, mesh = load_scene_and_mesh(scene)
+    made_of = {"scene": scene_meaning(scene), "mesh": artefact_content(scene.parent / spec.out), "loads": {}}
+    folder = bar / "models" / "bar" / "spectral"
+    return touchable_of(cfem.load_model(folder), folder, build_robot(spec, mesh), made_of, 8.0)
+
+
+@needs_compiler
+def test_the_export_says_how_far_c_is_from_python(exported):
+    out, results = exported
+    assert results["parity"]["c contact"] < 1e-8
+    assert results["c"]["contact"]["patches"] > 10
+    assert {"cfem_touch.c", "cfem_touch_data.h"} <= {path.name for path in (out / "c").iterdir()}
+
+
+@pytest.fixture(scope="module")
+def compiled(exported):
+    return CompiledTouch(exported[0] / "c", STRICT)
+
+
+def foremost(touchable, delta):
+    places = touchable.patches.mean(touchable.model.shape(delta))
+    return places[np.argmax(places[:, 2])]
+
+
+@needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_steps_are_those_of_python(compiled, touchable, mu):
+    at = foremost(touchable, np.array([2.0]))
+    down = np.diag([1.0, -1.0, -1.0])
+    x, z = at[0] / 2, at[2]
+    shapes = {
+        "plane": Plane(R=down, t=at - [0, 0, 0.3]),
+        "sphere": Sphere(4.0, t=at + [1.0, 0.5, 3.7]),
+        "capsule": Capsule(3.0, 8.0, R=np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), t=at + [0, 0, 2.8]),
+        "box": Box(np.array([3.0, 2.0, 2.0]), t=at + [0.5, 0.3, 1.8]),
+    }
+    worlds = [[one] for one in shapes.values()] + [
+        [shapes["sphere"], Box(np.array([4.0, 4, 1]), t=np.array([x, 0, z]))]
+    ]
+    for obstacles in worlds:
+        compiled.reset()
+        before, touched = None, 0
+        for delta in np.linspace(0.5, 2.6, 8)[:, None]:
+            before = touch_step(touchable, delta, obstacles, mu=mu, before=before)
+            found = compiled(delta, obstacles, mu)
+            assert before.converged and found.status == 0 and found.iterations == before.iterations
+            np.testing.assert_array_equal(found.patches, before.patches)
+            np.testing.assert_array_equal(found.obstacles, before.obstacles)
+            for name in ("forces", "normals", "delta_e", "lambda_a", "everywhere", "rows"):
+                wanted = getattr(before, name)
+                size = np.abs(wanted).max(initial=1e-6)
+                np.testing.assert_allclose(getattr(found, name), wanted, atol=1e-8 * size, rtol=0, err_msg=name)
+            holds = ~np.isnan(before.stuck[:, 0])
+            np.testing.assert_array_equal(found.holds, holds)
+            np.testing.assert_allclose(found.stuck[holds], before.stuck[holds], atol=1e-8)
+            touched += bool(before.forces.any())
+        assert touched
+
+
+@needs_compiler
+def test_nonsense_ends_with_a_status(compiled, touchable):
+    mid = Plane(t=np.array([0.0, 0, 500]))
+    compiled.reset()
+    assert compiled([np.nan], [mid]).status == BAD_INPUT
+    assert compiled([1.0], [mid], -0.1).status == BAD_INPUT
+    swallowed = compiled([1.0], [mid], 0.5)
+    assert swallowed.status and np.isfinite(swallowed.forces).all()
+    free = compiled([1.0], [])
+    assert free.status == 0 and not len(free.patches)
+    np.testing.assert_allclose(free.delta_e, touchable.model.at_displacement([1.0]).delta_e, atol=1e-10)
+
+
+@needs_compiler
+def test_what_the_law_is_said_to_be_obeyed_by_obeys_it(tmp_path):
+    """Random problems of up to 12 points: every answer passes a check that knows nothing of how it was found."""
+    library = built(tmp_path, "cfem_law.c")
+    rng, solved = np.random.default_rng(0), 0
+    for seed in range(60):
+        m, mu = 1 + seed % 12, (0.0, 0.3, 0.8)[seed % 3]
+        modes = rng.normal(size=(3 * m, 4))
+        W = modes @ modes.T + 0.3 * np.diag(np.tile([1.0, 0.8, 0.8], m))
+        free, lam = rng.normal(size=3 * m), np.zeros(3 * m)
+        room = np.zeros(18 * m * m + 27 * m)
+        status = library.cfem_law(m, W.ctypes, free.ctypes, ctypes.c_double(mu), lam.ctypes, room.ctypes)
+        solved += status == 0
+        if status == 0:
+            assert check(ContactProblem(W, free, mu=mu), "coulomb", lam).valid()
+    assert solved >= 58
+    W[0, 0] = np.nan
+    assert library.cfem_law(m, W.ctypes, free.ctypes, ctypes.c_double(mu), lam.ctypes, room.ctypes) == 1
+
+
+@needs_compiler
+def test_obstacles_are_those_of_python(tmp_path, touchable):
+    several = Several(
+        (
+            Plane(t=np.array([0, 0, 1.0])),
+            Sphere(2.0, t=np.ones(3)),
+            Box(np.array([1.0, 2, 3]), R=turn(1)),
+            Capsule(1.0, 2.5, R=turn(2)),
+        )
+    )
+    write_c_touch(tmp_path, touchable, several.obstacles, 0.0)
+    for path in c_export.SOURCES.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    text = (tmp_path / "cfem_touch_data.c").read_text()
+    rows = text[text.index("const cfem_obstacle") : text.index("};\n") + 3]
+    (tmp_path / "shapes.c").write_text(f'#include "cfem_obstacle.h"\n#include <math.h>\n{rows}')
+    library = built(tmp_path, "cfem_obstacle.c", "shapes.c")
+    library.cfem_obstacle_distance.restype = ctypes.c_double
+    size = len(bytes((ctypes.c_double * 16)())) + 8
+    bodies = ctypes.addressof((ctypes.c_char * (4 * size)).in_dll(library, "cfem_obstacles"))
+    for x in 3 * np.random.default_rng(0).normal(size=(50, 3)):
+        for number, one in enumerate(several.obstacles):
+            body, frame, bend = ctypes.c_void_p(bodies + number * size), np.zeros((3, 3)), np.zeros((3, 3))
+            distance = library.cfem_obstacle_distance(body, x.ctypes)
+            library.cfem_obstacle_frame(body, x.ctypes, frame.ctypes)
+            library.cfem_obstacle_bend(body, x.ctypes, bend.ctypes)
+            assert distance == pytest.approx(one.distance(x[None])[0], abs=1e-12)
+            which = np.array([number])
+            np.testing.assert_allclose(frame, several.frames(which, x[None])[0], atol=1e-12)
+            np.testing.assert_allclose(bend, several.bends(which, x[None])[0], atol=1e-12)
+
+
+def turn(seed):
+    Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    return Q * np.sign(np.linalg.det(Q))
+
+
+def built(folder, *names):
+    for path in (*c_touch.SOURCES.iterdir(), c_export.SOURCES / "cfem_linear.h"):
+        (folder / path.name).write_bytes(path.read_bytes())
+    run([compiler(), *STANDARD, *STRICT, "-shared", "-fPIC", "-o", "lib.so", *names, "-lm"], folder)
+    return ctypes.CDLL(str(folder / "lib.so"))
+
+
+def test_what_c_cannot_touch_is_refused(bar, touchable, tmp_path):
+    with pytest.raises(InputError, match="closed meshes"):
+        write_c_touch(tmp_path, touchable, [ClosedMesh.__new__(ClosedMesh)], 0.0)
+    with pytest.raises(SpecError, match="press"):
+        export(bar, tmp_path / "press", {"ceiling": {**CEILING, "press": "1 N"}})
+    with pytest.raises(SpecError, match="scene"):
+        words = ["formats=[c]", f"c.obstacles={ {'ceiling': CEILING} }"]
+        cfem.run_stage("export", bar / "pipelines" / "bar" / "export.yaml", out=tmp_path / "b", overrides=words)
