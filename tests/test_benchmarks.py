@@ -47,6 +47,7 @@ LONG = {
     "stiff_flop_stability.py": "make stiff-flop",
     "gym.py": "make soft-finger",
     "loads.py": "minutes of finite elements: see its help",
+    "rows.py": "minutes of finite elements: see its help",
     "page.py": "make pages",
     "throughput.py": "make soft-finger",
 }

@@ -12,6 +12,7 @@ from surrogate.synthetic import dataset
 from cfem.export.c_export import write_c
 from cfem.export.compiled import compiler
 from cfem.export.spec import CSpec
+from cfem.predict.serial import joined
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.spectral import Series, fit, series
 
@@ -64,8 +65,9 @@ def serial(modules: int = 2) -> tuple[dict, dict]:
     module = model_card("spectral", dataset(60, 1, n, unilateral=False))
     module |= {"rows": {**names, "actuators": module["rows"]["actuators"]}, "rest_e": [55.0, 0, 0, 0, 0, 0]}
     module |= {"row_units": [("mm", "N")] * 3 + [("rad", "N mm")] * 3 + [("mm", "N")] * n}
-    meta = model_card("serial", training, module=module, softer=[1.0, 1.7, 0.6][:modules])
-    return meta | {"rest_e": [55.0 * modules, 0.0, 0.0]}, arrays
+    row = [{"model": 0, "softer": softer} for softer in [1.0, 1.7, 0.6][:modules]]
+    meta = model_card("serial", training, modules=[module], row=row)
+    return meta | {"rest_e": [55.0 * modules, 0.0, 0.0]}, joined([arrays])
 
 
 def states(form: str, n_a: int, count: int = 120, parameters: bool = False) -> np.ndarray:

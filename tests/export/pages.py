@@ -14,6 +14,7 @@ from cfem.export.page import page
 from cfem.export.spec import CSpec
 from cfem.predict.chebyshev import Basis, basis
 from cfem.predict.energy import layout
+from cfem.predict.serial import module_arrays
 from cfem.surrogate.spectral import Series, series
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -58,7 +59,8 @@ def wedge() -> tuple[dict, dict]:
 
 def skin_of(meta: dict, arrays: dict) -> dict[str, np.ndarray]:
     """A tube, whose modes move as the effector does, of the model's first actuators."""
-    one = meta.get("module", meta)
+    one = meta.get("modules", [meta])[0]
+    arrays = module_arrays(arrays, 0) or arrays
     n_a, n_e = (len(one["rows"][name]) for name in ("actuators", "effectors"))
     others = len(meta["rows"]["actuators"]) - n_a  # of modules behind the first, which the skin does not feel
     n = arrays["to_box"].shape[1]

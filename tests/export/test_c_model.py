@@ -61,12 +61,12 @@ def test_modules_in_a_row(tmp_path, modules, scalar):
     export(tmp_path, (meta, arrays), scalar=scalar)
     model, controller = build(meta, arrays), CompiledController(tmp_path)
     s = states("displacement", 3 * modules, 40)
-    turns = np.array([model.module.at(one[:3]).delta_e[3:] for one in s])
+    turns = np.array([model.models[0].at(one[:3]).delta_e[3:] for one in s])
     assert 0.5 < np.linalg.norm(turns, axis=1).max() < np.pi
     assert largest_difference(controller, model, s, full=False) <= TOLERANCE[scalar]
-    still = {**arrays, "series": arrays["series"].copy()}
-    still["series"][layout(3, 6)["effector"]][3:] *= 1e-5
-    still["series"][layout(3, 6)["effector_gradient"]][9:] *= 1e-5
+    still = {**arrays, "0.series": arrays["0.series"].copy()}
+    still["0.series"][layout(3, 6)["effector"]][3:] *= 1e-5
+    still["0.series"][layout(3, 6)["effector_gradient"]][9:] *= 1e-5
     export(tmp_path / "still", (meta, still), scalar=scalar)
     difference = largest_difference(CompiledController(tmp_path / "still"), build(meta, still), s, full=False)
     assert difference <= TOLERANCE[scalar]
@@ -77,7 +77,7 @@ def test_what_modules_in_a_row_have_no_c_code_for(tmp_path):
     with pytest.raises(SpecError, match=r"c\.full"):
         export(tmp_path, (meta, arrays), full=True)
     with pytest.raises(InputError, match="energy_net"):
-        export(tmp_path, (meta | {"module": meta["module"] | {"kind": "energy_net"}}, arrays))
+        export(tmp_path, (meta | {"modules": [meta["modules"][0] | {"kind": "energy_net"}]}, arrays))
 
 
 def test_the_energy_is_that_of_the_series(tmp_path):

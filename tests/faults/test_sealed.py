@@ -179,7 +179,7 @@ NESTED = {
     "a domain without states": {"domain": {"delta_a": [[0, 0], [1, 1]], "lambda_a": [[0, 0], [1, 1]], "p": [[], []]}},
     "a model of modules without modules": {"kind": "serial"},
     "a network without activation": {"kind": "mlp"},
-    "a model in a model": {"module": {"kind": "spectral"}},
+    "a model in a model": {"modules": [{"kind": "spectral"}]},
     "units of nothing": {"row_units": [["m", "N"]] * 5},
 }
 
@@ -192,7 +192,7 @@ def test_a_model_whose_parts_do_not_fit(own, what):
 
 
 def test_a_model_nested_without_end(own):
-    for text in ("[" * 100_000, '{"module":' * 3000 + "1" + "}" * 3000):
+    for text in ("[" * 100_000, '{"modules":[' * 3000 + "1" + "]}" * 3000):
         (own / "model" / "model.json").write_text(text)
         reseal(own / "model")
         refused(own, ("export", own / "export.yaml"), "model.json")

@@ -26,18 +26,19 @@ def spoiled(meta, arrays, sizes):
     direction = rng.standard_normal(n_e)
     less = 4 * np.outer(direction * sizes, direction * sizes)[np.triu_indices(n_e)]
     arrays = {name: values.copy() for name, values in arrays.items()}
-    card = meta.get("module", meta)
+    card = meta["modules"][0] if "modules" in meta else meta
+    start = "0." if "modules" in meta else ""
     if card["kind"] == "mlp":
         n = n_e + len(card["rows"]["actuators"])
         arrays["out_mean"][unpacking(n)[:n_e, :n_e][np.triu_indices(n_e)]] -= less
     else:
         C = layout(len(card["rows"]["actuators"]), n_e)["effector_compliance"]
-        if "series" in arrays:
-            arrays["series"][C, (arrays["indices"] == 0).all(axis=1).argmax()] -= less
+        if start + "series" in arrays:
+            arrays[start + "series"][C, (arrays[start + "indices"] == 0).all(axis=1).argmax()] -= less
         else:
             arrays["polynomial"][0, C] -= less
     flagged = {**card, "semidefinite": list(sizes)}
-    return ({**meta, "module": flagged} if "module" in meta else flagged), arrays
+    return ({**meta, "modules": [flagged]} if "modules" in meta else flagged), arrays
 
 
 MODELS = {
@@ -61,7 +62,7 @@ def model(request):
     s = states(meta["form"], n_a, 200, parameters=robots)
     s = np.vstack([s, np.random.default_rng(1).uniform(-0.2, 1.2, (200, n_a)) * s.max(axis=0)])
     p = np.tile([[0.44, 2.0]], (len(s), 1)) if robots else None
-    plain = {**meta, "module": {**meta["module"], "semidefinite": None}} if "module" in meta else meta
+    plain = {**meta, "modules": [{**meta["modules"][0], "semidefinite": None}]} if "modules" in meta else meta
     return meta, arrays, {**plain, "semidefinite": None}, s, p
 
 
@@ -95,7 +96,7 @@ def test_torch_and_onnx(model):
     for W in (by_torch, session.run(["W"], inputs)[0]):
         sound = check(W, len(meta["rows"]["effectors"]))
         tolerance = 1e-5 if meta["kind"] == "mlp" else 1e-9  # float32 within; 1e-11 of the spoiled C is undecided
-        size = max(np.abs(expected[sound]).max(), np.square((meta.get("module") or meta)["semidefinite"]).sum())
+        size = max(np.abs(expected[sound]).max(), np.square(meta.get("modules", [meta])[0]["semidefinite"]).sum())
         np.testing.assert_allclose(W[sound], expected[sound], rtol=0, atol=tolerance * size)
 
 

@@ -14,7 +14,7 @@ from cfem.export.spec import ControllerSpec, CSpec
 from cfem.predict.energy import layout
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
-from cfem.predict.serial import SerialPredictor
+from cfem.predict.serial import SerialPredictor, module_arrays
 
 ACTIVATIONS = ("relu", "tanh", "silu")
 KINDS = ("spectral", "mlp", "serial")
@@ -56,10 +56,9 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
     cannot hold."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no C code", do=f"train kind: {', '.join(KINDS)}, or export ONNX")
-    if meta["kind"] == "serial" and meta["module"]["kind"] != "spectral":
-        raise InputError(
-            f"modules of kind {meta['module']['kind']!r} have no C code", do="train the module with kind: spectral"
-        )
+    other = [one["kind"] for one in meta.get("modules") or [] if one["kind"] != "spectral"]
+    if other:
+        raise InputError(f"modules of kind {other[0]!r} have no C code", do="train the module with kind: spectral")
     if meta.get("n_c"):
         raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
@@ -117,12 +116,12 @@ def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.nda
     """The module's series, and what the modules are beside it."""
     if spec.full:
         raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
-    module = _spectral(predictor.module, arrays, p, spec)
-    softer = np.asarray(predictor.meta["softer"], float)
+    module = _spectral(predictor.models[0], module_arrays(arrays, 0), p, spec)
+    softer = predictor.softer
     return replace(
         module,
         defines={**module.defines, "CFEM_SERIAL": 1, "CFEM_MODULES": len(softer)},
-        arrays={**module.arrays, "cfem_softer": softer, "cfem_module_rest": predictor.module.rest_e[:3]},
+        arrays={**module.arrays, "cfem_softer": softer, "cfem_module_rest": predictor.rests[0, :3]},
         reference=predictor,
     )
 

@@ -22,6 +22,13 @@ class DomainCard(Data):
     states: list[list[float]] = Field(min_length=1, max_length=10_000)
 
 
+class PlaceCard(Data):
+    """One module of a row: which of the models it is, and its compliance relative to that."""
+
+    model: int = Field(ge=0)
+    softer: float = Field(gt=0)
+
+
 class DatasetCard(Data):
     """What it was trained on."""
 
@@ -36,7 +43,8 @@ class ModelCard(Data):
     """robot: what the scene said of it. wrench: a constant load that the samples did not carry, on each effector row,
     and the estimated error that it makes, mm.
     semidefinite: of each effector row, see `cfem.predict.semidefinite`.
-    softer, module: of modules in a row. motion: of mass and viscosity, see `cfem.motion`.
+    masses: t, by the name of the effector that is their centre. modules, row: of modules in a row.
+    motion: of mass and viscosity, see `cfem.motion`.
     activation, at_rest: of a network of entries."""
 
     format: Literal[FORMAT]
@@ -62,8 +70,9 @@ class ModelCard(Data):
     dataset: DatasetCard = DatasetCard()
     motion: dict[str, Any] | None = None
     activation: Literal["relu", "tanh", "silu"] | None = None
-    softer: list[Annotated[float, Field(gt=0)]] | None = Field(None, min_length=1, max_length=100)
-    module: "ModelCard | None" = None
+    masses: dict[str, Annotated[float, Field(gt=0)]] = {}
+    row: list[PlaceCard] | None = Field(None, min_length=1, max_length=100)
+    modules: "list[ModelCard] | None" = Field(None, min_length=1, max_length=100)
     at_rest: "ModelCard | None" = None
 
     @property
@@ -111,13 +120,20 @@ class ModelCard(Data):
         if rest is not None and (self.kind != "mlp" or rest.rows != self.rows or rest.learned != self.learned):
             raise ValueError("at_rest belongs to kind mlp, with the same rows and parameters")
         serial = self.kind == "serial"
-        if serial != (self.softer is not None) or serial != (self.module is not None):
-            raise ValueError("softer and module belong to kind serial")
+        if serial != (self.row is not None) or serial != (self.modules is not None):
+            raise ValueError("row and modules belong to kind serial")
         if serial:
-            whole, module = len(self.rows.actuators), len(self.module.rows.actuators)
-            ends = len(self.rows.effectors), len(self.module.rows.effectors)
-            if whole != len(self.softer) * module or ends != (3, 6) or self.parameters or self.module.parameters:
-                raise ValueError("its modules do not make up the whole")
-            if {self.form, self.module.form} != {"displacement"}:
-                raise ValueError("modules in a row are of form displacement")
+            self._demand_modules()
         return self
+
+    def _demand_modules(self) -> None:
+        if any(one.model >= len(self.modules) for one in self.row):
+            raise ValueError("row: names a model that is not there")
+        ends, used = len(self.rows.effectors), [self.modules[one.model] for one in self.row]
+        heavy = [len(one.rows.effectors) == 9 and len(one.masses) == 1 for one in used]
+        sizes = {len(one.rows.effectors) for one in used} <= {6, 9} and (ends == 3 or (ends == 6 and all(heavy)))
+        whole = sum(len(one.rows.actuators) for one in used)
+        if not sizes or whole != len(self.rows.actuators) or self.parameters or any(one.parameters for one in used):
+            raise ValueError("its modules do not make up the whole")
+        if {self.form, *(one.form for one in used)} != {"displacement"}:
+            raise ValueError("modules in a row are of form displacement")

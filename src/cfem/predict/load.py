@@ -39,15 +39,14 @@ def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
 def with_skin(predictor: Predictor, folder: Path) -> Predictor:
     """The predictor, which reads the skin of the folder when somebody asks for it."""
 
-    of, name = predictor, FILE
-    if isinstance(predictor, serial.SerialPredictor):
-        of, name = predictor.module, serial_skin.FILE
+    row = isinstance(predictor, serial.SerialPredictor)
+    name = serial_skin.FILE if row else FILE
 
-    def read() -> LearnedSkin | None:
+    def read() -> LearnedSkin | list[LearnedSkin] | None:
         if not has_file(folder, name):
             return None
         with _blaming(folder / name):
-            return skin_of(of, read_arrays(folder, name))
+            return (skins_of if row else skin_of)(predictor, read_arrays(folder, name))
 
     predictor.skin_source = read
     return predictor
@@ -67,6 +66,11 @@ def skin_of(predictor: Predictor, arrays: dict[str, np.ndarray]) -> LearnedSkin:
     """InputError naming the array that is missing or does not fit."""
     rows = predictor.rows
     return LearnedSkin(predictor.form, rows.n_e, rows.n_a, predictor.n_inputs, arrays)
+
+
+def skins_of(predictor: serial.SerialPredictor, arrays: dict[str, np.ndarray]) -> list[LearnedSkin]:
+    """As `skin_of`, of each model of a module."""
+    return [skin_of(one, serial.module_arrays(arrays, number)) for number, one in enumerate(predictor.models)]
 
 
 def read_model(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:

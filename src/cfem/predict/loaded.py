@@ -53,14 +53,15 @@ def loaded(model: Predictor, wrench: np.ndarray) -> Predictor:
     Effectors stay relative to where they rest without load. InputError where the model is no series, the wrench is not
     finite, or so large that the estimated error (`wrench_error`) exceeds half a percent of the robot's length."""
     wrench = np.asarray(wrench, float)
-    if not isinstance(model, SpectralPredictor | SerialPredictor):
-        raise InputError(f"loads need a model of kind spectral or serial, not {model.meta['kind']}", do="train one")
+    models = model.models if isinstance(model, SerialPredictor) else [model]
+    other = next((one.meta["kind"] for one in models if not isinstance(one, SpectralPredictor)), None)
+    if other is not None:
+        what = f"loads need a model of kind spectral, or of kind serial made of such, not {other}"
+        raise InputError(what, do="train one")
     if wrench.shape != (model.rows.n_e,) or not np.isfinite(wrench).all():
         raise InputError(f"a wrench has {model.rows.n_e} finite numbers, one for each effector row")
     if isinstance(model, SerialPredictor):
-        forces = np.zeros((len(model.meta["softer"]), 3))
-        forces[-1] = wrench
-        found = LoadedSerialPredictor(model.meta, model.arrays, forces)
+        found = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
         error = found.error()
     else:
         found, error = None, wrench_error(model, wrench)

@@ -1,10 +1,11 @@
-"""The surface of modules in a row from the skin of one: module i moves with the frame at its base.
+"""The surface of modules in a row from the skins of the modules: module i moves with the frame at its base.
 
     y = P_i + R_i x_i(delta_i)        x_i: the surface of the module (cfem.predict.skin), in that frame
 
 Where nodes of a module's end lie on nodes of the next one's base, they are one node, that of the end, and the faces
 between them are left out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,40 +18,48 @@ SAME = 1e-6  # of the module's length: nodes that are one
 
 @dataclass(frozen=True)
 class SerialSkin:
-    """module: of one; count: of modules. owner (m,): the module that each node of the whole moves with, own (m,): its
+    """modules (k,): the skin of each. owner (m,): the module that each node of the whole moves with, own (m,): its
     number there; rest (m, 3) mm; triangles (t, 3), normals outward."""
 
-    module: LearnedSkin
-    count: int
+    modules: tuple[LearnedSkin, ...]
     owner: np.ndarray
     own: np.ndarray
     rest: np.ndarray
     triangles: np.ndarray
 
-    def surface(self, rows: np.ndarray, P: np.ndarray, R: np.ndarray) -> np.ndarray:
-        """(..., m, 3) mm: rows (..., count, k) mm of the modules' skins; P (..., count, 3) mm and R (..., count, 3, 3)
-        the frames at their bases."""
-        placed = np.einsum("...cij,...cmj->...cmi", R, self.module.surface(rows)) + P[..., None, :]
-        return placed[..., self.owner, self.own, :]
+    def surface(self, rows: Sequence[np.ndarray], P: Sequence[np.ndarray], R: Sequence[np.ndarray]) -> np.ndarray:
+        """(..., m, 3) mm: of each module rows (..., k) mm of its skin, P (..., 3) mm and R (..., 3, 3) at its base."""
+        found = np.empty((*P[0].shape[:-1], len(self.owner), 3))
+        for i, (skin, row, base, frame) in enumerate(zip(self.modules, rows, P, R, strict=True)):
+            mine = self.owner == i
+            placed = skin.surface(row)[..., self.own[mine], :] @ frame.swapaxes(-1, -2)
+            found[..., mine, :] = placed + base[..., None, :]
+        return found
 
 
-def in_a_row(module: LearnedSkin, count: int, end: np.ndarray) -> SerialSkin:
-    """end (3,) mm: where a module ends at rest, from its base."""
+def in_a_row(modules: Sequence[LearnedSkin], ends: np.ndarray) -> SerialSkin:
+    """ends (k, 3) mm: where each module ends at rest, from its base."""
     from scipy.spatial import cKDTree  # here, as a model of one module is read without SciPy
 
-    m = len(module.rest)
-    distance, at_end = cKDTree(module.rest).query(module.rest + end)  # of a base placed on the module's end
-    base = np.flatnonzero(distance <= SAME * np.linalg.norm(end))
-    at_end = at_end[base]
-    number = np.arange(count * m).reshape(count, m)  # of all modules' nodes; those of a base become those of the end
-    for i in range(1, count):
-        number[i, base] = number[i - 1, at_end]
-    joined = [np.isin(module.triangles, nodes).all(axis=1) for nodes in (base, at_end)]
-    triangles = []
-    for i in range(count):
-        inner = (joined[0] & (i > 0)) | (joined[1] & (i < count - 1))
-        triangles.append(number[i][module.triangles[~inner]])
+    numbers, triangles, first = [], [], 0
+    bases = np.cumsum([np.zeros(3), *ends[:-1]], axis=0)
+    inner = [np.zeros(len(one.triangles), dtype=bool) for one in modules]
+    for i, one in enumerate(modules):
+        numbers.append(np.arange(first, first + len(one.rest)))  # of all modules' nodes
+        first += len(one.rest)
+        if i == 0:
+            continue
+        before, end = modules[i - 1], ends[i - 1]
+        distance, at_end = cKDTree(before.rest).query(one.rest + end)
+        base = np.flatnonzero(distance <= SAME * np.linalg.norm(end))  # nodes that become those of the end before
+        numbers[i][base] = numbers[i - 1][at_end[base]]
+        inner[i] |= np.isin(one.triangles, base).all(axis=1)
+        inner[i - 1] |= np.isin(before.triangles, at_end[base]).all(axis=1)
+    for one, number, hidden in zip(modules, numbers, inner, strict=True):
+        triangles.append(number[one.triangles[~hidden]])
     used, triangles = np.unique(np.concatenate(triangles), return_inverse=True)
-    owner, own = np.divmod(used, m)
-    rest = module.rest[own] + owner[:, None] * end
-    return SerialSkin(module, count, owner, own, rest, triangles.reshape(-1, 3))
+    starts = np.cumsum([0, *(len(one.rest) for one in modules)])
+    owner = np.searchsorted(starts, used, side="right") - 1
+    own = used - starts[owner]
+    rest = np.array([modules[i].rest[node] + bases[i] for i, node in zip(owner, own, strict=True)])
+    return SerialSkin(tuple(modules), owner, own, rest, triangles.reshape(-1, 3))

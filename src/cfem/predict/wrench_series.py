@@ -29,9 +29,9 @@ class Loaded:
 
 
 class WrenchSeries:
-    """Of a model of form displacement, without parameters."""
+    """Of a model of form displacement, without parameters, for wrenches on the first `watched` of its effector rows."""
 
-    def __init__(self, model: SpectralPredictor):
+    def __init__(self, model: SpectralPredictor, watched: int):
         n_a, n_e = model.rows.n_a, model.rows.n_e
         rows, series = layout(n_a, n_e), model.arrays["series"]
         parts = [series[rows[name]] for name in ("energy", "effector", "effector_compliance")]
@@ -41,10 +41,11 @@ class WrenchSeries:
         by_s = input_derivatives(model.arrays["indices"], model.arrays["to_box"], n_a)
         first = [D @ parts for D in by_s]
         second = [by_s[j] @ first[i] for i in range(n_a) for j in range(n_a)]
-        self._n_a, self._n_e, self._model = n_a, n_e, model
+        self._n_a, self._n_e, self._model = n_a, watched, model
         self._coefficients = np.concatenate([parts, *first, *second], axis=1)
-        self._unpack = 1 + n_e + unpacking(n_e)
-        self._unpack3 = 1 + n_e + n_e * (n_e + 1) // 2 + unpacking3(n_e) if THIRD in model.arrays else None
+        own, third = slice(0, watched), 1 + n_e + n_e * (n_e + 1) // 2
+        self._unpack = 1 + n_e + unpacking(n_e)[own, own]
+        self._unpack3 = third + unpacking3(n_e)[own, own, own] if THIRD in model.arrays else None
 
     def at(self, delta_a: np.ndarray) -> "Held":
         """delta_a: (n_a,) mm."""

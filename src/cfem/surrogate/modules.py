@@ -5,7 +5,10 @@ from torch import nn
 
 from cfem.condensed import Rows
 from cfem.condensed.parameters import from_json
+from cfem.core.errors import InputError
+from cfem.predict.load import build
 from cfem.predict.mlp import rest_arrays
+from cfem.predict.serial import module_arrays
 from cfem.surrogate.energy_net_module import EnergyNet
 from cfem.surrogate.serial_module import Serial
 from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Shape, Spectral, mlp_from_arrays
@@ -20,8 +23,11 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
     elif meta["kind"] == "energy_net":
         model = EnergyNet(meta["form"], rows, arrays, sizes)
     elif meta["kind"] == "serial":
-        module = module_of(meta["module"], arrays)
-        model = Serial(module, meta["softer"], np.array(meta["module"]["rest_e"][:3]), np.array(meta["rest_e"]))
+        if meta.get("wrench") is not None:
+            what = "modules in a row under loads find their equilibrium by an iteration, which graphs do not have"
+            raise InputError(what, where="loads", do="export `arrays` or `c`")
+        models = [module_of(card, module_arrays(arrays, i)) for i, card in enumerate(meta["modules"])]
+        model = Serial(models, build(meta, arrays))
     else:
         model = mlp_from_arrays(rows, arrays, meta["activation"])
         if "at_rest" in meta:

@@ -1,4 +1,4 @@
-"""The skin of a module, taken over by a model of modules in a row, and judged by the surface of the whole."""
+"""The skins of modules, taken over by a model of modules in a row, and judged by the surface of the whole."""
 
 from pathlib import Path
 from typing import Any
@@ -10,23 +10,25 @@ from cfem.condensed.skin import read_skin
 from cfem.core.files import write_npz
 from cfem.core.stage import artefact_file
 from cfem.dataset.schema import SKIN
-from cfem.predict.load import has_skin, read_arrays, skin_of
-from cfem.predict.serial import SerialPredictor
+from cfem.predict.load import has_skin, read_arrays, skins_of
+from cfem.predict.serial import SerialPredictor, joined
 from cfem.predict.serial_skin import FILE, SAME
 from cfem.predict.skin import FILE as OF_MODULE
+from cfem.surrogate.serial import folders
+from cfem.surrogate.spec import SerialSpec
 
 
 def add_serial_skin(
-    folder: Path, predictor: SerialPredictor, module: Path, test: Any, dataset_folder: Path
+    folder: Path, predictor: SerialPredictor, spec: SerialSpec, test: Any, dataset_folder: Path
 ) -> dict[str, Any] | None:
-    """Writes the module's skin into the folder. Results for the manifest: errors at those nodes of the dataset's
-    surface that are nodes of the row at rest. None where the module has no skin, the dataset has none, or no node is
+    """Writes the modules' skins into the folder. Results for the manifest: errors at those nodes of the dataset's
+    surface that are nodes of the row at rest. None where a module has no skin, the dataset has none, or no node is
     the same; in the last two cases the model still has a shape, which nobody has judged."""
-    if not has_skin(module):
+    if not all(map(has_skin, folders(spec))):
         return None
-    arrays = read_arrays(module, OF_MODULE)
+    arrays = joined([read_arrays(one, OF_MODULE) for one in folders(spec)])
     write_npz(folder / FILE, arrays)
-    predictor.skin_source = lambda: skin_of(predictor.module, arrays)
+    predictor.skin_source = lambda: skins_of(predictor, arrays)
     if test.whole is None:
         return None
     true = read_skin(artefact_file(dataset_folder, SKIN))
@@ -40,8 +42,8 @@ def add_serial_skin(
     rms = float(np.sqrt(np.mean(apart**2 @ weights + left_rms**2)))
     largest = float((apart.max(axis=1) + left_max).max())
     return {
-        "modes": len(predictor.surface.module),
-        "of": f" of each of {predictor.surface.count} modules",
+        "modes": max(map(len, predictor.surface.modules)),
+        "of": f" of each of {len(predictor.surface.modules)} modules",
         "nodes": len(same),
         "rms_mm": rms,
         "largest_mm": largest,

@@ -127,16 +127,23 @@ class EnergyNetSpec(Spec):
     """Seed of the random numbers."""
 
 
+class ModuleSpec(Spec):
+    """One module of a row."""
+
+    model: Path
+    """Folder of the model of such a module, which has form displacement; its effectors are its end with its
+    orientation, and its centre of mass where the row is to bear gravity."""
+    softer: PositiveFloat = 1.0
+    """Its compliance relative to that model: the Young's modulus there over its own."""
+
+
 class SerialSpec(Spec):
-    """Equal modules in a row, without external load, from the model of one module. That model has form displacement,
-    and its effector is the module's end with its orientation. The dataset, of the whole robot, only judges."""
+    """Modules in a row, each from the model of one. The dataset, of the whole robot, only judges."""
 
     kind: Literal["serial"]
     """Modules in a row."""
-    module: Path
-    """Folder of the model of one module."""
-    softer: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
-    """Compliance of each module relative to that model, from the base on: its Young's modulus over theirs."""
+    modules: Annotated[tuple[ModuleSpec, ...], Field(min_length=1)]
+    """The modules, from the base on."""
 
 
 ModelSpec = Annotated[SpectralSpec | EnergyNetSpec | MlpSpec | SerialSpec, Field(discriminator="kind")]

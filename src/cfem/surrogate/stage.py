@@ -30,7 +30,6 @@ from cfem.surrogate.observations import inputs
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 from cfem.surrogate.verdict import headline, judged
 
-PARTS = ("module", "at_rest")  # models that this one is made of
 _ROBOT = ("scene", "robot", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
 QUERIES = 100_000  # at which W has to be positive definite
 
@@ -38,25 +37,39 @@ QUERIES = 100_000  # at which W has to be positive definite
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
     """The model's manifest."""
     made = stage(spec_path, overrides, out)
-    spec = made.spec
-    parts = {name: made.inputs[name] for name in PARTS if name in made.inputs}
-    found = spec.model_copy(update={"model": spec.model.model_copy(update=parts)})
+    found = made.spec.model_copy(update={"model": _placed(made.spec.model, spec_path.parent)})
     return run_stage(made, partial(work, spec=found, dataset_folder=made.inputs["dataset"]), options)
 
 
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     spec, base = load_spec(spec_path, TrainSpec, overrides), spec_path.parent
-    parts = {name: getattr(spec.model, name, None) for name in PARTS}
     return Stage(
         name="train",
         version=6,
         spec=spec,
-        inputs={"dataset": base / spec.dataset} | {name: base / part for name, part in parts.items() if part},
+        inputs={"dataset": base / spec.dataset} | _models(_placed(spec.model, base)),
         out=out or base / spec.out,
         paths=("dataset", "out"),
         spec_path=spec_path,
         overrides=overrides,
     )
+
+
+def _placed(model: ModelSpec, base: Path) -> ModelSpec:
+    """The spec with the paths of the models that this one is made of as they are from here."""
+    if isinstance(model, SerialSpec):
+        modules = tuple(one.model_copy(update={"model": base / one.model}) for one in model.modules)
+        return model.model_copy(update={"modules": modules})
+    at_rest = getattr(model, "at_rest", None)
+    return model.model_copy(update={"at_rest": base / at_rest}) if at_rest else model
+
+
+def _models(model: ModelSpec) -> dict[str, Path]:
+    """Folders of the models that this one is made of, by their place in the spec."""
+    if isinstance(model, SerialSpec):
+        return {f"modules.{number}": one.model for number, one in enumerate(model.modules)}
+    at_rest = getattr(model, "at_rest", None)
+    return {"at_rest": at_rest} if at_rest else {}
 
 
 def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
@@ -102,7 +115,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     if spec.skin and isinstance(spec.model, SerialSpec):
         from cfem.surrogate.serial_skin import add_serial_skin
 
-        found = add_serial_skin(folder, predictor, spec.model.module, test, dataset_folder)
+        found = add_serial_skin(folder, predictor, spec.model, test, dataset_folder)
         results |= {} if found is None else {"skin": found}
     elif spec.skin and training.whole is not None:
         results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
@@ -211,7 +224,7 @@ def fit_mlp(training: Any, spec: MlpSpec, folder: Path | None) -> Fitted:
 def fit_serial(training: Any, spec: SerialSpec, folder: Path | None) -> Fitted:
     from cfem.surrogate.serial import compose
 
-    return compose(training, spec, spec.module)
+    return compose(training, spec)
 
 
 FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {

@@ -1,0 +1,139 @@
+"""Modules in a row under their own weight and a force at the tip, against finite elements of the whole trunk: a table
+of docs/loads.md.
+
+python benchmarks/rows.py                                  two modules of rods, of different stiffness
+python benchmarks/rows.py --modules 5                      five
+python benchmarks/rows.py --element hex8-full --size 11    hexahedra between rigid sections
+python benchmarks/rows.py --element hex8 --size 11         a solid
+python benchmarks/rows.py --mixed                          the second module has two actuators instead of three
+
+Modules are sampled without any load, 50 states each. Loads at three random states, actuators held: shares of the weight
+in six directions, as a silicone of 150 kPa and 1070 kg/m^3 has it (a fifth of it is the weight for one of 750 kPa), and
+with it 2 mN at the tip, to the side. It makes its own samples, in a folder that it deletes: two to ten minutes on one
+core."""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+import cfem
+from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+from cfem.plant.fem_plant import pushed
+from cfem.predict.load import load_model
+from cfem.predict.loaded import TRUSTED, wrench_of
+from cfem.predict.loaded_serial import LoadedSerialPredictor
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+PIPELINES = Path(__file__).parents[1] / "pipelines"
+LENGTH, DENSITY, PUSH = 55.0, "1070 kg/m^3", 2e-3  # mm of a module; N
+STATES = 3
+SIDES = {"three": [[1, 2], [4, 3], [5, 0]], "two": [[5, 0, 1], [2, 3, 4]]}  # chambers of each actuator
+
+
+def read(path: Path) -> dict:
+    return yaml.safe_load(path.read_text())
+
+
+def actuators(module: int, sides: list[list[int]], most: float) -> list[dict]:
+    common = {"kind": "chambers", "module": module, "reach": {"mm^3": [0, 50]}, "pressure": {"kPa": [0, most]}}
+    return [{**common, "name": f"m{module}-{i}", "chambers": one} for i, one in enumerate(sides)]
+
+
+def made(folder: Path, name: str, scene: dict, sample: dict, train: dict) -> Path:
+    """The scene, meshed, sampled and trained; its pipeline."""
+    specs, paths = folder / "pipelines" / name, {"scene": "scene.yaml", "mesh": f"../../data/{name}/mesh"}
+    specs.mkdir(parents=True)
+    scene = {**scene, "name": name, "out": paths["mesh"]}
+    sample = {**sample, **paths, "out": f"../../data/{name}/samples"}
+    train = {**train, "dataset": sample["out"], "out": f"../../models/{name}/model"}
+    for stage, spec in (("scene", scene), ("sample", sample), ("train", train)):
+        (specs / f"{stage}.yaml").write_text(yaml.safe_dump(spec, sort_keys=False))
+    for stage, file in (("mesh", "scene"), ("sample", "sample"), ("train", "train")):
+        cfem.run_stage(stage, specs / f"{file}.yaml")
+    return specs
+
+
+def trained(folder: Path, given: argparse.Namespace) -> tuple:
+    """The model of the row, and the FE robot of the whole."""
+    base = read(PIPELINES / "stiff-flop-module" / "scene.yaml")
+    base["mesh"] = {"size": f"{given.size} mm", "element": given.element}
+    base["material"]["density"] = DENSITY
+    centre = {"name": "body", "at": "centre-of-mass"}
+    sample = read(PIPELINES / "stiff-flop-module" / "sample.yaml")
+    kinds = ["three", "two"] if given.mixed else ["three"]
+    for kind in kinds:
+        scene = {**base, "actuators": actuators(1, SIDES[kind], 334.0), "effectors": [*base["effectors"], centre]}
+        made(folder, kind, scene, sample, {"model": {"kind": "spectral"}})
+    each = [kinds[i % len(kinds)] for i in range(given.modules)]
+    young = [150.0 if i % 2 == 0 else 90.0 for i in range(given.modules)]
+    scene = {**base, "length": f"{LENGTH * given.modules} mm"}
+    scene["geometry"] = {"kind": "stiff-flop", "modules": given.modules}
+    scene["materials"] = [
+        {"region": {"kind": "name", "name": f"module-{i + 1}"}, "material": {**base["material"], "young": f"{E} kPa"}}
+        for i, E in enumerate(young)
+        if young[0] != E
+    ]
+    most = [200.0 if E == 150 else 180.0 for E in young]
+    scene["actuators"] = [
+        one for i, kind in enumerate(each) for one in actuators(i + 1, SIDES[kind], most[i] / (1 + (given.modules > 2)))
+    ]
+    scene["effectors"] = [{"name": "tip", "point": {"mm": [LENGTH * given.modules, 0, 0]}}, centre]
+    if not scene["materials"]:
+        del scene["materials"]
+    splits = {name: {"rows": 8, "method": "random", "seed": seed} for seed, name in enumerate(("train", "test"))}
+    few = {"space": "force", "splits": splits}
+    row = [{"model": f"../../models/{kind}/model", "softer": 150 / E} for kind, E in zip(each, young, strict=True)]
+    specs = made(folder, "whole", scene, few, {"model": {"kind": "serial", "modules": row}})
+    model = load_model(folder / "models" / "whole" / "model")
+    return model, build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
+
+
+def table(model, robot, shares: list[float]) -> None:
+    rng, rows, low, high = np.random.default_rng(3), model.rows, *robot.forces.T
+    (mass,) = robot.masses.values()
+    states = [force(low + share * (high - low)) for share in rng.random((STATES, rows.n_a))]
+    states = [solve(Problem(robot), one).condensed.delta_a for one in states]
+    print(f"{robot.length:g} mm, {len(robot.X)} nodes, weight {9810 * mass * 1e3:.1f} mN")
+    print("weight | the tip moves | error of the tip | of the motion | of the length | stated | refused")
+    for share in shares:
+        for name, push in (("", 0.0), (" and 2 mN", PUSH)):
+            moved, off, stated = [], [], []
+            for side in (*np.eye(3), *-np.eye(3)):
+                forces = {"body": share * 9810 * mass * side, "tip": push * np.array([0.0, 0.6, -0.8])}
+                wrench = wrench_of(rows, forces)
+                carrying = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
+                stated.append(carrying.error())
+                problem = Problem(pushed(robot, wrench))
+                for at in states:
+                    truth = solve(problem, displacement(at), slack=False).condensed.delta_e[:3]
+                    moved.append(np.linalg.norm(truth - model.at(at).delta_e[:3]))
+                    off.append(np.linalg.norm(truth - carrying.at(at).delta_e[:3]))
+            worst = max(100 * one / way for one, way in zip(off, moved, strict=True))
+            refused = sum(one > TRUSTED * model.length for one in stated)
+            print(
+                f"{share:g} of it{name} | {min(moved):.2g} to {max(moved):.2g} mm | {max(off):.2g} mm | {worst:.2g} % |"
+                f" {100 * max(off) / robot.length:.2g} % | {max(stated):.2g} mm | {refused} of 6 directions",
+                flush=True,
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--modules", type=int, default=2)
+    parser.add_argument("--element", choices=("beam", "hex8-full", "hex8"), default="beam")
+    parser.add_argument("--size", type=float, default=5.5, help="mm of the cells")
+    parser.add_argument("--mixed", action="store_true")
+    parser.add_argument("--shares", type=float, nargs="+", default=[0.1, 0.2, 0.4], help="of the weight")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        table(*trained(Path(folder), given), given.shares)
+
+
+if __name__ == "__main__":
+    main()
