@@ -7,11 +7,12 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.estimated_spec import EstimateSpec
-from cfem.control.moving.spec import LapsSpec, MovingSpec, MpcSpec, ShapingSpec
+from cfem.control.moving.spec import LapsSpec, MovingSpec, ShapingSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, ForceVector, Frequency, Length, Point, Time
+from cfem.motion.mpc_spec import MpcSpec
 from cfem.robot.selection import Direction
 
 PositiveDisplacement = Annotated[Displacement, Field(gt=0)]

@@ -67,14 +67,14 @@ def run(command: list[str], folder: Path | str) -> str:
 
 
 @lru_cache(maxsize=32)
-def library(folder: Path, flags: tuple[str, ...] = ("-O2",)) -> ctypes.CDLL:
-    """The core as a shared library. InputError where there is no compiler."""
+def library(folder: Path, flags: tuple[str, ...] = ("-O2",), names: tuple[str, ...] = CORE) -> ctypes.CDLL:
+    """Sources of the folder as a shared library, the core's unless given. InputError where there is no compiler."""
     command = compiler()
     if not command:
         raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:  # Windows keeps a library that is loaded
         out = Path(place) / "libcfem.so"
-        sources = [str((folder / name).resolve()) for name in CORE]
+        sources = [str((folder / name).resolve()) for name in names]
         run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
         return ctypes.CDLL(str(out))
 
@@ -94,7 +94,7 @@ class CompiledController:
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
         text = (folder / "cfem_data.h").read_text(encoding="utf-8")
-        defines = dict(re.findall(r"^#define (\w+) (.*)$", text, re.MULTILINE))
+        defines = defines_of(text)
         self.n_a, self.n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
         real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
         a, e = self.n_a, self.n_e
@@ -102,8 +102,8 @@ class CompiledController:
         model = [("delta_a", a), ("lambda_a", a), ("W_aa", a * a), ("W_ea", e * a), ("free_a", a), ("free_e", e), *full]
         inputs = [("goal", real * e), ("error", real * e), ("delta_a", real * a), ("measured", ctypes.c_int)]
         outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e), ("status", ctypes.c_uint)]
-        self._input, self._output = _struct(inputs)(), _struct(outputs)()
-        self._model = _struct([(name, ctypes.c_double * size) for name, size in model])()
+        self._input, self._output = struct_of(inputs)(), struct_of(outputs)()
+        self._model = struct_of([(name, ctypes.c_double * size) for name, size in model])()
         self._library = library(folder, flags)
         # cfem_controller, or more: its vectors, the model at the last command, a flag
         self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 1))()
@@ -132,5 +132,11 @@ class CompiledController:
         return {name: np.array(getattr(self._model, name)) for name, _ in self._model._fields_} | {"status": status}
 
 
-def _struct(fields: list[tuple[str, type]]) -> type[ctypes.Structure]:
+def defines_of(text: str) -> dict[str, str]:
+    """Of a header: what each name stands for."""
+    return dict(re.findall(r"^#define (\w+) (.*)$", text, re.MULTILINE))
+
+
+def struct_of(fields: list[tuple[str, type]]) -> type[ctypes.Structure]:
+    """A C structure of these members."""
     return type("Struct", (ctypes.Structure,), {"_fields_": fields})

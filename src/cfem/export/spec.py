@@ -9,7 +9,8 @@ from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import Length
+from cfem.core.units import Frequency, Length
+from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
@@ -58,6 +59,17 @@ class ControllerSpec(Spec):
     """Displacements of the actuators at the start; 0 unless given."""
 
 
+class FirmwareMpcSpec(MpcSpec):
+    """Predictive control of a robot that moves, beside the controller whose commands, limits and weights it shares."""
+
+    ticks: Frequency
+    """Ticks a second."""
+    sensor: bool = True
+    """Whether samples of the effectors are heard. Without them it is a feed-forward along what lies ahead."""
+    late: Annotated[int, Field(ge=1, le=50)] = 4
+    """Ticks after which a sample is too late to be heard."""
+
+
 class CSpec(Spec):
     """C99 for firmware."""
 
@@ -73,6 +85,8 @@ class CSpec(Spec):
     """Number of vectors of the self-test."""
     controller: ControllerSpec = ControllerSpec()
     """The controller around the model."""
+    mpc: FirmwareMpcSpec | None = None
+    """Predictive control, of a model that has learned to move. None unless given."""
     obstacles: dict[Name, ObstacleSpec] = {}
     """Rigid bodies that the robot may touch, in its own frame: their numbers, and the contact of the robot's surface.
     Needs `scene`."""

@@ -90,9 +90,9 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page_file import sources
 
         return sources()
-    from cfem.export import c_export, c_motion, c_skin, c_touch
+    from cfem.export import c_export, c_motion, c_mpc, c_skin, c_touch
 
-    folders = (c_export.SOURCES, c_skin.SOURCES, c_motion.SOURCES, c_touch.SOURCES)
+    folders = (one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch))
     paths = [path for folder in folders for path in folder.iterdir()]
     return {path.name: file_sha256(path) for path in sorted(paths)}
 
@@ -144,6 +144,13 @@ def work(
 
             moving = read_arrays(model_folder, MOTION)
             report["motion_bytes"] = write_c_motion(folder / FILES["c"], meta, arrays, moving)
+            if spec.c.mpc is not None:
+                from cfem.export.c_mpc import write_c_mpc
+
+                write_c_mpc(folder / FILES["c"], spec.c, meta, arrays, moving, embedded.pressures)
+        elif spec.c.mpc is not None:
+            what = "predictive control needs a model that has learned to move, and no loads"
+            raise InputError(what, where="c.mpc", do="sample with dynamics: true and train again, or leave `mpc` out")
         if spec.c.obstacles:
             from cfem.export.touching import write_touch
 

@@ -29,6 +29,15 @@ class Altered:
             F=s * self.viscosity * place.F,
         )
 
+    def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
+        """As of the model, (n_a,) mm."""
+        found = self.model.learned(delta_a, slopes)
+        return found | {"F": self.stiffness * self.viscosity * found["F"]}
+
+    @property
+    def inner(self) -> np.ndarray:
+        return self.stiffness * self.model.inner
+
     @property
     def static(self) -> Any:
         return self.model.static

@@ -9,7 +9,7 @@ and with v the state after the step. Second derivatives of the mass and the slop
 out, as in `step`. Repeated, this is Newton's method; once a tick, with the last solution as the guess, it is the
 real-time iteration (Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -53,21 +53,22 @@ class Linear:
 
 
 def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
-    """All of `Place` with a first axis of N, at delta_a (N, n_a) mm. every: what is learned of inertia and of the inner
-    motions is asked at each so many, and interpolated between; energy and where the effectors rest are asked of all."""
+    """All of `Place` with a first axis of N, at delta_a (N, n_a) mm. every: mass, viscosity and inner motions are asked
+    at each so many, and interpolated between; of more than one, their slopes are those at the first. Energy and where
+    the effectors rest are asked of all."""
     count = len(delta_a)
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
-    found = [model.at(delta_a[k]) for k in knots]
+    found = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
     after = np.clip(np.searchsorted(knots, np.arange(count)), 1, max(len(knots) - 1, 1))
     before = after - 1
     last = len(knots) - 1
     after = np.minimum(after, last)
     width = np.maximum(knots[after] - knots[before], 1)
     share = np.minimum((np.arange(count) - knots[before]) / width, 1.0)
-    learned = {}
-    for name in ("M", "F", "dM", "H", "dH"):
-        values = np.array([getattr(one, name) for one in found])
+    learned = {name: np.broadcast_to(found[0][name], (count, *found[0][name].shape)) for name in ("dM", "dH")}
+    for name in ("M", "F", "H"):
+        values = np.array([one[name] for one in found])
         t = share.reshape(-1, *[1] * (values.ndim - 1))
         learned[name] = (1 - t) * values[before] + t * values[after]
     return Place(
@@ -75,9 +76,21 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
         stiff=part["hessian"],
         e=part["effector"],
         J=part["effector_gradient"],
-        inner=found[0].inner,
+        inner=model.inner,
         **learned,
     )
+
+
+def moved(place: Place, model: MotionModel, delta_a: np.ndarray) -> Place:
+    """With energy and where the effectors rest at delta_a (N, n_a) mm, and the inertia and inner motions of before."""
+    part = model.static.parts(delta_a, delta_a[:, :0])
+    e, J = part["effector"], part["effector_gradient"]
+    return replace(place, pull=part["gradient"], stiff=part["hessian"], e=e, J=J)
+
+
+def first_of(place: Place) -> Place:
+    """The first of `places`, which keeps its first axis."""
+    return replace(place, **{one.name: getattr(place, one.name)[:1] for one in fields(Place) if one.name != "inner"})
 
 
 def linear_steps(

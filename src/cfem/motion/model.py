@@ -105,8 +105,8 @@ class MotionModel:
         self._series_T = np.ascontiguousarray(series.T)
         self._slopes = hstack(input_derivatives(indices, to_box, n_a), format="csc").T.tocsr()
         self._where, self._unpack = where, unpacking(self.n_q)
-        self._inner = self.stiffness * np.eye(self.n_r)
-        self._inner.flags.writeable = False
+        self.inner = self.stiffness * np.eye(self.n_r)
+        self.inner.flags.writeable = False
 
     @property
     def rest_e(self) -> np.ndarray:
@@ -116,28 +116,32 @@ class MotionModel:
     def at(self, delta_a: np.ndarray) -> Place:
         """Everything at delta_a (n_a,) mm."""
         part = self.static.parts(delta_a, delta_a[:0])
-        phi = self._basis(delta_a @ self._to_box_T + self._offset)
-        n_a, n_e, moving, where = self.n_a, self.rows.n_e, self._moving, self._where
-        terms = np.empty((1 + n_a, len(phi)))
-        terms[0], terms[1:] = phi, (self._slopes @ phi).reshape(n_a, -1)
-        rows = terms @ self._series_T[:, :moving]
-        roots = rows[:, where["M"]][:, self._unpack] / self.scale
-        H = rows[:, where["H"]].reshape(1 + n_a, n_e, self.n_r)
-        half = roots[1:].swapaxes(1, 2) @ roots[0]
-        triangles = (phi @ self._series_T[:, moving:]).reshape(len(self.losses), where["M"].stop)
-        losses = triangles[:, self._unpack] / self.scale
         return Place(
             pull=part["gradient"],
             stiff=part["hessian"],
             e=part["effector"],
             J=part["effector_gradient"],
-            M=roots[0].T @ roots[0],
-            inner=self._inner,
-            F=losses.swapaxes(1, 2) @ losses,
-            dM=half + half.swapaxes(1, 2),
-            H=H[0],
-            dH=H[1:],
+            inner=self.inner,
+            **self.learned(delta_a),
         )
+
+    def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
+        """M, F and H of `Place` at delta_a (n_a,) mm, and dM and dH where `slopes` are asked."""
+        phi = self._basis(delta_a @ self._to_box_T + self._offset)
+        n_e, moving, where = self.rows.n_e, self._moving, self._where
+        terms = phi[None]
+        if slopes:
+            terms = np.concatenate([terms, (self._slopes @ phi).reshape(self.n_a, -1)])
+        rows = terms @ self._series_T[:, :moving]
+        roots = rows[:, where["M"]][:, self._unpack] / self.scale
+        H = rows[:, where["H"]].reshape(len(terms), n_e, self.n_r)
+        triangles = (phi @ self._series_T[:, moving:]).reshape(len(self.losses), where["M"].stop)
+        losses = triangles[:, self._unpack] / self.scale
+        found = {"M": roots[0].T @ roots[0], "F": losses.swapaxes(1, 2) @ losses, "H": H[0]}
+        if slopes:
+            half = roots[1:].swapaxes(1, 2) @ roots[0]
+            found |= {"dM": half + half.swapaxes(1, 2), "dH": H[1:]}
+        return found
 
 
 def layout(n_q: int, n_r: int, n_e: int, losses: int) -> dict[str, slice]:

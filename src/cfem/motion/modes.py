@@ -45,3 +45,10 @@ def natural_modes(
         lost = sum(m[1] * f for m, f in zip(moduli, by_material, strict=True))
         found = squares + stored
     return Modes(np.sqrt(found) / (2 * np.pi), lost / (2 * found), shapes, place.effectors_by_q @ shapes)
+
+
+def prewarp(frequency: float, dt: float) -> float:
+    """What steps of the midpoint rule of dt s slow a vibration of a frequency in Hz by. Mass times its square and
+    viscosity times it make up for that (prewarping, as in Tustin's method)."""
+    half = min(np.pi * frequency * dt, 1.0)
+    return float(half / np.tan(half))

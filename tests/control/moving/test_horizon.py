@@ -11,12 +11,12 @@ from cfem.control.moving.horizon import (
     HalfSpace,
     Predicted,
     best_commands,
-    blocks,
     condensed_forces,
     condensed_states,
 )
 from cfem.control.qp import QpStatus
 from cfem.motion.linear import Guess, Material
+from cfem.motion.mpc_spec import blocks
 
 N = 6
 FREE = Bounds(np.array([[-np.inf, np.inf]]), np.array([np.inf]), np.array([[-np.inf, np.inf]]))

@@ -15,10 +15,10 @@ from cfem.control.moving.clocked import Clocked
 from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.control.moving.spec import DoubtSpec, MpcSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.motion.model import MotionModel
+from cfem.motion.mpc_spec import DoubtSpec, MpcSpec
 
 _NO_NOISE = 0.01  # mm, of a sensor without
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.motion.linear import Guess, Kind, Linear, Material, linear_steps, places
+from cfem.motion.linear import Guess, Kind, Linear, Material, linear_steps, moved, places
 from cfem.motion.model import MotionModel, Place
-from cfem.motion.modes import natural_modes
+from cfem.motion.modes import natural_modes, prewarp
 from cfem.motion.step import at_rest
 
 _ITERATIONS, _SETTLED = 4, 1e-4
@@ -37,8 +37,7 @@ class Clocked:
         self.n_a, self.n_q = model.n_a, model.n_q
         self.n_z = (2 + sum(len(one.prony) for one in model.losses)) * model.n_q
         self.frequency = float(natural_modes(model, about, kind == "displacement", 1).frequency[0])
-        half = min(np.pi * self.frequency * dt, 1.0)
-        self._warp = half / np.tan(half)
+        self._warp = prewarp(self.frequency, dt)
 
     def at_rest(self, condensed: Condensed) -> State:
         """Standing still where the static model says."""
@@ -58,15 +57,22 @@ class Clocked:
         place, losses = places(self.model, middle, every), self.model.losses
         return linear_steps(self._warped(place), losses, guess, self.kind, self.dt, material), place
 
-    def step(self, state: State, u: np.ndarray, material: Material) -> tuple[State, Linear]:
-        """The state after a tick in which the command moves to u (n_a,), and the last linearisation."""
+    def step(
+        self, state: State, u: np.ndarray, material: Material, place: Place | None = None
+    ) -> tuple[State, Linear, Place]:
+        """The state after a tick in which the command moves to u (n_a,), its last linearisation, and what the model
+        says at its middle; place: whose inertia and inner motions are taken, None: those where the last velocity leads
+        to."""
         z, v, told, size = state.z, state.v, self.acting(state.u, u), self.model.scale
         for _ in range(_ITERATIONS):
-            steps, _ = self.linear(Guess(z[None], v[None], told[None]), material)
+            middle = (z[: self.n_a] + self.dt / 2 * v[: self.n_a])[None]
+            place = places(self.model, middle) if place is None else moved(place, self.model, middle)
+            guess = Guess(z[None], v[None], told[None])
+            steps = linear_steps(self._warped(place), self.model.losses, guess, self.kind, self.dt, material)
             before, v = v, (steps.end[0, : self.n_q] - z[: self.n_q]) / self.dt
             if np.abs((v - before) / size).max() <= _SETTLED * max(float(np.abs(v / size).max()), 1.0):
                 break
-        return State(steps.end[0], v, np.asarray(u, float)), steps
+        return State(steps.end[0], v, np.asarray(u, float)), steps, place
 
     def effectors(self, z: np.ndarray, near: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z); near: of places nearby, whose inner

@@ -154,15 +154,6 @@ def best_commands(
     return Commands(np.repeat(qp.x[: n * n_a].reshape(n, n_a), lasting, axis=0), qp, softened)
 
 
-def blocks(ticks: int, moves: int) -> np.ndarray:
-    """(m,) ticks at which a command changes, m = `moves` or `ticks` where that is less: later ones are held longer."""
-    count = min(moves, ticks)
-    ends = np.geomspace(1, ticks, count).round().astype(int) if count > 1 else np.array([ticks])
-    for k in range(1, count):
-        ends[k] = max(ends[k], ends[k - 1] + 1)
-    return np.concatenate([[0], ends[:-1]])
-
-
 def _held(found: Predicted, begins: np.ndarray, n_a: int) -> Predicted:
     """Affine in the commands of the blocks."""
     if len(begins) == len(found.value):

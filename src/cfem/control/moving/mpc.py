@@ -18,17 +18,16 @@ from cfem.control.moving.horizon import (
     HalfSpace,
     Predicted,
     best_commands,
-    blocks,
     condensed_forces,
     condensed_states,
 )
 from cfem.control.moving.observer import Doubt, Observer
 from cfem.control.qp import Backend, QpStatus
 from cfem.core.errors import NumericalError
-from cfem.motion.linear import Guess, Material
+from cfem.motion.linear import Guess, Material, first_of
+from cfem.motion.model import Place
+from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.plant.protocol import Measurement
-
-_EVERY = 4  # of the ticks of the horizon, at which what is learned of inertia is asked
 
 
 @dataclass(frozen=True)
@@ -80,10 +79,10 @@ class Mpc:
         self.aimed = goals[0] + self._rest_e
         try:
             now = self._present(measured)
-            found, states = self._solve(now, goals)
+            found, states, place = self._solve(now, goals)
             why = found.qp.status
         except (NumericalError, np.linalg.LinAlgError) as error:
-            found, why = None, str(error)
+            found, why, place = None, str(error), None
         if found is None or why is not QpStatus.OPTIMAL:
             # what was planned before, as far as the bounds admit it: it was found from within them
             u, status, softened = self._ahead[0], getattr(why, "value", why), False
@@ -93,7 +92,7 @@ class Mpc:
             self._ahead = np.concatenate([found.U[1:], found.U[-1:]])
             self._states = states
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
-        self._sent(u)
+        self._sent(u, place)
         self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened)
         return self.belief
 
@@ -103,24 +102,25 @@ class Mpc:
         self.observer.hear(measured, self._rest_e)
         return self.observer.now()
 
-    def _sent(self, u: np.ndarray) -> None:
+    def _sent(self, u: np.ndarray, place: Place | None) -> None:
         if self.observer is None:
-            self._state, _ = self._clocked.step(self._state, u, self._material)
+            self._state, _, _ = self._clocked.step(self._state, u, self._material, place)
         else:
-            self.observer.told(u)
+            self.observer.told(u, place)
 
     @property
     def _material(self) -> Material:
         return Material() if self.observer is None else self.observer.material
 
-    def _solve(self, now: State, goals: np.ndarray) -> tuple[Commands, np.ndarray]:
-        """The commands of the horizon, and the states (N, n_z) that they lead to."""
+    def _solve(self, now: State, goals: np.ndarray) -> tuple[Commands, np.ndarray, Place]:
+        """The commands of the horizon, the states (N, n_z) that they lead to, and what the model says at its first
+        tick."""
         clocked, plan = self._clocked, self._plan
         offset = 0.0 if self.observer is None else self.observer.offset
         z, U = self._states, self._ahead
         acting = clocked.acting(np.concatenate([now.u[None], U[:-1]]), U)
         guess = Guess(z[:-1], np.diff(z[:, : clocked.n_q], axis=0) / clocked.dt, acting)
-        steps, near = clocked.linear(guess, self._material, _EVERY)
+        steps, near = clocked.linear(guess, self._material, EVERY)
         mean = clocked.kind == "force"
         states = condensed_states(steps, now.z, guess.state, acting, now.u, mean)
         about = states.at(U.ravel())
@@ -134,4 +134,4 @@ class Mpc:
         found = best_commands(
             effectors, course, goals, now.u, self._rest, plan.cost, plan.bounds, plan.backend, self._begins
         )
-        return found, states.at(found.U.ravel())
+        return found, states.at(found.U.ravel()), first_of(near)

@@ -9,10 +9,12 @@ commands given since lead to the present."""
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from cfem.control.moving.clocked import Clocked, State
 from cfem.core.errors import InputError, NumericalError
 from cfem.motion.linear import Linear, Material
+from cfem.motion.model import Place
 from cfem.plant.protocol import Measurement
 
 _KNOWN = 4.0  # standard deviations within which a logarithm of the material stays
@@ -42,6 +44,8 @@ class Observer:
         self.state, self.offset = start, np.zeros(len(weights))
         self._log, self.heard = np.zeros(2), 0
         self._commands: list[np.ndarray] = []
+        self._places: list[Place | None] = []  # of the ticks of the commands
+        self._place: Place | None = None  # of the last tick
         self._n_z = clocked.n_z
         self._each = np.array([doubt.stiffness, doubt.viscosity])
         n = self._n_z + 2 + len(weights)
@@ -59,9 +63,10 @@ class Observer:
         """As estimated."""
         return Material(*np.exp(self._log).tolist())
 
-    def told(self, u: np.ndarray) -> None:
-        """The command (n_a,) of the next tick."""
+    def told(self, u: np.ndarray, place: Place | None = None) -> None:
+        """The command (n_a,) of the next tick; place: whose inertia is taken for it, None: asked of the model."""
         self._commands.append(np.asarray(u, float))
+        self._places.append(place)
 
     def hear(self, measured: Measurement | None, rest_e: np.ndarray) -> None:
         """A sample, with the number of its tick; one heard before changes nothing, and one without a position does not
@@ -71,9 +76,10 @@ class Observer:
         if measured.t > self.heard + len(self._commands):
             what = f"the sample is of tick {measured.t}, and {self.heard + len(self._commands)} commands were given"
             raise InputError(what, do="number the samples by the command that they follow, from 1 on")
-        for u in self._commands[: measured.t - self.heard]:
-            self._predict(u)
-        self._commands = self._commands[measured.t - self.heard :]
+        ticks = measured.t - self.heard
+        for u, place in zip(self._commands[:ticks], self._places[:ticks], strict=True):
+            self._predict(u, place)
+        self._commands, self._places = self._commands[ticks:], self._places[ticks:]
         self.heard = measured.t
         if np.isfinite(measured.x_e[self._measured]).all():
             self._correct(measured.x_e - rest_e)
@@ -83,27 +89,28 @@ class Observer:
     def now(self) -> State:
         """Where the commands given since the last sample have led."""
         state, material = self.state, self.material
-        for u in self._commands:
-            state, _ = self._clocked.step(state, u, material)
+        for k, u in enumerate(self._commands):
+            state, _, self._places[k] = self._clocked.step(state, u, material, self._places[k])
         return state
 
-    def _predict(self, u: np.ndarray) -> None:
-        state, steps = self._clocked.step(self.state, u, self.material)
+    def _predict(self, u: np.ndarray, place: Place | None) -> None:
+        state, steps, self._place = self._clocked.step(self.state, u, self.material, place)
         n_z, n = self._n_z, len(self.covariance)
         F = np.eye(n)
         F[:n_z, :n_z], F[:n_z, n_z : n_z + 2] = steps.A[0], steps.by_material[0]
         self.covariance = F @ self.covariance @ F.T
-        self.covariance[:n_z, :n_z] += self._pushes(steps)
+        self.covariance[:n_z, :n_z] += self._pushes(steps, self._place)
         dt, rest = self._clocked.dt, np.arange(n_z, n)
         grown = np.concatenate([(self._doubt.wander * self._each) ** 2, np.full(n - n_z - 2, self._doubt.offset**2)])
         self.covariance[rest, rest] += dt * grown
         self.state = state
 
-    def _pushes(self, steps: Linear) -> np.ndarray:
+    def _pushes(self, steps: Linear, place: Place) -> np.ndarray:
         """(n_z, n_z): of forces during a tick with a covariance in proportion to the stiffness, such that at rest they
         would move the effectors by `push`."""
-        place = self._clocked.model.at(self.state.z[: self._clocked.n_a])
-        K, J, n_a = self.material.stiffness * place.K, place.effectors_by_q, self._clocked.n_a
+        n_a = self._clocked.n_a
+        K = self.material.stiffness * block_diag(place.stiff[0], place.inner)
+        J = np.concatenate([place.J[0], place.H[0]], axis=1)
         free = slice(n_a, None) if self._clocked.kind == "displacement" else slice(None)
         moved = np.trace(J[:, free] @ np.linalg.solve(K[free, free], J[:, free].T)) / len(J)
         n_q, dt = self._clocked.n_q, self._clocked.dt
@@ -114,7 +121,7 @@ class Observer:
 
     def _correct(self, delta_e: np.ndarray) -> None:
         rows, n_z = self._measured, self._n_z
-        expected, C = self._clocked.effectors(self.state.z[None])
+        expected, C = self._clocked.effectors(self.state.z[None], self._place)
         H = np.zeros((len(delta_e), len(self.covariance)))
         H[:, :n_z], H[:, n_z + 2 :] = C[0], np.eye(len(delta_e))
         H, missed = H[rows], (delta_e - expected[0] - self.offset)[rows]

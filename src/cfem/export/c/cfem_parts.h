@@ -19,6 +19,10 @@ typedef struct {
 
 /* The potential's and the effectors' Chebyshev series and their derivatives at s. */
 void cfem_spectral(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts);
+
+/* The potential's alone, and the effectors' alone. */
+void cfem_potential_parts(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts);
+void cfem_effector_parts(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts);
 #endif
 
 #if CFEM_SERIAL

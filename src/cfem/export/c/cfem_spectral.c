@@ -124,18 +124,18 @@ INLINE void effectors(const polynomials *t, const int n, const int outputs, cfem
     for (int i = 0; i <= n; i++) EACH(o) out[i][o] = sum[0][i][o];
 }
 
-INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts *parts) {
-    polynomials t[MOST];
-    quadratic sum[MOST], *const psi = sum;
-    cfem_real e[MOST + 1][MOST_OUTPUTS];
+INLINE void at_input(const int n, const double *s, polynomials t[MOST]) {
     for (int i = 0; i < n; i++) {
         double z = cfem_offset[i];
         for (int j = 0; j < NA; j++) z += cfem_to_box[i][j] * s[j];
         evaluate(z, &t[i]);
     }
+}
+
+/* From z to s: gradients by to_box^T, the Hessian on both sides. */
+INLINE void potential_parts(const int n, const polynomials *t, cfem_parts *parts) {
+    quadratic sum[MOST], *const psi = sum;
     potential(t, n, sum);
-    effectors(t, n, outputs, e);
-    /* From z to s: gradients by to_box^T, the Hessian on both sides. */
     for (int i = 0; i < n; i++)
         for (int k = 0; k < i; k++) psi->hessian[i][k] = psi->hessian[k][i];
     for (int i = 0; i < NA; i++) {
@@ -151,6 +151,14 @@ INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts
             for (int k = 0; k < n; k++) parts->hessian[i][j] += row[k] * cfem_to_box[k][j];
         }
     }
+#if CFEM_FULL
+    parts->energy = (double)psi->value;
+#endif
+}
+
+INLINE void effector_parts(const int n, const int outputs, const polynomials *t, cfem_parts *parts) {
+    cfem_real e[MOST + 1][MOST_OUTPUTS];
+    effectors(t, n, outputs, e);
     for (int o = 0; o < NE; o++) {
         parts->effector[o] = (double)e[n][o];
         for (int i = 0; i < NA; i++) {
@@ -159,10 +167,16 @@ INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts
         }
     }
 #if CFEM_FULL
-    parts->energy = (double)psi->value;
     for (int i = 0, packed = NE; i < NE; i++)
         for (int j = i; j < NE; j++, packed++) parts->compliance[i][j] = parts->compliance[j][i] = (double)e[n][packed];
 #endif
+}
+
+INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts *parts) {
+    polynomials t[MOST];
+    at_input(n, s, t);
+    potential_parts(n, t, parts);
+    effector_parts(n, outputs, t, parts);
 }
 
 /* Loops of few and known rounds are unrolled: two actuators and one point are common. */
@@ -171,6 +185,18 @@ void cfem_spectral(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts) {
         of_sizes(2, 3, s, parts);
     else
         of_sizes(CFEM_NZ, OUTPUTS, s, parts);
+}
+
+void cfem_potential_parts(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts) {
+    polynomials t[MOST];
+    at_input(CFEM_NZ, s, t);
+    potential_parts(CFEM_NZ, t, parts);
+}
+
+void cfem_effector_parts(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts) {
+    polynomials t[MOST];
+    at_input(CFEM_NZ, s, t);
+    effector_parts(CFEM_NZ, OUTPUTS, t, parts);
 }
 
 #endif

@@ -1,0 +1,74 @@
+/* Model predictive control of a robot that moves, C99: no heap, no I/O, every loop bounded. At each tick the steps of the horizon are
+ * linearised about the last plan, shifted by a tick, and one quadratic program gives the commands, of which the first is sent (real-time
+ * iteration). An observer, an extended Kalman filter, follows state, stiffness, viscosity and an offset of the effectors from samples of
+ * these. As src/cfem/control/moving has it; conventions are those of cfem.h.
+ *
+ * Units: mm, N, s (chambers: mm^3, MPa). A robot's state is a cfem_mpc that the caller owns: some 100 kB, static rather than on a
+ * stack. */
+#ifndef CFEM_MPC_H
+#define CFEM_MPC_H
+
+#include "cfem.h"
+#include "cfem_plan.h"
+#include "cfem_tick.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    double goal[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NE]; /* mm, absolute: at the ends of the next `ahead` ticks */
+    int ahead;                                          /* how many are known, at least 1; the last holds on */
+    double x_e[CFEM_MPC_MOST_NE];                       /* mm, absolute: the latest sample of the effectors */
+    long sampled;                                       /* the number of the tick, from 1 on, at whose end it was taken; 0: none yet;
+                                                           a sample that was heard before changes nothing */
+} cfem_mpc_input;
+
+typedef struct {
+    double u[CFEM_MPC_MOST_NA];       /* the command of this tick: N (MPa), or mm (mm^3) */
+    double delta_a[CFEM_MPC_MOST_NA]; /* mm (mm^3): where the plan has the actuators at its end */
+    unsigned status;                  /* as of cfem_step. CFEM_HELD: what was planned before goes on; CFEM_SOFTENED: bounds on the
+                                         course or planes contradict each other, and are missed by the least sum of squares */
+} cfem_mpc_output;
+
+typedef struct {
+    long sent, heard;                                         /* commands given; the tick of the last sample */
+    cfem_moving state;                                        /* at that tick; without an observer: now */
+    cfem_material material;                                   /* as estimated */
+    double logarithm[2], offset[CFEM_MPC_MOST_NE];            /* of stiffness and viscosity; mm of the effectors */
+    double covariance[CFEM_MPC_COLUMNS][CFEM_MPC_COLUMNS];    /* (NX, NX) */
+    double late[CFEM_MPC_MOST_LATE][CFEM_MPC_MOST_NA];        /* commands given since, */
+    cfem_inertia place[CFEM_MPC_MOST_LATE];                   /* and the inertia of their ticks */
+    int known[CFEM_MPC_MOST_LATE];
+    double rest[CFEM_MPC_MOST_NA];                            /* the first command */
+    double ahead[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NA];      /* the plan, */
+    double states[CFEM_MPC_MOST_TICKS + 1][CFEM_MPC_MOST_NZ]; /* and where it leads */
+    /* Work. */
+    cfem_plan plan;
+    cfem_stage stage[CFEM_MPC_MOST_TICKS];
+    double w[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NA];
+    double columns[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NZ * CFEM_MPC_MOST_NA];
+    double moved[CFEM_MPC_COLUMNS][CFEM_MPC_COLUMNS];
+    cfem_inertia before, after, near, first; /* first: of the last horizon's first tick */
+    int has_first;
+} cfem_mpc;
+
+extern const unsigned long cfem_mpc_bytes; /* of a cfem_mpc */
+
+/* The robot stands still with its actuators at delta_a (NA,), or at the start of the export where that is NULL. */
+void cfem_mpc_init(cfem_mpc *mpc, const double *delta_a);
+
+/* One tick. Returns output->status. */
+unsigned cfem_mpc_step(cfem_mpc *mpc, const cfem_mpc_input *input, cfem_mpc_output *output);
+
+/* The observer, which cfem_mpc_step calls. What it takes to be uncertain at the start; hear a sample, 0, or 1 where the estimate is lost;
+ * where the commands given since the last sample have led, 0 or 1 as well. */
+void cfem_observer_init(cfem_mpc *mpc);
+int cfem_observer_hear(cfem_mpc *mpc, const double *x_e, long sampled);
+int cfem_observer_now(cfem_mpc *mpc, cfem_moving *now);
+int cfem_observer_told(cfem_mpc *mpc, const double *u);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

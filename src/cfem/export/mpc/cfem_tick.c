@@ -1,0 +1,268 @@
+#include "cfem_tick.h"
+
+#include <string.h>
+
+#include "cfem_linear.h"
+#include "cfem_parts.h"
+
+#define NA CFEM_MOTION_NA
+#define NQ CFEM_MOTION_NQ
+#define NR CFEM_MPC_NR
+#define NE CFEM_MOTION_NE
+#define NZ CFEM_MPC_NZ
+#define MOST_NA CFEM_MPC_MOST_NA
+#define MOST_NQ CFEM_MPC_MOST_NQ
+#define DT CFEM_MPC_DT
+#define HELD (!CFEM_MPC_FORCE)
+#define FIRST (HELD ? NA : 0) /* of q that the equations give */
+#define ITERATIONS 4
+#define SETTLED 1e-4
+
+/* out (rows, m) += A (rows, inner) z (inner, m): the columns are summed in registers. */
+CFEM_INLINE void add_product(int rows, int inner, const double *A, int across, int m, const double *z, int stride, double *out,
+                             int wide) {
+    for (int i = 0; i < rows; i++) {
+        double sum[MOST_NA];
+        CFEM_UNROLL for (int c = 0; c < m; c++) sum[c] = out[i * wide + c];
+        for (int j = 0; j < inner; j++) {
+            const double a = A[i * across + j];
+            CFEM_UNROLL for (int c = 0; c < m; c++) sum[c] += a * z[j * stride + c];
+        }
+        CFEM_UNROLL for (int c = 0; c < m; c++) out[i * wide + c] = sum[c];
+    }
+}
+
+/* out (NQ,) += factor S x, S symmetric as its upper triangle. */
+static void add_symmetric(double factor, const double *S, const double *x, double *out) {
+    for (int i = 0; i < NQ; i++) {
+        double sum = *S++ * x[i];
+        const double own = factor * x[i];
+        for (int j = i + 1; j < NQ; j++, S++) sum += *S * x[j], out[j] += own * *S;
+        out[i] += factor * sum;
+    }
+}
+
+/* A^-1 of A's rows and columns from `first` on, by Gauss and Jordan with row pivots; 1 where A is singular. */
+static int invert(int first, double A[MOST_NQ][MOST_NQ], double out[MOST_NQ][MOST_NQ]) {
+    double B[MOST_NQ][MOST_NQ];
+    memcpy(B, A, sizeof B);
+    for (int i = first; i < NQ; i++)
+        for (int j = first; j < NQ; j++) out[i][j] = i == j;
+    for (int k = first; k < NQ; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < NQ; i++)
+            if (fabs(B[i][k]) > fabs(B[pivot][k])) pivot = i;
+        if (!(fabs(B[pivot][k]) > 0.0)) return 1;
+        for (int j = first; j < NQ && pivot != k; j++) {
+            const double b = B[k][j], c = out[k][j];
+            B[k][j] = B[pivot][j], B[pivot][j] = b;
+            out[k][j] = out[pivot][j], out[pivot][j] = c;
+        }
+        const double by = 1.0 / B[k][k];
+        for (int j = first; j < NQ; j++) B[k][j] *= by, out[k][j] *= by;
+        for (int i = first; i < NQ; i++) {
+            const double factor = B[i][k];
+            if (i == k || factor == 0.0) continue;
+            for (int j = k; j < NQ; j++) B[i][j] -= factor * B[k][j];
+            for (int j = first; j < NQ; j++) out[i][j] -= factor * out[k][j];
+        }
+    }
+    return 0;
+}
+
+/* What m columns do: right (NQ, m) of the equations, which what is held (X of actuators, known) is taken off; X (NQ, m) = v. */
+CFEM_INLINE void respond(const cfem_stage *s, int m, double right[MOST_NQ * MOST_NA], double X[MOST_NQ * MOST_NA], double *lambda,
+                         int stride) {
+    if (HELD) {
+        double held[MOST_NA * MOST_NA];
+        for (int i = 0; i < NA * m; i++) held[i] = -X[i];
+        add_product(NR, NA, s->speed[NA], MOST_NQ, m, held, m, right + NA * m, m);
+    }
+    for (int i = FIRST * m; i < NQ * m; i++) X[i] = 0.0;
+    add_product(NQ - FIRST, NQ - FIRST, &s->inverse[FIRST][FIRST], MOST_NQ, m, right + FIRST * m, m, X + FIRST * m, m);
+    if (!HELD || !lambda) return;
+    for (int a = 0; a < NA; a++) /* what the rows of the actuators lack */
+        for (int c = 0; c < m; c++) {
+            double sum = -right[a * m + c];
+            for (int j = 0; j < NQ; j++) sum += s->speed[a][j] * X[j * m + c];
+            lambda[a * stride + c] = 2.0 / DT * sum;
+        }
+}
+
+/* The state after v = X: out (NZ, m). */
+CFEM_INLINE void arrive(const cfem_stage *s, int m, const double *z, int stride, const double *X, double *out) {
+    double moved[MOST_NA * MOST_NA], impulse[MOST_NQ * MOST_NA];
+    for (int a = 0; a < NA; a++)
+        for (int c = 0; c < m; c++) moved[a * m + c] = DT / 2 * X[a * m + c] + (z ? z[a * stride + c] : 0.0);
+    for (int i = 0; i < NQ * m; i++) impulse[i] = 0.0;
+    add_product(NQ, NQ, s->M[0], MOST_NQ, m, X, m, impulse, m);
+    add_product(NQ, NA, s->turning[0], MOST_NA, m, moved, m, impulse, m);
+    for (int i = 0; i < NQ; i++)
+        for (int c = 0; c < m; c++) {
+            const double x = X[i * m + c];
+            out[i * stride + c] = DT * x + (z ? z[i * stride + c] : 0.0);
+            out[(NQ + i) * stride + c] = 2.0 * impulse[i * m + c] - (z ? z[(NQ + i) * stride + c] : 0.0);
+            for (int t = 0; t < CFEM_MOTION_TERMS; t++) {
+                const double half = DT / (2.0 * cfem_motion_prony[t][1]);
+                const int row = ((2 + t) * NQ + i) * stride + c;
+                out[row] = (DT * x + (z ? (1.0 - half) * z[row] : 0.0)) / (1.0 + half);
+            }
+        }
+}
+
+CFEM_INLINE void apply(const cfem_stage *s, int m, int stride, const double *z, const double *w, double share, double *out,
+                       double *lambda) {
+    double right[MOST_NQ * MOST_NA], X[MOST_NQ * MOST_NA];
+    for (int i = 0; i < NQ; i++)
+        for (int c = 0; c < m; c++) right[i * m + c] = z ? z[(NQ + i) * stride + c] - (i < NA ? 0.0 : s->inner * z[i * stride + c]) : 0.0;
+    if (z) {
+        double back[MOST_NA * MOST_NA];
+        for (int a = 0; a < NA; a++)
+            for (int c = 0; c < m; c++) back[a * m + c] = -z[a * stride + c];
+        add_product(NQ, NA, s->place[0], MOST_NA, m, back, m, right, m);
+        for (int l = 0, t = 0; l < CFEM_MOTION_LOSSES; l++)
+            for (int k = 0; k < cfem_motion_prony_terms[l]; k++, t++) {
+                const double by = -cfem_motion_prony[t][0] / (1.0 + DT / (2.0 * cfem_motion_prony[t][1]));
+                for (int c = 0; c < m; c++) {
+                    double one[MOST_NQ], sum[MOST_NQ] = {0};
+                    for (int i = 0; i < NQ; i++) one[i] = z[((2 + t) * NQ + i) * stride + c];
+                    add_symmetric(by, s->F[l], one, sum);
+                    for (int i = 0; i < NQ; i++) right[i * m + c] += sum[i];
+                }
+            }
+    }
+    for (int a = 0; a < NA; a++)
+        for (int c = 0; c < m; c++) {
+            const double by_w = w ? w[a] : share * (a == c);
+            if (HELD)
+                X[a * m + c] = (by_w - (z ? z[a * stride + c] : 0.0)) / DT;
+            else
+                right[a * m + c] += DT / 2 * by_w;
+        }
+    respond(s, m, right, X, lambda, stride);
+    arrive(s, m, z, stride, X, out);
+}
+
+void cfem_stage_of_one(const cfem_stage *stage, const double *z, const double *w, double *out, double *lambda) {
+    apply(stage, 1, 1, z, w, 0.0, out, lambda);
+}
+
+void cfem_stage_of_block(const cfem_stage *stage, int stride, const double *z, double share, double *out, double *lambda) {
+    apply(stage, NA, stride, z, 0, share, out, lambda);
+}
+
+void cfem_stage_by_material(const cfem_stage *stage, double out[CFEM_MPC_MOST_NZ][2]) {
+    for (int c = 0; c < 2; c++) {
+        double right[MOST_NQ * MOST_NA], X[MOST_NQ * MOST_NA] = {0}, one[CFEM_MPC_MOST_NZ];
+        for (int i = 0; i < NQ; i++) right[i] = stage->of_material[i][c];
+        respond(stage, 1, right, X, 0, 1);
+        arrive(stage, 1, 0, 1, X, one);
+        for (int i = 0; i < NZ; i++) out[i][c] = one[i];
+    }
+}
+
+/* Forces of viscosity, minus their slope by v onto `speed`. */
+static void viscous(const double *z, const double *v, const cfem_inertia *inertia, double size, cfem_stage *s, double *force) {
+    for (int l = 0, t = 0; l < CFEM_MOTION_LOSSES; l++) {
+        double rate = cfem_motion_relaxation[l], x[MOST_NQ] = {0};
+        for (int k = 0; k < cfem_motion_prony_terms[l]; k++, t++) {
+            const double half = DT / (2.0 * cfem_motion_prony[t][1]), share = cfem_motion_prony[t][0] / (1.0 + half);
+            rate += share * DT / 2;
+            for (int i = 0; i < NQ; i++) x[i] += share * z[(2 + t) * NQ + i];
+        }
+        for (int i = 0; i < NQ; i++) x[i] += rate * v[i];
+        add_symmetric(-size, inertia->F[l], x, force);
+        const double *F = inertia->F[l];
+        double *scaled = s->F[l];
+        for (int i = 0; i < NQ; i++)
+            for (int j = i; j < NQ; j++, F++) {
+                *scaled++ = DT / 2 * size * *F;
+                const double by = DT / 2 * rate * size * *F;
+                s->speed[i][j] += by;
+                if (i != j) s->speed[j][i] += by;
+            }
+    }
+}
+
+int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_inertia *inertia, const cfem_inertia *first,
+                  const cfem_material *material, cfem_stage *s) {
+    const double stiffness = material->stiffness, kappa = stiffness * cfem_motion_stiffness;
+    double elastic[MOST_NQ], lost[MOST_NQ] = {0}, turned[MOST_NQ] = {0}, Mv[MOST_NQ] = {0};
+    double right[MOST_NQ * MOST_NA], X[MOST_NQ * MOST_NA], by_turn[MOST_NA][MOST_NQ] = {{0}}, one[CFEM_MPC_MOST_NZ];
+    cfem_parts parts;
+    const double *M = inertia->M;
+    for (int a = 0; a < NA; a++) s->middle[a] = z[a] + DT / 2 * v[a];
+    cfem_potential_parts(s->middle, &parts);
+    for (int i = 0; i < NQ; i++)
+        for (int j = i; j < NQ; j++) s->M[i][j] = s->M[j][i] = *M++;
+    memcpy(s->speed, s->M, sizeof s->speed);
+    viscous(z, v, inertia, stiffness * material->viscosity, s, lost);
+    s->inner = DT / 2 * kappa;
+    for (int a = 0; a < NA; a++) {
+        add_symmetric(1.0, first->dM[a], v, by_turn[a]);
+        elastic[a] = -stiffness * parts.gradient[a];
+        turned[a] = cfem_dot(NQ, by_turn[a], v) / 2;
+    }
+    for (int r = NA; r < NQ; r++) elastic[r] = -kappa * (z[r] + DT / 2 * v[r]), s->speed[r][r] += DT / 2 * s->inner;
+    for (int i = 0; i < NQ; i++)
+        for (int a = 0; a < NA; a++) {
+            s->turning[i][a] = by_turn[a][i];
+            s->place[i][a] = by_turn[a][i] + (i < NA ? DT / 2 * stiffness * parts.hessian[i][a] : 0.0);
+            s->speed[i][a] += DT / 2 * s->place[i][a];
+        }
+    for (int a = 0; a < NA; a++)
+        for (int j = 0; j < NQ; j++) s->speed[a][j] -= DT / 2 * by_turn[a][j];
+    if (invert(FIRST, s->speed, s->inverse)) return 1;
+    add_symmetric(1.0, inertia->M, v, Mv);
+    for (int i = 0; i < NQ; i++) {
+        s->of_material[i][0] = DT / 2 * (elastic[i] + lost[i]), s->of_material[i][1] = DT / 2 * lost[i];
+        right[i] = z[NQ + i] - Mv[i] + DT / 2 * (elastic[i] + turned[i] + lost[i] + (i < NA && !HELD ? w[i] : 0.0));
+        if (i < NA) X[i] = (w[i] - z[i]) / DT - v[i];
+    }
+    respond(s, 1, right, X, s->lambda, 1);
+    for (int i = 0; i < NQ; i++) X[i] += v[i];
+    /* As `arrive` does, but the mass turns by what the step adds to v alone. */
+    for (int i = 0; i < NQ; i++) one[i] = X[i];
+    arrive(s, 1, z, 1, one, s->end);
+    double sum = 0.0;
+    for (int i = 0; i < NQ; i++) {
+        for (int a = 0; a < NA; a++) s->end[NQ + i] -= 2.0 * s->turning[i][a] * (DT / 2 * v[a] + z[a]);
+        sum += s->end[i] + s->end[NQ + i];
+    }
+    return !cfem_finite(sum);
+}
+
+void cfem_acting(const double *before, const double *u, double *w) {
+    for (int a = 0; a < NA; a++) w[a] = CFEM_MPC_FORCE ? (before[a] + u[a]) / 2 : u[a];
+}
+
+int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material, cfem_inertia *inertia, int *known, cfem_stage *stage) {
+    double w[MOST_NA], middle[MOST_NA];
+    cfem_acting(state->u, u, w);
+    for (int a = 0; a < NA; a++) middle[a] = state->z[a] + DT / 2 * state->v[a];
+    if (!*known) cfem_inertia_at(middle, 1, inertia), *known = 1;
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+        double moved = 0.0, size = 1.0;
+        if (cfem_stage_at(state->z, state->v, w, inertia, inertia, material, stage)) return 1;
+        for (int i = 0; i < NQ; i++) {
+            const double v = (stage->end[i] - state->z[i]) / DT;
+            moved = fmax(moved, fabs(v - state->v[i]) / cfem_motion_scale[i]), size = fmax(size, fabs(v) / cfem_motion_scale[i]);
+            state->v[i] = v;
+        }
+        if (moved <= SETTLED * size) break;
+    }
+    memcpy(state->z, stage->end, sizeof state->z);
+    memcpy(state->u, u, sizeof(double) * NA);
+    return 0;
+}
+
+void cfem_tips(const double *z, const cfem_inertia *near, const cfem_inertia *first, double *e, double C[CFEM_MPC_MOST_NE][CFEM_MPC_MOST_NQ]) {
+    cfem_parts parts;
+    cfem_effector_parts(z, &parts);
+    for (int k = 0; k < NE; k++) {
+        const double *H = near->H + k * NR;
+        e[k] = parts.effector[k] + cfem_dot(NR, H, z + NA);
+        for (int a = 0; a < NA; a++) C[k][a] = parts.effector_gradient[k][a] + cfem_dot(NR, first->dH[a] + k * NR, z + NA);
+        for (int r = 0; r < NR; r++) C[k][NA + r] = H[r];
+    }
+}

@@ -1,0 +1,95 @@
+"""A robot of two cables that moves, made by hand on the synthetic one, and its predictive controllers, C and Python."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from export.embedded import export, spectral
+
+from cfem.condensed.model import under_force
+from cfem.control.moving.clocked import Clocked
+from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
+from cfem.control.moving.mpc import Mpc, Plan
+from cfem.control.moving.observer import Doubt
+from cfem.export.c_motion import write_c_motion
+from cfem.export.c_mpc import mpc_constants, write_c_mpc
+from cfem.export.compiled_mpc import CompiledMpc
+from cfem.export.spec import CSpec
+from cfem.motion.model import MotionModel, layout
+from cfem.predict.load import build
+
+RATE, N_Q, N_E = 50.0, 4, 3
+VISCOSITY = [{"relaxation": 4e-3, "prony": [[0.3, 0.02]]}]
+
+
+@cache
+def robot() -> tuple[dict, dict, dict]:
+    """model.json, its arrays, and those of its motion: two inner motions, a mass that changes with the place, one
+    viscous material with a Prony term. Its first frequency is 2.3 Hz."""
+    meta, arrays = spectral()
+    rng = np.random.default_rng(7)
+    indices = np.array([[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]])
+    where = layout(N_Q, N_Q - 2, N_E, 1)
+    series = 0.04 * rng.normal(size=(where["F0"].stop, len(indices)))
+    diagonal = np.flatnonzero(np.eye(N_Q)[np.triu_indices(N_Q)])
+    series[where["M"]][diagonal, 0] += 1.0
+    series[where["F0"]][diagonal, 0] += 1.0
+    series[where["H"]] *= 20.0
+    moving = {
+        "to_box": np.array([[0.1, 0.0], [0.0, 0.1]]),
+        "offset": -np.ones(2),
+        "indices": indices,
+        "series": series,
+        "scale": np.array([20.0, 15.0, 25.0, 12.0]),
+        "stiffness": np.array(8.0),
+    }
+    return {**meta, "motion": {"viscosity": VISCOSITY}}, arrays, moving
+
+
+@cache
+def model() -> MotionModel:
+    meta, arrays, moving = robot()
+    return MotionModel(build(meta, arrays), moving, VISCOSITY)
+
+
+def spec(kind: str = "force", mpc: dict | None = None, **control) -> CSpec:
+    start = model().static.domain.delta_a.mean(axis=0)
+    control = {"command": kind, "start": {"mm": start.tolist()}, **control}
+    return CSpec(controller=control, mpc={"ticks": f"{RATE} Hz", "horizon": 8, **(mpc or {})})
+
+
+def folder_of(folder: Path, chosen: CSpec) -> Path:
+    meta, arrays, moving = robot()
+    export(folder, (meta, arrays), controller=chosen.controller, vectors=20)
+    write_c_motion(folder, meta, arrays, moving)
+    write_c_mpc(folder, chosen, meta, arrays, moving)
+    return folder
+
+
+def both(folder: Path, chosen: CSpec) -> tuple[CompiledMpc, Mpc]:
+    """The controller in C, and that of Python with the same numbers."""
+    sizes, numbers, constants = mpc_constants(chosen, *robot())
+    moves, kind = model(), chosen.controller.command
+    start = moves.static.at_displacement(np.asarray(chosen.controller.start, float))
+    clocked = Clocked(moves, kind, numbers["DT"], start.delta_a)
+    normals, levels = constants["normal"], constants["level"] + constants["normal"] @ moves.rest_e
+    planes = tuple(HalfSpace(*one) for one in zip(normals, levels, strict=True)) if sizes["PLANES"] else ()
+    cost = Cost(*(constants[name] for name in ("weight", "smooth", "effort")))
+    bounds = Bounds(*(constants[name] for name in ("command", "rate", "course")), planes)
+    names = ("noise", "stiffness", "viscosity", "wander", "offset", "push")
+    doubt = Doubt(**{name: numbers[f"DOUBT_{name.upper()}"] for name in names}) if sizes["SENSED"] else None
+    plan = Plan(sizes["TICKS"], cost, bounds, moves=chosen.mpc.moves)
+    return CompiledMpc(folder_of(folder, chosen), ("-O0",)), Mpc(clocked, plan, moves.rest_e, start, doubt)
+
+
+def goals(ticks: int, share: float = 0.15) -> np.ndarray:
+    """(ticks, 3) mm: where the tip would rest under forces that swing about their middle."""
+    moves, found = model(), []
+    static, middle = moves.static, moves.static.domain.delta_a.mean(axis=0)
+    near = static.at_displacement(middle)
+    centre = near.lambda_a
+    t = np.arange(ticks) / RATE
+    for swing in share * np.stack([np.sin(12 * t), np.sin(20 * t)], axis=1):
+        near = under_force(static, centre * (1 + swing), near)
+        found.append(moves.rest_e + near.delta_e)
+    return np.array(found)

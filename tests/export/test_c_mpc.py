@@ -1,0 +1,114 @@
+"""Predictive control in C against that of Python, tick by tick, and what it says where it has no command."""
+
+import numpy as np
+import pytest
+from export.embedded import needs_compiler
+from export.moving import both, goals, model, robot, spec
+
+from cfem.core.errors import InputError, SpecError
+from cfem.export.c_mpc import write_c_mpc
+from cfem.motion.altered import Altered
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
+from cfem.plant.moving_plant import MovingModelPlant
+
+LIMITED, SOFTENED, HELD, BAD_INPUT, NO_QP = 1, 2, 16, 32, 128
+TICKS, HORIZON = 24, 8
+CASES = {
+    "forces": spec(),
+    "displacements": spec("displacement"),
+    "bounded": spec(mpc={"moves": 4, "effort": 1e-6}, largest_force="7 N", force_rate="0.3 N"),
+    "bounded displacements": spec("displacement", rate="0.1 mm", largest_force="8 N"),
+    "planes that cannot be kept": spec(
+        mpc={"obstacles": [{"point": {"mm": [0, 50, 0]}, "normal": [0, -1, 0]}]}, force_rate="0.1 N"
+    ),
+    "without sensors": spec(mpc={"sensor": False}),
+}
+pytestmark = needs_compiler
+
+
+def followed(chosen, folder):
+    """Commands (ticks, 2) of C and of Python to the same robot, which is not the model's, and what they say."""
+    compiled, python = both(folder, chosen)
+    kind, there = chosen.controller.command, goals(TICKS + HORIZON)
+    body = MovingModelPlant(Altered(model(), 1.1, 1.2), 1 / 50, 2)
+    body.settle(python.belief.u, kind)
+    plant, measured, found = ImperfectPlant(body, Imperfection(0.1, 1.0, 1), seed=2), None, []
+    for k in range(TICKS):
+        ahead = there[k : k + HORIZON]
+        said = compiled.step(ahead, *(() if measured is None else (measured.x_e, measured.t)))
+        told = python.tick(ahead[0], measured, ahead)
+        found.append((said, told))
+        measured = plant.step(told.u, kind)
+    return found
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_commands_are_those_of_python(tmp_path, case):
+    found = followed(CASES[case], tmp_path)
+    u, wanted = (np.array([each.u for each in one]) for one in zip(*found, strict=True))
+    delta, there = (np.array([each.delta_a for each in one]) for one in zip(*found, strict=True))
+    assert all(told.status == "converged" for _, told in found)
+    np.testing.assert_allclose(u, wanted, atol=1e-8 * np.abs(wanted).max())
+    np.testing.assert_allclose(delta, there, atol=1e-8 * np.abs(there).max())
+    status = np.array([said.status for said, _ in found])
+    assert not (status & HELD).any()
+    np.testing.assert_array_equal((status & SOFTENED) > 0, [told.softened for _, told in found])
+    assert ((status & LIMITED) > 0).mean() > 0.5 or "bounded" not in case
+    assert (status & SOFTENED).any() == ("cannot" in case)
+    assert np.ptp(wanted, axis=0).min() > 0.02 * np.abs(wanted).max()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("forces")
+
+
+def test_without_a_command_the_plan_goes_on(folder):
+    compiled, python = both(folder, CASES["forces"])
+    there = goals(20)
+    for k in range(4):
+        compiled.step(there[k:])
+        python.tick(there[k], None, there[k:])
+    told = python.tick(np.full(3, np.nan))
+    said = compiled.step(np.full(3, np.nan))
+    assert said.status == HELD | BAD_INPUT
+    np.testing.assert_allclose(said.u, told.u, rtol=1e-10)
+    late = compiled.step(there[5:], there[0], sampled=9)  # of a tick that has not been
+    assert late.status == HELD | BAD_INPUT and np.isfinite(late.u).all()
+    assert compiled.step(there[6:], there[5], sampled=5).status & HELD == 0
+
+
+def test_bounds_that_exclude_each_other_have_no_program(tmp_path):
+    """Force and rate: the robot stands beyond the one, and the other keeps it there."""
+    chosen = spec(largest_force="5 N", force_rate="0.1 N")
+    compiled, python = both(tmp_path, chosen)
+    said, told = compiled.step(goals(8)), python.tick(goals(1)[0], None, goals(8))
+    assert said.status == HELD | NO_QP and told.status != "converged"
+    np.testing.assert_allclose(said.u, told.u, rtol=1e-12)
+
+
+def test_a_sample_that_is_not_finite_is_not_heard(folder):
+    compiled, _ = both(folder, CASES["forces"])
+    there = goals(20)
+    for k in range(3):
+        compiled.step(there[k:], there[k], k)
+    said = compiled.step(there[3:], np.full(3, np.nan), 3)
+    assert said.status & HELD == 0 and np.isfinite(said.u).all()
+
+
+def test_samples_that_never_come_are_no_trouble(folder):
+    compiled, python = both(folder, CASES["forces"])
+    there = goals(20)
+    for k in range(12):  # more than samples may be late
+        said, told = compiled.step(there[k:]), python.tick(there[k], None, there[k:])
+        assert said.status & HELD == 0
+        np.testing.assert_allclose(said.u, told.u, rtol=1e-7)
+
+
+def test_what_it_cannot_be_is_said(tmp_path):
+    meta, arrays, moving = robot()
+    with pytest.raises(SpecError, match="double precision"):
+        write_c_mpc(tmp_path, spec().model_copy(update={"scalar": "float"}), meta, arrays, moving)
+    flat = {**meta, "form": "force"}
+    with pytest.raises(InputError, match="only energy models"):
+        write_c_mpc(tmp_path, spec(), flat, arrays, moving)
