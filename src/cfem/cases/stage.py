@@ -1,7 +1,7 @@
 """`cfem calibrate-cases`: load cases to the parameters of robot and rig, how well each case is predicted by the others,
 and which model the measurements support."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -45,74 +45,32 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
 def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     import time
 
-    from cfem.cases.compare import criteria, leave_one_out, told
-    from cfem.cases.fit import fit_cases
+    from scipy.stats import t
+
+    from cfem.cases.compare import told
     from cfem.cases.intervals import half_and_radius
     from cfem.cases.load import load_lab
-    from cfem.cases.outcome import FILE, estimates, read_calibrated, sentence, write_calibrated
-    from cfem.cases.plausible import implausible
+    from cfem.cases.outcome import FILE, estimates, read_calibrated, write_calibrated
     from cfem.cases.predict import predict
-    from cfem.cases.scatter import Scatter
     from cfem.cases.written import repeats, write_predictions
 
     begin = time.process_time()
     lab = load_lab(spec, base)
     cases = lab.read(base / spec.measurements)
-    sessions = tuple(dict.fromkeys(cases.sessions))
-    models = {"kept": lab.find} | spec.compare
-    compared, kept = {}, None
-    for name, find in models.items():
-        rig = lab.rig(find, sessions)
-        found = fit_cases(rig, cases, Scatter(spec.scatter))
-        left = leave_one_out(rig, cases, found)
-        compared[name] = _row(find, found, left, criteria(found), rig.robots.solves)
-        if name == "kept":
-            kept = rig, found, left
-    rig, found, left = kept
+    compared, (rig, found, left) = _compared(lab, cases, spec)
     most = found.count - found.free
     degrees = left.degrees(most)
     write_calibrated(folder / FILE, found, rig, left.inflation, degrees, cases)
-    known = read_calibrated(folder / FILE)
-    fitted = predict(rig, cases, known, spec.confidence)
+    fitted = predict(rig, cases, read_calibrated(folder / FILE), spec.confidence)
     write_predictions(folder / TABLE, cases, lab.markers, fitted, left)
-    from scipy.stats import t
-
-    quantile = float(t.ppf(0.5 + spec.confidence / 2, degrees))
-    values = estimates(found, rig, quantile, left.inflation)
-    best = min(compared, key=lambda name: compared[name]["left_out_mm"])
-    judged = []
-    if left.inflation > _UNLIKE:
-        what = f"errors of left-out cases are {left.inflation:.1f} times those that the fit expects"
-        judged.append(poor(what + ": the model lacks something"))
-    judged += [poor(what) for what in implausible(rig.unknowns, values)]
     if spec.figure:
         half, _ = half_and_radius(left.covariance, left.inflation, degrees, spec.confidence)
         shapes = left.posed, left.residuals + cases.target, half
         _draw(folder / FIGURE, lab, cases, shapes, "Each case, as the calibration by the other cases predicts it")
-    headline = [sentence(name, one) for name, one in values.items()]
-    headline += told(rig, found)
-    headline.append(
-        f"errors, mean over markers: {np.nanmean(fitted.distance):.3g} mm in the fit, "
-        f"{np.nanmean(left.distance):.3g} mm of cases left out of it"
-    )
-    inside, near = left.covered(most, spec.confidence)
-    if np.isfinite(inside):
-        headline.append(
-            f"of left-out cases {100 * inside:.0f} % of coordinates lie within their {100 * spec.confidence:g} % "
-            f"intervals, {100 * near:.0f} % of markers within their radius"
-        )
-    if len(compared) > 1:
-        headline.append(f"of {len(compared)} models '{best}' predicts left-out cases best")
+    values = estimates(found, rig, float(t.ppf(0.5 + spec.confidence / 2, degrees)), left.inflation)
     repeated = repeats(cases)
-    if repeated:
-        headline.append(f"repeats of a load differ by {max(repeated.values()):.2g} mm (largest distance of a marker)")
-    headline.append(
-        f"{len(cases)} cases, {found.count} numbers, {sum(one['solves'] for one in compared.values())} equilibria, "
-        f"{duration(time.process_time() - begin)} of CPU time"
-    )
     results = {
-        "judgement": judged,
-        "headline": headline,
+        "judgement": _judged(rig, values, left.inflation),
         "estimates": values,
         "scatter_mm": found.scatter.fixed,
         "scatter_share": found.scatter.share,
@@ -120,17 +78,68 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         "degrees_of_freedom": degrees,
         "errors_mm": _errors(cases, lab.markers, fitted.distance),
         "left_out_mm": _errors(cases, lab.markers, left.distance),
-        "left_out_within": [share if np.isfinite(share) else None for share in (inside, near)],
+        "left_out_within": [share if np.isfinite(share) else None for share in left.covered(most, spec.confidence)],
         "repeats_mm": max(repeated.values()) if repeated else None,
         "repeats_by_case_mm": repeated,
         "models": compared,
-        "best": best,
+        "best": min(compared, key=lambda name: compared[name]["left_out_mm"]),
         "offsets_mm": _offsets(found.d, lab.markers, rig),
         "untold": told(rig, found),
         "cpu_seconds": time.process_time() - begin,
     }
-    write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
-    return results
+    write_json(folder / RESULT, results)
+    means = float(np.nanmean(fitted.distance)), float(np.nanmean(left.distance))
+    cost = (
+        f"{len(cases)} cases, {found.count} numbers, {sum(one['solves'] for one in compared.values())} equilibria, "
+        f"{duration(results['cpu_seconds'])} of CPU time"
+    )
+    return results | {"headline": [*_headline(results, means, spec.confidence), cost]}
+
+
+def _compared(lab: Any, cases: Any, spec: CasesSpec) -> tuple[dict[str, dict], tuple]:
+    """A row for each model, by name; rig, fit and left-out cases of the one that is kept."""
+    from cfem.cases.compare import criteria, leave_one_out
+    from cfem.cases.fit import fit_cases
+    from cfem.cases.scatter import Scatter
+
+    sessions = tuple(dict.fromkeys(cases.sessions))
+    compared, kept = {}, ()
+    for name, find in ({"kept": lab.find} | spec.compare).items():
+        rig = lab.rig(find, sessions)
+        found = fit_cases(rig, cases, Scatter(spec.scatter))
+        left = leave_one_out(rig, cases, found)
+        compared[name] = _row(find, found, left, criteria(found), rig.robots.solves)
+        kept = kept or (rig, found, left)
+    return compared, kept
+
+
+def _judged(rig: Any, values: Mapping[str, Any], inflation: float) -> list[dict[str, str]]:
+    from cfem.cases.plausible import implausible
+
+    judged = [poor(what) for what in implausible(rig.unknowns, values)]
+    if inflation <= _UNLIKE:
+        return judged
+    what = f"errors of left-out cases are {inflation:.1f} times those that the fit expects"
+    return [poor(what + ": the model lacks something"), *judged]
+
+
+def _headline(results: Mapping[str, Any], means: tuple[float, float], confidence: float) -> list[str]:
+    """means: mm over the markers, in the fit and of cases left out of it."""
+    from cfem.cases.outcome import sentence
+
+    lines = [sentence(name, one) for name, one in results["estimates"].items()] + list(results["untold"])
+    lines.append(f"errors, mean over markers: {means[0]:.3g} mm in the fit, {means[1]:.3g} mm of cases left out of it")
+    inside, near = results["left_out_within"]
+    if inside is not None and near is not None:
+        lines.append(
+            f"of left-out cases {100 * inside:.0f} % of coordinates lie within their {100 * confidence:g} % "
+            f"intervals, {100 * near:.0f} % of markers within their radius"
+        )
+    if len(results["models"]) > 1:
+        lines.append(f"of {len(results['models'])} models '{results['best']}' predicts left-out cases best")
+    if results["repeats_mm"] is not None:
+        lines.append(f"repeats of a load differ by {results['repeats_mm']:.2g} mm (largest distance of a marker)")
+    return lines
 
 
 def _row(find: Sequence[str], found: Any, left: Any, criterion: dict[str, float], solves: int) -> dict[str, Any]:
