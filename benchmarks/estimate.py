@@ -101,7 +101,7 @@ def drawn(given, estimator) -> None:
                 w = rho * w + np.sqrt(1 - rho**2) * estimator.largest * rng.normal(size=3)
             x = np.concatenate([delta, w])
             seen = estimator.places(x) + given.noise * rng.normal(size=estimator.markers.shape)
-            forces = estimator._forces(x)[0] + given.tension * rng.normal(size=n_a) if given.tension else None
+            forces = estimator.tensions(x) + given.tension * rng.normal(size=n_a) if given.tension else None
             one = filtered.tick(seen, delta + SENSOR * rng.normal(size=n_a), u, forces)
         inside.append(np.abs(np.concatenate([one.delta_a, one.loads]) - x) < 1.96 * one.deviation)
     share, by = 100 * np.mean(inside), 100 * np.mean(inside, axis=0)

@@ -28,7 +28,7 @@ def recorded(bar, tmp_path_factory):
         u = 2.0 + 0.04 * frame
         x = np.array([u, 0.012, -0.006])
         seen = estimator.places(x) + 0.1 * rng.normal(size=(5, 3))
-        force = estimator._forces(x)[0][0] + 0.02 * rng.normal()
+        force = estimator.tensions(x)[0] + 0.02 * rng.normal()
         cells = [f"{number:.5f}" for number in seen.ravel()]
         if frame == 30:
             cells[3:6] = ["", "", ""]

@@ -8,7 +8,8 @@ import pytest
 from cfem.contact.triangles import closest
 from cfem.core.errors import InputError
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.estimate import EstimateStatus, Estimator
+from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_fit import EstimateStatus
 from cfem.predict.load import load_model
 from cfem.predict.loaded import wrench_of
 from cfem.predict.markers import markers_near

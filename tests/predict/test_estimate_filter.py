@@ -21,7 +21,7 @@ def estimator(bar):
 
 def measured(estimator, x, rng):
     places = estimator.places(x)
-    forces = estimator._forces(x)[0] + TENSION * rng.normal(size=1)
+    forces = estimator.tensions(x) + TENSION * rng.normal(size=1)
     return places + NOISE * rng.normal(size=places.shape), x[:1] + SENSOR * rng.normal(size=1), forces
 
 

@@ -14,7 +14,8 @@ from cfem.control.closed_loop_spec import LoopSpec
 from cfem.control.estimated_spec import EstimateSpec
 from cfem.plant.marked_plant import MarkerNoise
 from cfem.plant.protocol import Measurement
-from cfem.predict.estimate import Estimate, Estimator
+from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
 from cfem.predict.protocol import Predictor
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from cfem.estimation.recording import Recording
 from cfem.estimation.spec import EstimateSpec
-from cfem.predict.estimate import Estimate, Estimator
+from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from cfem.core.judgement import KEY, NOISE_RATIO, poor
-from cfem.predict.estimate import Estimate, Estimator
+from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_answer import Estimate
 
 LOST = 0.5  # share of frames without an estimate, or of a marker that fits nowhere
 COVERED = 1.959964  # standard deviations of a 95 % interval

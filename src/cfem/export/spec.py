@@ -9,8 +9,9 @@ from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import Frequency, Length
+from cfem.core.units import Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
+from cfem.predict.estimate_spec import ActuatorSensorsSpec, LoadsSpec
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
@@ -70,6 +71,21 @@ class FirmwareMpcSpec(MpcSpec):
     """Ticks after which a sample is too late to be heard."""
 
 
+class CEstimateSpec(Spec):
+    """The estimator in C, of given markers."""
+
+    markers: dict[Name, Point] = Field(min_length=1, max_length=32)
+    """Place of each marker on the surface at rest, in the scene's frame."""
+    noise: Annotated[Length, Field(gt=0)]
+    """Standard deviation of each measured coordinate."""
+    rate: Frequency = 100.0
+    """Frames per second."""
+    loads: LoadsSpec | None = None
+    """Unknown forces. None unless given."""
+    actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
+    """What is known of the actuators."""
+
+
 class CSpec(Spec):
     """C99 for firmware."""
 
@@ -85,6 +101,8 @@ class CSpec(Spec):
     """Number of vectors of the self-test."""
     controller: ControllerSpec = ControllerSpec()
     """The controller around the model."""
+    estimate: CEstimateSpec | None = None
+    """An estimator beside it. None unless given."""
     mpc: FirmwareMpcSpec | None = None
     """Predictive control, of a model that has learned to move. None unless given."""
     obstacles: dict[Name, ObstacleSpec] = {}

@@ -90,9 +90,9 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page_file import sources
 
         return sources()
-    from cfem.export import c_export, c_motion, c_mpc, c_skin, c_touch
+    from cfem.export import c_estimate, c_export, c_motion, c_mpc, c_skin, c_touch
 
-    folders = (one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch))
+    folders = (one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_estimate))
     paths = [path for folder in folders for path in folder.iterdir()]
     return {path.name: file_sha256(path) for path in sorted(paths)}
 
@@ -160,6 +160,8 @@ def work(
                 parity["c contact"] = report["contact"]["parity"]
         if report["parity"] is not None:
             parity["c"] = report["parity"]
+        if spec.c.estimate is not None:
+            parity |= _estimator(folder / FILES["c"], spec, model_folder)
     if has_skin(model_folder):
         skin = read_arrays(model_folder, FILE)
         if spec.loads:
@@ -186,6 +188,19 @@ def work(
         headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
     results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
     return {**results, "c": report} if report else results
+
+
+def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, float]:
+    """Adds it to the C folder; its parity, where there is a compiler. InputError where the model cannot tell."""
+    from cfem.export.c_estimate import write_c_estimate
+    from cfem.export.compiled import compiler
+    from cfem.export.compiled_estimate import estimate_parity
+    from cfem.predict.load import load_model
+
+    if spec.loads:
+        raise InputError("an estimator of a loaded robot has no C code", where="loads", do="leave out c.estimate")
+    made = write_c_estimate(folder, load_model(model_folder), spec.c)
+    return {"c estimate": estimate_parity(folder, made)} if compiler() else {}
 
 
 def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict) -> tuple[dict, dict, dict]:

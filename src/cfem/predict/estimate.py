@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
 from cfem.core.errors import InputError
-from cfem.predict.estimate_fit import EstimateStatus, Known, Minimum, Residuals, Sensor, minimise
+from cfem.predict.estimate_answer import Estimate
+from cfem.predict.estimate_fit import Known, Minimum, Residuals, Sensor, minimise
 from cfem.predict.force_series import ForceSeries
 from cfem.predict.markers import on_triangles
 from cfem.predict.mode_series import ModeSeries
@@ -32,35 +33,6 @@ from cfem.predict.spectral import SpectralPredictor
 BEYOND, MOST = 0.25, 8.0  # of the range that the model was trained on; of the largest load
 STARTS = 40  # states among which a first guess is looked for
 UNSEEN = 0.3  # relative: an unknown whose standard deviation exceeds this share of its scale is not observed
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One state. delta_a (n_a,) mm; loads (n_w,) N on the chosen rows; covariance (n_a + n_w, n_a + n_w) of both in
-    this order; rows (k,) mm of the skin, and their covariance (k, k); delta_e (n_e,) mm; outliers: numbers of markers
-    that do not fit; unseen: names of unknowns that the measurements do not tell; noise: root mean square of the
-    residuals of the other markers over their standard deviation, about 1 or less where all is as assumed."""
-
-    status: EstimateStatus
-    delta_a: np.ndarray
-    loads: np.ndarray
-    covariance: np.ndarray
-    rows: np.ndarray
-    rows_covariance: np.ndarray
-    delta_e: np.ndarray
-    outliers: tuple[int, ...]
-    unseen: tuple[str, ...]
-    noise: float
-    iterations: int
-
-    @property
-    def deviation(self) -> np.ndarray:
-        """(n_a + n_w,) standard deviations."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def converged(self) -> bool:
-        return self.status is EstimateStatus.CONVERGED
 
 
 @dataclass(frozen=True)
@@ -122,7 +94,7 @@ class Estimator:
     def before(self) -> Known:
         """What is known before anything is measured: a middle state, and loads of about `largest`."""
         root = np.eye(len(self.scale))[self.model.rows.n_a :] / self.largest
-        return Known(self._middle, root)
+        return Known(self.middle, root)
 
     @cached_property
     def _nearest(self) -> tuple[np.ndarray, np.ndarray]:
@@ -130,23 +102,23 @@ class Estimator:
         return on_triangles(self.markers, self.model.skin.rest, self.model.skin.triangles)
 
     @cached_property
-    def _loaded(self) -> np.ndarray:
+    def loaded_rows(self) -> np.ndarray:
         return np.array([self._names.index(name) for name in self.loaded], dtype=int)
 
     def at(self, p: np.ndarray) -> "Estimator":
         """Of the robot with other values p (n_p,) of the parameters: cheap."""
         found = copy.copy(self)
-        shared = {name: getattr(self, name) for name in ("_markers", "_modes", "scale", "box", "_middle", "before")}
+        shared = {name: getattr(self, name) for name in ("_markers", "_modes", "scale", "box", "middle", "before")}
         if "_tensions" in vars(self):
             shared["_tensions"] = self._tensions
         object.__setattr__(found, "p", np.asarray(p, float))
-        q, softer = found._material
+        q, softer = found.material
         moved = {name: one.at(q, softer) if hasattr(one, "at") else one for name, one in shared.items()}
         vars(found).update(moved)
         return found
 
     @property
-    def _material(self) -> tuple[np.ndarray, float]:
+    def material(self) -> tuple[np.ndarray, float]:
         """q (n_q,), and how much softer than the reference."""
         model = self.model
         if self.p is None or not model.parameters:
@@ -155,12 +127,17 @@ class Estimator:
 
     def _series(self, T: np.ndarray) -> ModeSeries:
         rows = self.model.rows
-        return ModeSeries(self.model.skin, rows.n_a, T, rows.n_e, self._loaded).at(*self._material)
+        return ModeSeries(self.model.skin, rows.n_a, T, rows.n_e, self.loaded_rows).at(*self.material)
+
+    @cached_property
+    def marker_map(self) -> np.ndarray:
+        """(3 m, k) from modes to displacements of the markers."""
+        phi = np.einsum("mn,kni->mik", self._nearest[0], self.model.skin.modes)
+        return phi.reshape(-1, phi.shape[2])
 
     @cached_property
     def _markers(self) -> ModeSeries:
-        phi = np.einsum("mn,kni->mik", self._nearest[0], self.model.skin.modes)
-        return self._series(phi.reshape(-1, phi.shape[2]))
+        return self._series(self.marker_map)
 
     @cached_property
     def _modes(self) -> ModeSeries:
@@ -172,14 +149,14 @@ class Estimator:
             kind = self.model.meta["kind"]
             what = f"actuator forces need a model of kind spectral, got '{kind}'"
             raise InputError(what, do="leave the forces out, or train a spectral model")
-        return ForceSeries(self.model, self._loaded).at(*self._material)
+        return ForceSeries(self.model, self.loaded_rows).at(*self.material)
 
     @cached_property
-    def _at_rest(self) -> np.ndarray:
+    def rest(self) -> np.ndarray:
         return self.seen(self.model.skin.rest)
 
     @cached_property
-    def _middle(self) -> np.ndarray:
+    def middle(self) -> np.ndarray:
         states = self.model.domain.states[:, : self.model.rows.n_a]
         inner = np.linalg.norm(states - states.mean(axis=0), axis=1).argmin()
         return np.concatenate([states[inner], np.zeros(len(self.loaded))])
@@ -190,7 +167,11 @@ class Estimator:
 
     def places(self, x: np.ndarray) -> np.ndarray:
         """(m, 3) mm the markers where the unknowns are x (n_a + n_w,)."""
-        return self._at_rest + self._markers(*self._apart(x))[0].reshape(-1, 3)
+        return self.rest + self._markers(*self._apart(x))[0].reshape(-1, 3)
+
+    def tensions(self, x: np.ndarray) -> np.ndarray:
+        """(n_a,) N forces of the actuators where the unknowns are x (n_a + n_w,)."""
+        return self._forces(x)[0]
 
     def estimate(
         self,
@@ -202,7 +183,7 @@ class Estimator:
         """measured (m, 3) mm places of the markers now, NaN for what is missing; sensed (n_a,) mm of the actuators,
         None without sensors; forces (n_a,) N of theirs, None without load cells; start: the last estimate. Never raises
         for what the numbers are."""
-        x = self._middle if start is None else np.concatenate([start.delta_a, start.loads])
+        x = self.middle if start is None else np.concatenate([start.delta_a, start.loads])
         return self.with_known(measured, sensed, forces, self.before, x)
 
     def with_known(
@@ -213,7 +194,7 @@ class Estimator:
         if measured.shape != self.markers.shape:
             raise InputError(f"expected {len(self.markers)} markers of three numbers, got {measured.shape}")
         there = np.isfinite(measured).all(axis=1)
-        where = np.where(there[:, None], measured, 0.0) - self._at_rest
+        where = np.where(there[:, None], measured, 0.0) - self.rest
 
         def missing(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             y, by_x = self._markers(*self._apart(x))
@@ -225,13 +206,13 @@ class Estimator:
     def _near(self, where: np.ndarray, there: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Of x and the states that the model was trained on, the one from which half of the markers (m, 3) are least
         away."""
-        mine = (self.places(x) - self._at_rest)[None]
-        apart = np.linalg.norm((np.concatenate([mine, self._seen_at[1]]) - where)[:, there], axis=2)
+        mine = (self.places(x) - self.rest)[None]
+        apart = np.linalg.norm((np.concatenate([mine, self.starts[1]]) - where)[:, there], axis=2)
         best = int(np.median(apart, axis=1).argmin())
-        return x if best == 0 else np.concatenate([self._seen_at[0][best - 1], np.zeros(len(self.loaded))])
+        return x if best == 0 else np.concatenate([self.starts[0][best - 1], np.zeros(len(self.loaded))])
 
     @cached_property
-    def _seen_at(self) -> tuple[np.ndarray, np.ndarray]:
+    def starts(self) -> tuple[np.ndarray, np.ndarray]:
         """States (k, n_a) mm of the actuators, and (k, m, 3) mm where the markers are seen then, from rest."""
         states, none = self.model.domain.states[:STARTS, : self.model.rows.n_a], np.zeros(len(self.loaded))
         return states, np.array([self._markers(one, none)[0].reshape(-1, 3) for one in states])
@@ -293,8 +274,8 @@ class Estimator:
         here = self._here(found.delta_a)
         C = self._compliance(here)
         if held_forces:
-            G, q = here.effector_jacobian, self._material[0]
-            by_a = np.vstack([G, self.model.skin.gradient(found.delta_a, q)])[self._loaded]
+            G, q = here.effector_jacobian, self.material[0]
+            by_a = np.vstack([G, self.model.skin.gradient(found.delta_a, q)])[self.loaded_rows]
             C = C + G @ here.W_aa @ by_a.T
         return C @ found.loads
 
@@ -303,7 +284,7 @@ class Estimator:
 
     def _compliance(self, here: Condensed) -> np.ndarray:
         """(n_e, n_w) mm/N: of the effectors by the loads, actuators locked."""
-        G, rows, (q, softer) = here.effector_jacobian, self.model.rows, self._material
+        G, rows, (q, softer) = here.effector_jacobian, self.model.rows, self.material
         C_ee = here.W[rows.e, rows.e] - G @ here.W_aa @ G.T
         C_es, _ = self.model.skin.compliance(here.delta_a, q)
-        return np.hstack([C_ee, softer * C_es])[:, self._loaded]
+        return np.hstack([C_ee, softer * C_es])[:, self.loaded_rows]

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.core.errors import InputError
-from cfem.predict.estimate import Estimate, Estimator
+from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_fit import EstimateStatus, Known
 
 SLIP, OFFSET = 5e-4, 0.05  # of the reach, where a spec states none
@@ -27,8 +28,8 @@ class Filter:
     def __init__(self, estimator: Estimator, slip: float, ticks: float, offset: float = 1.0):
         if slip <= 0 or ticks <= 0 or offset <= 0:
             raise InputError("slip, the ticks for which a load lasts and the offset must be positive")
-        self.estimator, self._slip, self._offset = estimator, slip, offset
-        self._rho = float(np.exp(-1.0 / ticks))
+        self.estimator, self.slip, self.ticks, self.offset = estimator, slip, ticks, offset
+        self.keeps = float(np.exp(-1.0 / ticks))
         self.last: Estimate | None = None
         self._u: np.ndarray | None = None
 
@@ -53,15 +54,15 @@ class Filter:
         if u is None:
             return before
         n_a = len(u)
-        root = np.vstack([before.root, np.eye(n_a, len(before.mean)) / self._offset])
+        root = np.vstack([before.root, np.eye(n_a, len(before.mean)) / self.offset])
         return Known(np.concatenate([u, before.mean[n_a:]]), root)
 
     def _forward(self, last: Estimate, u: np.ndarray | None) -> Known:
         n_a, n_w = len(last.delta_a), len(last.loads)
         moved = 0.0 if u is None or self._u is None else u - self._u
-        mean = np.concatenate([last.delta_a + moved, self._rho * last.loads])
-        keeps = np.r_[np.ones(n_a), np.full(n_w, self._rho)]
-        fresh = np.r_[np.full(n_a, self._slip**2), np.full(n_w, (1 - self._rho**2) * self.estimator.largest**2)]
+        mean = np.concatenate([last.delta_a + moved, self.keeps * last.loads])
+        keeps = np.r_[np.ones(n_a), np.full(n_w, self.keeps)]
+        fresh = np.r_[np.full(n_a, self.slip**2), np.full(n_w, (1 - self.keeps**2) * self.estimator.largest**2)]
         covariance = last.covariance * np.outer(keeps, keeps) + np.diag(fresh)
         size = np.sqrt(np.diag(covariance))  # scaled, so that the factor does not depend on units
         lower = np.linalg.cholesky(covariance / np.outer(size, size) + 1e-12 * np.eye(len(size)))

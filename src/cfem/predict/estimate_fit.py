@@ -121,20 +121,20 @@ def minimise(
     if len(here.r) < len(x):
         return Minimum(EstimateStatus.TOO_FEW, here.x, here.r, here.J, kept, 0)
     here, iterations, done = _descend(problem, here, scale, box, kept, FIRST)
-    if done and _fits(here.size):
-        return Minimum(EstimateStatus.CONVERGED, here.x, here.r, here.J, kept, iterations)
+    if (done or not kept.any()) and _fits(here.size):
+        return Minimum(_status(done), here.x, here.r, here.J, kept, iterations)
     least = int(kept.sum()) // 2 + 1
     x, more = _weighted(problem, np.clip(elsewhere(), *box.T), scale, box)
     kept = problem.there & (problem.sizes(x) < 2 * OUTLIER)
-    status, iterations = EstimateStatus.OUTLIERS, iterations + more
+    iterations += more
     while int(kept.sum()) >= least:
         here, more, done = _descend(problem, problem(x, kept), scale, box, kept, LAST)
         x, iterations = here.x, iterations + more
         if _fits(here.size):
-            status = EstimateStatus.CONVERGED if done else EstimateStatus.ITERATIONS
-            break
+            return Minimum(_status(done), x, here.r, here.J, kept, iterations)
         kept[np.flatnonzero(kept)[_worst(here, scale)]] = False
-    return Minimum(status, here.x, here.r, here.J, kept, iterations)
+    here = problem(x, problem.there)
+    return Minimum(EstimateStatus.OUTLIERS, x, here.r, here.J, problem.there, iterations)
 
 
 def _weighted(problem: Residuals, x: np.ndarray, scale: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, int]:
@@ -187,6 +187,10 @@ def _worst(here: Evaluated, scale: np.ndarray) -> int:
     r, J = here.r[: 3 * count].reshape(-1, 3), scaled[: 3 * count].reshape(count, 3, -1)
     left = (1 + 1e-9) * np.eye(3) - J @ inverse @ J.swapaxes(1, 2)
     return int(np.argmax(np.einsum("mi,mi->m", r, np.linalg.solve(left, r[..., None])[..., 0])))
+
+
+def _status(done: bool) -> EstimateStatus:
+    return EstimateStatus.CONVERGED if done else EstimateStatus.ITERATIONS
 
 
 def _fits(size: np.ndarray) -> bool:

@@ -25,14 +25,8 @@ class ForceSeries:
 
     def __init__(self, model: SpectralPredictor, loaded: np.ndarray):
         arrays, n_a = model.arrays, model.rows.n_a
-        parts = layout(n_a, model.rows.n_e)
-        own, series = arrays["indices"], arrays["series"]
-        rows = [(own, series[parts["energy"]])]
-        rows += [_displacement(model, row) for row in loaded]
-        pairs = [(i, j) for i in range(len(loaded)) for j in range(i, len(loaded))]
-        rows += [_compliance(model, int(loaded[i]), int(loaded[j])) for i, j in pairs]
-        indices, series = joined(rows)
-        flat = series[:, 0].T  # (M, 1 + n_w + pairs)
+        indices, series, pairs = potential_series(model, loaded)
+        flat = series.T  # (M, 1 + n_w + pairs)
         by = input_derivatives(indices, arrays["to_box"], n_a)
         first = [D @ flat for D in by]
         second = [by[j] @ first[i] for i in range(n_a) for j in range(n_a)]
@@ -62,7 +56,20 @@ class ForceSeries:
         return value[:n_a], np.hstack([value[n_a:].reshape(n_a, n_a), by_w])
 
 
-def _displacement(model: SpectralPredictor, row: int) -> tuple[np.ndarray, np.ndarray]:
+def potential_series(
+    model: SpectralPredictor, loaded: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]]]:
+    """Indices (M, n) and the series (1 + n_w + pairs, M) of Psi, of the loaded rows and of their C; the pairs of C."""
+    energy = layout(model.rows.n_a, model.rows.n_e)["energy"]
+    rows = [(model.arrays["indices"], model.arrays["series"][energy])]
+    rows += [displacement_series(model, row) for row in loaded]
+    pairs = [(i, j) for i in range(len(loaded)) for j in range(i, len(loaded))]
+    rows += [compliance_series(model, int(loaded[i]), int(loaded[j])) for i, j in pairs]
+    indices, series = joined(rows)
+    return indices, series[:, 0], pairs
+
+
+def displacement_series(model: SpectralPredictor, row: int) -> tuple[np.ndarray, np.ndarray]:
     """Indices (M, n) and the series (1, M) of one row."""
     n_e = model.rows.n_e
     if row < n_e:
@@ -71,7 +78,7 @@ def _displacement(model: SpectralPredictor, row: int) -> tuple[np.ndarray, np.nd
     return model.skin.arrays["indices"], model.skin.arrays["series"][row - n_e : row - n_e + 1]
 
 
-def _compliance(model: SpectralPredictor, one: int, other: int) -> tuple[np.ndarray, np.ndarray]:
+def compliance_series(model: SpectralPredictor, one: int, other: int) -> tuple[np.ndarray, np.ndarray]:
     """The same of C between two rows, one <= other."""
     n_e, one, other = model.rows.n_e, min(one, other), max(one, other)
     if other < n_e:

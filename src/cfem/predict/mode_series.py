@@ -30,13 +30,9 @@ class ModeSeries:
             raise InputError("series of markers need a model of form displacement")
         self._to_box_T, self._first = np.ascontiguousarray(arrays["to_box"][:, :n_a].T), arrays["offset"]
         self._by_q, self._offset, self._softer = arrays["to_box"][:, n_a:], self._first, 1.0
-        k, r, n_w = len(skin), len(T), len(loaded)
+        r, n_w = len(T), len(loaded)
         self._shape = (r, 1 + n_w, 1 + n_a)
-        place = unpacking(k)
-        columns = [
-            np.arange(one * k, (one + 1) * k) if one < effectors else effectors * k + place[one - effectors]
-            for one in loaded
-        ]
+        columns = compliance_columns(len(skin), effectors, loaded)
         parts = [(arrays["indices"], T @ arrays["series"])]
         parts += [(arrays["compliance_indices"], T @ arrays["compliance"][column]) for column in columns]
         indices, series = joined(parts)  # (M, n), (1 + n_w, r, M)
@@ -60,6 +56,15 @@ class ModeSeries:
             return found[:, 0, 0], found[:, 0, 1:]
         summed = found[:, 0] + self._softer * w @ found[:, 1:]
         return summed[:, 0], np.concatenate([summed[:, 1:], self._softer * found[:, 1:, 0]], axis=1)
+
+
+def compliance_columns(k: int, effectors: int, loaded: np.ndarray) -> list[np.ndarray]:
+    """(k,) places in a skin's array `compliance` of the k modes' compliance to each loaded row."""
+    place = unpacking(k)
+    return [
+        np.arange(one * k, (one + 1) * k) if one < effectors else effectors * k + place[one - effectors]
+        for one in loaded
+    ]
 
 
 def joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:

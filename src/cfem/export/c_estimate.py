@@ -1,0 +1,221 @@
+"""The estimator in C: cfem_estimate.c, the same for every robot, its numbers, cfem_estimate_data.c, and its test."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from cfem.condensed.given import vector
+from cfem.core.errors import InputError
+from cfem.core.files import disk_errors, write_whole
+from cfem.export import c_text
+from cfem.export.spec import CEstimateSpec, CSpec
+from cfem.predict.chebyshev import basis
+from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
+from cfem.predict.estimate_fit import EstimateStatus
+from cfem.predict.force_series import compliance_series, displacement_series, potential_series
+from cfem.predict.mode_series import compliance_columns, joined
+from cfem.predict.protocol import Predictor
+
+SOURCES = Path(__file__).parent / "estimate"
+DATA = ("cfem_estimate_data.c", "cfem_estimate_data.h", "cfem_estimate_vectors.h")
+MOST = 32  # markers, and unknowns: bits of a status
+FRAMES = 60  # of the test
+TOLERANCE = 1e-8  # of each unknown's scale
+
+
+def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
+    """What the C code is. InputError where the model cannot tell."""
+    if model.meta["kind"] != "spectral" or model.form != "displacement":
+        raise InputError("only spectral models of form displacement estimate in C", do="train kind: spectral")
+    loads, sensors, reach = spec.loads, spec.actuators, float(np.abs(model.reach).max())
+    estimator = Estimator(
+        model,
+        np.array(list(spec.markers.values())),
+        spec.noise,
+        tuple(loads.rows) if loads else (),
+        loads.largest if loads else 1.0,
+        sensors.displacement or 1.0,
+        sensors.force or 1.0,
+        p,
+    )
+    if max(len(spec.markers), len(estimator.unknowns)) > MOST:
+        raise InputError(f"the estimator in C has at most {MOST} markers and unknowns", where="c.estimate")
+    lasts = np.inf if loads is None or loads.lasts is None else loads.lasts
+    ticks = max(min(lasts * spec.rate, 1e9), 0.1)
+    return Filter(estimator, sensors.slip or SLIP * reach, ticks, sensors.offset or OFFSET * reach)
+
+
+def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
+    """Adds the estimator of `spec.estimate` to a C folder; what it is in Python."""
+    p = vector(model.parameters, spec.parameters, "c.parameters") if model.parameters else None
+    made = filter_of(spec.estimate, model, p)
+    with disk_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in SOURCES.iterdir():
+            shutil.copyfile(path, folder / path.name)
+    sizes, constants = estimate_constants(made)
+    names = " ".join(spec.estimate.markers)
+    header = [
+        c_text.comment(f"Markers {names}; unknown {' '.join(made.estimator.unknowns)}: by cfem export."),
+        "\n#ifndef CFEM_ESTIMATE_DATA_H\n#define CFEM_ESTIMATE_DATA_H\n\n#include <stdint.h>\n\n",
+        c_text.defines(sizes),
+        "\n",
+    ]
+    body = ['#include "cfem_estimate_data.h"\n\n']
+    for name, values in constants.items():
+        if isinstance(values, float):
+            header.append(f"#define cfem_estimate_{name} {values!r}\n")
+            continue
+        kind = "uint8_t" if values.dtype == np.uint8 else "double"
+        declaration, definition = c_text.array(f"cfem_estimate_{name}", values, kind)
+        header.append(declaration + "\n")
+        body.append(definition + "\n\n")
+    write_whole(folder / DATA[1], "".join([*header, "\n#endif\n"]).encode())
+    write_whole(folder / DATA[0], "".join(body).encode())
+    write_whole(folder / DATA[2], _vectors(made).encode())
+    return made
+
+
+def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarray | float]]:
+    """Sizes, and numbers by name: parameters and scales of the robot are folded in."""
+    one = made.estimator
+    model, skin, rows = one.model, one.model.skin, one.model.rows
+    n_a, n_w, n_e, m, k = rows.n_a, len(one.loaded), rows.n_e, len(one.markers), len(skin)
+    arrays, (q, softer), loaded = model.arrays, one.material, one.loaded_rows
+    if not all(np.array_equal(arrays[name], skin.arrays[name]) for name in ("to_box", "offset")):
+        raise InputError("the skin and the model are not of the same training", do="train it again")
+    own = skin.arrays
+    soft = [softer * own["compliance"][column] for column in compliance_columns(k, n_e, loaded)]
+    across = joined([(own["indices"], own["series"]), *((own["compliance_indices"], one) for one in soft)])
+    effectors = [displacement_series(model, row) for row in range(n_e)]
+    effectors += [_times(softer, compliance_series(model, e, int(row))) for row in loaded for e in range(n_e)]
+    ends = joined(effectors)
+    force_indices, force, _ = potential_series(model, loaded)
+    force = force * np.concatenate([[1 / softer], np.ones(n_w), np.full(len(force) - 1 - n_w, softer)])[:, None]
+    moved = [one.marker_map @ part for part in soft] or [np.zeros((3 * m, len(own["compliance_indices"])))]
+    series = {  # by term first
+        "markers": (own["indices"], (one.marker_map @ own["series"]).T, "TERMS", "degrees"),
+        "soft": (own["compliance_indices"], np.array(moved).transpose(2, 0, 1), "SOFT_TERMS", "soft_degrees"),
+        "modes_series": (across[0], _by_row(across[1]), "MODE_TERMS", "mode_degrees"),
+        "effectors": (ends[0], _by_row(ends[1].reshape(1 + n_w, n_e, -1)), "EFFECTOR_TERMS", "effector_degrees"),
+        "force": (force_indices, force.T, "FORCE_TERMS", "force_degrees"),
+    }
+    to_box, offset = arrays["to_box"][:, :n_a], arrays["offset"] + arrays["to_box"][:, n_a:] @ q
+    still = ~to_box.any(axis=1)  # coordinates of parameters
+    n_z = int((~still).sum())
+    sizes = {"NA": n_a, "NW": n_w, "N": n_a + n_w, "NZ": n_z, "NE": n_e, "MARKERS": m, "ROWS": k}
+    starts, places = one.starts
+    constants: dict[str, np.ndarray | float] = {
+        "to_box": to_box[~still],
+        "offset": offset[~still],
+        "scale": one.scale,
+        "box": one.box,
+        "rest": one.rest,
+        "middle": one.middle[:n_a],
+        "starts": starts,
+        "start_places": places.reshape(len(starts), -1),
+    }
+    degree = 1
+    for name, (indices, values, terms, degrees) in series.items():
+        indices, values = _standing(indices, values, offset, still)
+        kept = np.flatnonzero(values.reshape(len(values), -1).any(axis=1))
+        kept = kept if len(kept) else np.zeros(1, dtype=int)
+        constants[name] = np.ascontiguousarray(values[kept], dtype=float)
+        constants[degrees] = indices[kept].astype(np.uint8)
+        sizes[terms] = len(kept)
+        degree = max(degree, int(indices[kept].max(initial=0)))
+    sizes |= {"DEGREE": degree, "STARTS": len(starts)}
+    constants |= {"noise": float(one.noise), "sensor": float(one.sensor), "tension": float(one.tension)}
+    constants |= {"largest": float(one.largest), "keeps": made.keeps, "slip": made.slip, "first": made.offset}
+    return {f"CFEM_ESTIMATE_{name}": value for name, value in sizes.items()}, constants
+
+
+def _by_row(series: np.ndarray) -> np.ndarray:
+    """(1 + n_w, rows, M) -> (M, rows (1 + n_w)): of each row itself, then by each load."""
+    return series.transpose(2, 1, 0).reshape(series.shape[2], -1)
+
+
+def _standing(
+    indices: np.ndarray, values: np.ndarray, z: np.ndarray, still: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A series by term (M, ...) without the coordinates `still` (n,), which stay at z (n,), and its fewer terms."""
+    factors = basis(z[still], indices[:, still]) if still.any() else np.ones(len(indices))
+    left, place = np.unique(indices[:, ~still], axis=0, return_inverse=True)
+    found = np.zeros((len(left), *values.shape[1:]))
+    np.add.at(found, place.ravel(), values * factors.reshape(-1, *[1] * (values.ndim - 1)))
+    return left, found
+
+
+def _times(factor: float, part: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return part[0], factor * part[1]
+
+
+def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarray]]:
+    """A robot that moves as the filter assumes, some markers lost or wrong, and what Python estimates: by frame."""
+    one, rng, found = made.estimator, np.random.default_rng(0), []
+    n_a, m = one.model.rows.n_a, len(one.markers)
+    states = one.model.domain.states[:, :n_a]
+    u, w = states[len(states) // 2].copy(), np.zeros(len(one.loaded))
+    filtered = Filter(one, made.slip, made.ticks, made.offset)
+    for number in range(count):
+        toward = states[(number // 10) % len(states)] - u
+        u = u + 0.1 * toward
+        w = 0.9 * w + 0.4 * one.largest * rng.normal(size=len(w))
+        x = np.concatenate([u, w])
+        places = one.places(x) + one.noise * rng.normal(size=(m, 3))
+        sensed = u + one.sensor * rng.normal(size=n_a)
+        forces = one.tensions(x) + one.tension * rng.normal(size=n_a)
+        if number % 4 == 1:
+            places[rng.integers(m)] += 20.0 * rng.normal(size=3)
+        if number % 5 == 2:
+            places[rng.integers(m)] = np.nan
+        if number % 3 == 0:
+            sensed[:], forces[:] = np.nan, np.nan
+        command = np.full(n_a, np.nan) if number % 7 == 6 else u
+        told = None if np.isnan(command).any() else command
+        answer = filtered.tick(places, sensed, told, forces)
+        found.append(
+            {"place": places, "displacement": sensed, "force": forces, "command": command}
+            | {"answer": answer, "x": np.concatenate([answer.delta_a, answer.loads])}
+        )
+    return found
+
+
+def status_of(status: EstimateStatus) -> int:
+    """As the C code says it."""
+    return {"CONVERGED": 0, "TOO_FEW": 1, "OUTLIERS": 2, "ITERATIONS": 4}[status.name]
+
+
+def bits(numbers: tuple[int, ...]) -> int:
+    return sum(1 << number for number in numbers)
+
+
+def _vectors(made: Filter) -> str:
+    """cfem_estimate_vectors.h."""
+    rows, unknowns = [], made.estimator.unknowns
+    for one in moving_frames(made):
+        answer = one["answer"]
+        frame = ", ".join(_numbers(one[name]) for name in ("place", "displacement", "force", "command"))
+        variance = np.diag(answer.covariance)
+        unseen = bits(tuple(unknowns.index(name) for name in answer.unseen))
+        flags = f"{bits(answer.outliers)}u, {unseen}u, {status_of(answer.status)}u"
+        rows.append(f"{{{{{frame}}}, {_numbers(one['x'])}, {_numbers(variance)}, {_numbers(answer.delta_e)}, {flags}}}")
+    n = len(unknowns)
+    return (
+        "/* Frames of a robot that moves, and what Python estimates: by cfem export. */\n"
+        f'#include <math.h>\n\n#include "cfem_estimate.h"\n\n#define CFEM_ESTIMATE_FRAMES {len(rows)}\n'
+        f"#define CFEM_ESTIMATE_TOLERANCE {TOLERANCE} /* of each unknown's scale */\n\n"
+        f"typedef struct {{ cfem_frame frame; double x[{n}], variance[{n}], effector[CFEM_ESTIMATE_NE]; "
+        "uint32_t left_out, unseen; unsigned status; } cfem_estimate_vector;\n\n"
+        "static const cfem_estimate_vector cfem_estimate_vectors[CFEM_ESTIMATE_FRAMES] = {\n"
+        + ",\n".join(rows)
+        + "};\n"
+    )
+
+
+def _numbers(values: np.ndarray) -> str:
+    if values.ndim > 1:
+        return "{" + ", ".join(_numbers(one) for one in values) + "}"
+    return "{" + ", ".join("NAN" if np.isnan(one) else c_text.number(one, "double") for one in values) + "}"
