@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from export.embedded import export, spectral
+from export.pages import skin_of
 
 from cfem.condensed.model import under_force
 from cfem.control.moving.clocked import Clocked
@@ -14,6 +15,8 @@ from cfem.control.moving.observer import Doubt
 from cfem.export.c_motion import write_c_motion
 from cfem.export.c_mpc import mpc_constants, write_c_mpc
 from cfem.export.compiled_mpc import CompiledMpc
+from cfem.export.embedding import Embedding
+from cfem.export.page import page
 from cfem.export.spec import CSpec
 from cfem.motion.model import MotionModel, layout
 from cfem.predict.load import build
@@ -66,12 +69,10 @@ def folder_of(folder: Path, chosen: CSpec) -> Path:
     return folder
 
 
-def both(folder: Path, chosen: CSpec) -> tuple[CompiledMpc, Mpc]:
-    """The controller in C, and that of Python with the same numbers."""
+def predictive(chosen: CSpec, start: np.ndarray) -> Mpc:
+    """That of Python with the numbers of the export, from rest at start (2,) mm."""
     sizes, numbers, constants = mpc_constants(chosen, *robot())
     moves, kind = model(), chosen.controller.command
-    start = moves.static.at_displacement(np.asarray(chosen.controller.start, float))
-    clocked = Clocked(moves, kind, numbers["DT"], start.delta_a)
     normals, levels = constants["normal"], constants["level"] + constants["normal"] @ moves.rest_e
     planes = tuple(HalfSpace(*one) for one in zip(normals, levels, strict=True)) if sizes["PLANES"] else ()
     cost = Cost(*(constants[name] for name in ("weight", "smooth", "effort")))
@@ -79,7 +80,16 @@ def both(folder: Path, chosen: CSpec) -> tuple[CompiledMpc, Mpc]:
     names = ("noise", "stiffness", "viscosity", "wander", "offset", "push")
     doubt = Doubt(**{name: numbers[f"DOUBT_{name.upper()}"] for name in names}) if sizes["SENSED"] else None
     plan = Plan(sizes["TICKS"], cost, bounds, moves=chosen.mpc.moves)
-    return CompiledMpc(folder_of(folder, chosen), ("-O0",)), Mpc(clocked, plan, moves.rest_e, start, doubt)
+    home = np.asarray(chosen.controller.start, float)  # where its steps are made right
+    return Mpc(
+        Clocked(moves, kind, numbers["DT"], home), plan, moves.rest_e, moves.static.at_displacement(start), doubt
+    )
+
+
+def both(folder: Path, chosen: CSpec) -> tuple[CompiledMpc, Mpc]:
+    """The controller in C, and that of Python with the same numbers."""
+    python = predictive(chosen, np.asarray(chosen.controller.start, float))
+    return CompiledMpc(folder_of(folder, chosen), ("-O0",)), python
 
 
 def goals(ticks: int, share: float = 0.15) -> np.ndarray:
@@ -93,3 +103,9 @@ def goals(ticks: int, share: float = 0.15) -> np.ndarray:
         near = under_force(static, centre * (1 + swing), near)
         found.append(moves.rest_e + near.delta_e)
     return np.array(found)
+
+
+def page_of_moving(chosen: CSpec) -> str:
+    """Of the robot, with a tube for a skin."""
+    meta, arrays, moving = robot()
+    return page(meta, arrays, skin_of(meta, arrays), chosen, Embedding(), moving=moving)

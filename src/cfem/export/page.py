@@ -15,6 +15,7 @@ from cfem.export.page_block import block, skin_series
 from cfem.export.page_body import body, lines
 from cfem.export.page_data import Fixed, pack
 from cfem.export.page_load import weight
+from cfem.export.page_motion import moves
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 
@@ -29,6 +30,7 @@ SCRIPTS = (
     "reach.js",
     "overlay.js",
     "hands.js",
+    "motion.js",
     "app.js",
 )
 KINDS = ("spectral", "serial")
@@ -45,8 +47,10 @@ def page(
     spec: CSpec,
     robot: Embedding,
     concerns: Sequence[str] = (),
+    moving: dict[str, np.ndarray] | None = None,
 ) -> str:
-    """The whole file. skin: arrays of `cfem.predict.skin`; concerns: what is poor about the model, said first.
+    """The whole file. skin: arrays of `cfem.predict.skin`; concerns: what is poor about the model, said first; moving:
+    arrays of its motion.npz, where it has learned to move.
     InputError where the page has no room for the robot."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no page", do=f"train kind: {' or '.join(KINDS)}")
@@ -93,6 +97,10 @@ def page(
         "triangles": drawn.triangles,
         "states": np.vstack([rest, predictor.domain.states[:, : predictor.rows.n_a]]),
     }
+    runs = moves(meta, predictor, moving, spec.model_copy(update={"controller": chosen})) if moving else None
+    if runs:
+        said["motion"] = runs.said
+        data |= {"motion": runs.block, "curve": runs.curve}
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
     return fill(said, data, meta["scene"], about(meta, predictor), concerns)

@@ -12,7 +12,8 @@ from cfem.core.stage import read_manifest
 from cfem.export.embedding import Embedding
 from cfem.export.page import ASSETS, page
 from cfem.export.spec import ExportSpec
-from cfem.predict.load import read_arrays, read_meta, skin_of
+from cfem.motion.load import FILE as MOTION
+from cfem.predict.load import has_file, read_arrays, read_meta, skin_of
 from cfem.predict.loaded_skin import loaded_skin
 from cfem.predict.protocol import Predictor, build
 from cfem.predict.skin import FILE
@@ -38,7 +39,9 @@ def write_page(
     if spec.loads:
         skin = loaded_skin(predictor, skin, meta["wrench"])
     concerns = sentences(with_inherited({}, {"model": model_folder}))
-    text = page(meta, arrays, skin, spec.c, robot, concerns).encode()
+    moves = has_file(model_folder, MOTION) and not spec.loads and not spec.c.parameters and meta["kind"] == "spectral"
+    moving = read_arrays(model_folder, MOTION) if moves else None
+    text = page(meta, arrays, skin, spec.c, robot, concerns, moving).encode()
     write_whole(path, text)
     return len(text)
 

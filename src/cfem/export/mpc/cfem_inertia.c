@@ -128,7 +128,7 @@ void cfem_inertia_at(const double *delta_a, int slopes, cfem_inertia *found) {
             const uint8_t *degrees = cfem_motion_loss_degrees[m];
             double phi = t.value[0][degrees[0]];
             for (int i = 1; i < NA; i++) phi *= t.value[i][degrees[i]];
-            add(TRIANGLE, phi, cfem_motion_loss[m] + l * TRIANGLE, root);
+            add(TRIANGLE, phi, cfem_motion_loss[0] + (m * CFEM_MOTION_LOSSES + l) * TRIANGLE, root);
         }
         unpack(root, S);
         symmetric_product(CFEM_MPC_WARP, S, S, found->F[l]);

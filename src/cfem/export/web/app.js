@@ -34,7 +34,7 @@ function start(robot) {
   const goals = said.points.map(one => ({ ...one, get place() { return [...robot.goal.slice(...one.rows)]; }, get tip() { return [...robot.x_e.slice(...one.rows)]; } }));
   const missed = () => Math.max(...goals.map(one => Math.hypot(...add(one.place, one.tip, -1))));
   const wake = () => { state.moving = true; state.still = state.ticks = 0; state.shown = true; };
-  const follow = () => { if (state.byHand) { state.byHand = false; showMode(); } wake(); };
+  const follow = () => { stop(); if (state.byHand) { state.byHand = false; showMode(); } wake(); };
   function moveGoal(one, place) { robot.goal.set(place, one.rows[0]); follow(); }
 
   // --- the panel
@@ -47,6 +47,7 @@ function start(robot) {
     const slider = box.querySelector("input");
     Object.assign(slider, { min: low, max: high, step: (high - low) / 1000 });
     slider.addEventListener("input", () => {
+      stop();
       state.byHand = true;
       const before = [[...robot.delta_a], [...robot.lambda_a]];
       const status = robot.set(rows.map(one => Number(one.slider.value)), by);
@@ -77,6 +78,7 @@ function start(robot) {
 
   // A weight that hangs from the first point. The reach is found again when the slider is let go.
   function hang() {
+    stop();
     const slider = $("weight"), asked = Number(slider.value), share = state.weight = robot.weigh(asked);
     $("heavy").textContent = Math.abs(asked - share) > 1e-9 ? "The model knows no heavier weight here." : "";
     if ($("heavy").textContent) slider.value = share;
@@ -102,9 +104,19 @@ function start(robot) {
     $("hand").setAttribute("aria-pressed", String(state.byHand));
   }
 
+  // In motion, without a weight: a curve that the goal runs round by itself.
+  const motion = robot.moves && makeMotion(robot);
+  const moving = () => Boolean(motion && motion.state.asked);
+  const leave = () => { robot.home(); wake(); };
+  const panel = motion && motionPanel(motion, robot, () => {
+    if (state.weight) { $("weight").value = 0; hang(); }
+    state.byHand = false; showMode();
+  }, leave, wake);
+  const stop = () => { if (moving()) { panel.stop(); robot.home(); } };
+
   let lastSaid = "";
   function tell() {
-    const limits = [], binding = !state.byHand && missed() > 0.01;
+    const limits = [], binding = !state.byHand && !moving() && missed() > 0.01;
     said.actuators.forEach((actuator, i) => {
       const row = rows[i], limit = limitOf(actuator, robot.delta_a[i], robot.lambda_a[i]);
       row.said.textContent = `${short(robot.delta_a[i])} ${actuator.unit} · ${short(robot.lambda_a[i] * actuator.forceFactor)} ${actuator.forceUnit}`;
@@ -115,7 +127,7 @@ function start(robot) {
       row.slider.setAttribute("aria-valuetext", row.said.textContent + (limit ? `, ${limit}` : ""));
       if (limit) limits.push([actuator.name, limit]);
     });
-    const [kind, words] = sentence(state.status, missed(), state.quick && !state.byHand, state.byHand, limits, said.actuators.length);
+    const [kind, words] = sentence(state.status, missed(), state.quick && !state.byHand, state.byHand, limits, said.actuators.length, moving());
     if (words !== lastSaid) { lastSaid = $("words").textContent = words; $("status").className = kind; }
     $("note").textContent = aside(state.status);
     goals.forEach((one, k) => [one.place, one.tip].forEach((place, column) => place.forEach((value, i) => {
@@ -133,7 +145,7 @@ function start(robot) {
   // --- every frame
   // A machine that draws slowly gets fewer pixels while things move, and all of them when they stand. Where no card smooths edges, a
   // picture that stands is drawn with four pixels for each.
-  let busy = 0, lastFrame = 0, slow = 0, quality = 1, still = 0, sharp = false;
+  let busy = 0, lastFrame = 0, played = 0, slow = 0, quality = 1, still = 0, sharp = false;
   const best = () => (scene.software && (window.devicePixelRatio || 1) < 1.5 ? 2 : 1);
   function sharpen(now) {
     const late = now - lastFrame;
@@ -154,7 +166,13 @@ function start(robot) {
     if (!state.shown && (reach.done ? more : now - lastFrame > 400)) sharp = state.shown = true;
     if (!state.shown) return;
     sharpen(now);
-    if (state.moving && !state.byHand) step(said.paced ? 1 : TICKS);
+    if (moving()) {
+      motion.run(Math.min(0.001 * (now - played), 0.1));
+      state.status = 0;
+      state.shown = state.moving = true;
+      panel.show();
+    } else if (state.moving && !state.byHand) step(said.paced ? 1 : TICKS);
+    played = now;
     robot.shape();
     draw();
     tell();
@@ -184,6 +202,7 @@ function start(robot) {
       const [x, y, z] = goals[0].tip, size = said.length, end = [x, y, z - 0.07 * size];
       lines.push([[[x, y, z], end], 0.003 * size, state.theme.ink], [[end], 0.03 * size * Math.cbrt(state.weight), state.theme.ink]);
     }
+    if (moving()) lines.push(...motion.lines(said.length, state.theme));
     scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip })) }, state.theme);
     overlay(state.camera);
   }
@@ -193,7 +212,7 @@ function start(robot) {
   pointers(canvas, scene, state, goals, moveGoal, again);
   keys(canvas, state, goals, moveGoal, again);
   $("follow").onclick = () => { follow(); showMode(); again(); };
-  $("hand").onclick = () => { state.byHand = true; showMode(); wake(); again(); };
+  $("hand").onclick = () => { stop(); state.byHand = true; showMode(); wake(); again(); };
   $("home").onclick = () => { robot.home(); follow(); again(); };
   $("camera").onclick = () => { state.camera = view(); again(); };
   $("reach").onclick = () => { $("reach").setAttribute("aria-pressed", String($("reach").getAttribute("aria-pressed") !== "true")); again(); };
@@ -211,7 +230,7 @@ function start(robot) {
   requestAnimationFrame(frame);
   // For those who script the page, and for its tests.
   document.documentElement.dataset.state = "ready";
-  window.cfem = { robot, state, scene, goals, moveGoal, step, draw, STATUS, busy: () => busy };
+  window.cfem = { robot, motion, state, scene, goals, moveGoal, step, draw, STATUS, busy: () => busy };
 }
 
 function trouble(words) {

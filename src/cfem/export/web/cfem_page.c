@@ -1,61 +1,16 @@
 /* The controller of ../c for a page: reads the robot from a block of bytes, ticks it, sets its actuators by hand, and gives the surface
  * that its skin has there. No heap and no imports: the page lays its data behind __heap_base. */
-#include <stddef.h>
-
-#include "cfem_linear.h"
-#include "cfem_parts.h"
-
-#define SERVED(name) __attribute__((export_name(#name))) cfem_page_##name
+#include "cfem_page.h"
 
 #define SHORTEST (1.0 / 64.0) /* step of what is set by hand, as a share of the way */
 
 cfem_robot cfem_here;
 static cfem_controller controller;
 
-/* What the page reads and writes; the order is that of `FIELDS` in robot.js. */
-static struct {
-    double goal[CFEM_MOST_NE];
-    double delta_a[CFEM_MOST_NA], lambda_a[CFEM_MOST_NA]; /* of the command, or of the actuators set by hand */
-    double x_e[CFEM_MOST_NE];                             /* mm, absolute: where the model has the effectors */
-    double skin[CFEM_MOST_SKIN];                          /* mm */
-} io;
+cfem_page_shared cfem_io;
+#define io cfem_io
 
 double *SERVED(io)(void) { return &io.goal[0]; }
-
-/* --- the block: numbers of four bytes, then of eight, then the series -------------------------------------------------- */
-
-typedef struct {
-    const unsigned char *at, *end;
-    int good;
-} reader;
-
-/* `size` bytes; what follows begins at a multiple of eight. */
-static const void *take(reader *r, size_t size) {
-    static const double nothing[CFEM_MOST_NZ * CFEM_MOST_NZ];
-    const size_t padded = (size + 7) / 8 * 8;
-    const unsigned char *found = r->at;
-    if (padded > (size_t)(r->end - r->at)) {
-        r->good = 0;
-        return nothing;
-    }
-    r->at += padded;
-    return found;
-}
-
-static void numbers(reader *r, double *to, int count) {
-    const void *from = take(r, (size_t)count * sizeof *to);
-    if (r->good) __builtin_memcpy(to, from, (size_t)count * sizeof *to);
-}
-
-/* A matrix (rows, columns) into rows of CFEM_MOST_NA. */
-static void matrix(reader *r, double to[][CFEM_MOST_NA], int rows, int columns) {
-    for (int i = 0; i < rows; i++) numbers(r, to[i], columns);
-}
-
-static int between(reader *r, int least, int value, int most) {
-    r->good &= least <= value && value <= most;
-    return r->good;
-}
 
 static void a_series(reader *r, cfem_series *f, int outputs, int n_z, int degree) {
     const int32_t *sizes = take(r, 2 * sizeof *sizes);

@@ -5,6 +5,7 @@
 #define HUGE_VAL __builtin_huge_val()
 #define fabs __builtin_fabs
 #define fmax __builtin_fmax
+#define fmin __builtin_fmin
 #define sqrt __builtin_sqrt
 #define sqrtf __builtin_sqrtf
 

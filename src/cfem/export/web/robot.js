@@ -1,5 +1,5 @@
 // The robot in WebAssembly: its controller, its model, the surface that its skin gives. Lengths in mm; forces in N or MPa.
-const ROOM = { effector: 12, actuator: 8, skin: 40 };
+const ROOM = { effector: 12, actuator: 8, skin: 40, ticks: 20 };
 const STATUS = { LIMITED: 1, SOFTENED: 2, OUTSIDE: 4, NOT_FOUND: 8, HELD: 16, BAD_INPUT: 32, NO_MODEL: 64, NO_QP: 128 };
 
 async function makeRobot({ said, arrays }) {
@@ -23,6 +23,8 @@ async function makeRobot({ said, arrays }) {
   const blockAt = put(arrays.block);
   if (code.load(blockAt, arrays.block.length)) throw new Error(CUT);
   code.surface(points, triangles, put(arrays.rest), put(arrays.modes), put(arrays.triangles));
+  const movesAt = arrays.motion && put(arrays.motion);
+  if (arrays.motion && code.motion_load(movesAt, arrays.motion.length)) throw new Error(CUT);
   const places = { x: reserve(24 * points), drawn: reserve(12 * points), normals: reserve(12 * points) };
   // No more memory from here on: views stay valid.
   const buffer = memory.buffer, n_a = said.actuators.length, n_e = said.rest_e.length;
@@ -67,6 +69,17 @@ async function makeRobot({ said, arrays }) {
     }
     return share;
   };
+  if (arrays.motion) {
+    const ahead = new Float64Array(buffer, code.motion_io(), ROOM.effector * (ROOM.ticks + 2) + 2 * ROOM.actuator), rows = k => ROOM.effector * k;
+    robot.moves = {
+      said: said.motion, curve: arrays.curve,
+      start: () => code.motion_start(),
+      // goals at the ends of the next ticks; shown: which robot is drawn
+      tick: (goals, shown) => { goals.forEach((goal, k) => ahead.set(goal, rows(k))); return code.motion_tick(shown); },
+      place: which => Array.from(ahead.subarray(rows(ROOM.ticks + which), rows(ROOM.ticks + which) + n_e)),
+      command: which => Array.from(ahead.subarray(rows(ROOM.ticks + 2) + which * ROOM.actuator, rows(ROOM.ticks + 2) + which * ROOM.actuator + n_a)),
+    };
+  }
   robot.home();
   return robot;
 }

@@ -27,8 +27,9 @@ function heldBy(limits) {
 }
 
 // [class, sentence] of where the robot is; missed: mm between goal and tip; moving: whether it still goes on; limits: see heldBy;
-// actuators: how many there are.
-function sentence(status, missed, moving, byHand, limits, actuators) {
+// actuators: how many there are; runs: whether its goal runs round a curve.
+function sentence(status, missed, moving, byHand, limits, actuators, runs) {
+  if (runs) return ["", "Following a goal that moves. Drag it, or set the speed to 0, to stop."];
   if (status & STATUS.BAD_INPUT) return ["bad", "That goal is no place. The robot stays where it is."];
   if (status & STATUS.NO_MODEL) return ["bad", "The model has no answer here. The robot stays where it is."];
   if (status & STATUS.NO_QP) return ["bad", "No command could be computed for this goal. The robot stays where it is."];

@@ -1,0 +1,89 @@
+"""A page's robot in motion: the block that its WebAssembly reads (web/cfem_motion_data.h), and a curve to follow."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.model import under_force
+from cfem.core.errors import InputError, NumericalError
+from cfem.export.c_motion import motion_constants
+from cfem.export.c_mpc import mpc_constants
+from cfem.export.spec import CSpec, FirmwareMpcSpec
+from cfem.motion.model import MotionModel
+from cfem.motion.modes import natural_modes
+from cfem.predict.protocol import Predictor
+
+ROOM = {
+    "NQ": (20, "motions"),
+    "LOSSES": (4, "viscous materials"),
+    "TERMS": (4, "Prony terms"),
+    "DEGREE": (40, "degrees"),
+}
+ROOM |= {"MOVING_TERMS": (1200, "terms of its mass"), "TICKS": (20, "ticks in the horizon")}
+MOST_NA = 8
+COUNTS = ("NQ", "LOSSES", "TERMS", "DEGREE", "MOVING_TERMS", "LOSS_TERMS")
+POINTS = 192  # of the curve
+MIDDLE, SWING = 0.4, 0.2  # of the largest forces
+TICKS_A_PERIOD = 10
+
+
+@dataclass(frozen=True)
+class Moves:
+    """block: of bytes; curve (POINTS, n_e) mm absolute, closed; said: what the page's program is told."""
+
+    block: bytes
+    curve: np.ndarray
+    said: dict[str, Any]
+
+
+def moves(meta: dict, predictor: Predictor, moving: dict[str, np.ndarray], spec: CSpec) -> Moves | None:
+    """None where the model has no curve to follow. InputError where the page has no room for the motion."""
+    model = MotionModel(predictor, moving, meta["motion"]["viscosity"])
+    try:
+        start, curve = curve_of(model)
+        first = float(natural_modes(model, start, spec.controller.command == "displacement", 1).frequency[0])
+    except NumericalError:
+        return None
+    many = model.n_a > 3  # more actuators than coordinates of a point
+    default = {"ticks": f"{TICKS_A_PERIOD * first:.3g} Hz", "moves": 8 if many else None}
+    own = spec.mpc or FirmwareMpcSpec(**default, effort=1e-6 if many else 1e-10)
+    chosen = spec.model_copy(update={"mpc": own.model_copy(update={"obstacles": []}), "scalar": "double"})
+    sizes, numbers, constants = mpc_constants(chosen, meta, predictor.arrays, moving)
+    counts, arrays = motion_constants(meta, predictor.arrays, moving)
+    of = {name: counts[f"CFEM_MOTION_{name}"] for name in COUNTS} | {"TICKS": sizes["TICKS"]}
+    for name, (most, what) in ROOM.items():
+        if of[name] > most:
+            raise InputError(f"the page has room for {most} {what}, and this robot has {of[name]}", do="export C")
+    whole = [*(of[name] for name in COUNTS), *(sizes[name] for name in ("TICKS", "MOVES", "EVERY", "FORCE"))]
+    parts = [np.array(one, "<i4") for one in (whole, constants["begins"], arrays["prony_terms"][: of["LOSSES"]])]
+    scalars = [numbers["DT"], numbers["WARP"], numbers["LENGTH"], float(moving["stiffness"])]
+    vectors = [scalars, arrays["relaxation"][: of["LOSSES"]], *arrays["prony"][: of["TERMS"]], arrays["scale"]]
+    vectors += [*arrays["moving_to_box"], arrays["moving_offset"], start]
+    vectors += [constants[name] for name in ("weight", "smooth", "effort", "size", "rate", "course_size")]
+    vectors += [*constants["command"], *constants["course"]]
+    parts += [np.asarray(one, "<f8") for one in vectors]
+    for name in ("moving", "loss"):
+        degrees = arrays[f"{name}_degrees"]
+        parts.append(np.pad(degrees, ((0, 0), (0, MOST_NA - degrees.shape[1]))))
+    parts += [arrays[name].astype("<f8") for name in ("moving", "loss")]
+    block = b"".join(one.tobytes() + bytes(-one.nbytes % 8) for one in parts)
+    # half of the first frequency at most: the eight swings twice a lap
+    said = {"dt": numbers["DT"], "ticks": sizes["TICKS"], "most": float(f"{first / 2:.2g}")}
+    return Moves(block, curve, said)
+
+
+def curve_of(model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
+    """Where the actuators are at its start (n_a,) mm, and where the tips rest (POINTS, n_e) mm while forces go round a
+    figure-eight about their middle."""
+    static, n_a = model.static, model.n_a
+    largest = np.abs(static.domain.lambda_a).max(axis=0)
+    turn = np.pi * (2 * np.arange(n_a) + 1) / (2 * n_a)
+    phase = 2 * np.pi * np.arange(POINTS + 1)[:, None] / POINTS
+    share = MIDDLE + SWING * (np.cos(turn) * np.sin(phase) + np.sin(turn) * np.sin(2 * phase))
+    near, found, start = static.at_displacement(static.domain.nearest(MIDDLE * largest, "force")), [], None
+    for one in share:
+        near = under_force(static, one * largest, near)
+        start = near.delta_a if start is None else start
+        found.append(model.rest_e + near.delta_e)
+    return start, np.array(found[:-1])

@@ -1,0 +1,157 @@
+/* The robot in motion, for a page: two of them run after goals that move, one under the static inverse, one under predictive control. */
+#include <string.h>
+
+#include "cfem_mpc.h"
+#include "cfem_page.h"
+
+#define NA CFEM_NA
+#define NE CFEM_NE
+#define SUBSTEPS 4
+
+cfem_motion_robot cfem_moves;
+
+enum { STATIC, PREDICTIVE, BOTH };
+
+static cfem_mpc predictive;
+static cfem_controller inverse;
+static cfem_moving robot[BOTH];
+static int lost[BOTH]; /* has left what its model knows, and moves no more */
+
+/* What the page reads and writes; the order is that of motion.js. */
+static struct {
+    double ahead[CFEM_MPC_MOST_TICKS][CFEM_MOST_NE]; /* mm, absolute: goals at the ends of the next ticks */
+    double x_e[BOTH][CFEM_MOST_NE];                  /* mm, absolute: where the robots are */
+    double u[BOTH][CFEM_MOST_NA];                    /* their commands */
+} shared;
+
+double *SERVED(motion_io)(void) { return shared.ahead[0]; }
+
+/* 0, or 1 where the block is not of a robot that this code has room for. It is not copied: it has to stay. */
+int SERVED(motion_load)(const unsigned char *block, int size) {
+    reader r = {block, block + size, 1};
+    cfem_motion_robot *const to = &cfem_moves;
+    int *const counts = &to->n_q;
+    const int32_t *head = take(&r, 10 * sizeof *head);
+    if (!r.good) return 1;
+    for (int i = 0; i < 10; i++) counts[i] = head[i];
+    between(&r, NA, to->n_q, CFEM_MPC_MOST_NQ), between(&r, 0, to->losses, CFEM_MPC_MOST_LOSSES);
+    between(&r, 0, to->terms, CFEM_MPC_MOST_TERMS), between(&r, 1, to->degree, CFEM_MPC_MOST_DEGREE);
+    between(&r, 1, to->moving_terms, CFEM_MPC_MOST_MOVING), between(&r, 1, to->loss_terms, CFEM_MPC_MOST_MOVING);
+    between(&r, 2, to->ticks, CFEM_MPC_MOST_TICKS), between(&r, 1, to->moves, CFEM_MPC_MOST_MOVES), between(&r, 1, to->every, to->ticks);
+    if (!r.good) return 1;
+    const int32_t *begins = take(&r, (size_t)to->moves * sizeof *begins), *terms = take(&r, (size_t)to->losses * sizeof *terms);
+    if (!r.good) return 1;
+    for (int i = 0; i < to->moves; i++) to->begins[i] = begins[i];
+    for (int i = 0, sum = 0; i < to->losses; i++) sum += to->prony_terms[i] = terms[i], between(&r, 0, sum, to->terms);
+    numbers(&r, &to->dt, 4), numbers(&r, to->relaxation, to->losses);
+    for (int i = 0; i < to->terms; i++) numbers(&r, to->prony[i], 2);
+    numbers(&r, to->scale, to->n_q), matrix(&r, to->to_box, NA, NA), numbers(&r, to->offset, NA), numbers(&r, to->start, NA);
+    numbers(&r, to->weight, NE), numbers(&r, to->smooth, NA), numbers(&r, to->effort, NA), numbers(&r, to->size, NA);
+    numbers(&r, to->rate, NA), numbers(&r, to->course_size, NA);
+    for (int i = 0; i < NA; i++) numbers(&r, to->command[i], 2);
+    for (int i = 0; i < NA; i++) numbers(&r, to->course[i], 2);
+    const int triangle = to->n_q * (to->n_q + 1) / 2, outputs = triangle + NE * (to->n_q - NA);
+    to->moving_degrees = take(&r, (size_t)to->moving_terms * sizeof *to->moving_degrees);
+    to->loss_degrees = take(&r, (size_t)to->loss_terms * sizeof *to->loss_degrees);
+    to->moving[0] = take(&r, (size_t)(to->moving_terms * outputs) * sizeof(double));
+    to->loss[0] = take(&r, (size_t)(to->loss_terms * to->losses * triangle) * sizeof(double));
+    for (int m = 0; r.good && m < to->moving_terms; m++)
+        for (int i = 0; i < NA; i++) between(&r, 0, to->moving_degrees[m][i], to->degree);
+    for (int m = 0; r.good && m < to->loss_terms; m++)
+        for (int i = 0; i < NA; i++) between(&r, 0, to->loss_degrees[m][i], to->degree);
+    return !(r.good && r.at == r.end);
+}
+
+/* Both stand still at the start of the curve. */
+void SERVED(motion_start)(void) {
+    cfem_mpc_init(&predictive, cfem_moves.start);
+    cfem_init(&inverse);
+    for (int i = 0; i < NA; i++) inverse.delta_a[i] = cfem_moves.start[i];
+    cfem_parts parts;
+    cfem_spectral(cfem_moves.start, &parts);
+    for (int i = 0; i < NA; i++) inverse.lambda_a[i] = parts.gradient[i];
+    for (int e = 0; e < NE; e++) inverse.reference[e] = cfem_rest_e[e] + parts.effector[e];
+    inverse.stands = 0;
+    for (int k = 0; k < BOTH; k++) {
+        robot[k] = predictive.state, lost[k] = 0;
+        memcpy(shared.u[k], robot[k].u, sizeof shared.u[k]);
+        memcpy(shared.x_e[k], inverse.reference, sizeof shared.x_e[k]);
+    }
+}
+
+/* Where the tips of a robot are, and its skin as that of the robot at rest whose tips are nearest to there. */
+static void look(int which, int shown) {
+    static cfem_inertia near;
+    double e[CFEM_MOST_NE], C[CFEM_MOST_NE][CFEM_MPC_MOST_NQ], A[CFEM_MOST_NA][CFEM_MOST_NA], b[CFEM_MOST_NA], trace = 0.0;
+    cfem_inertia_at(robot[which].z, 1, &near);
+    cfem_tips(robot[which].z, &near, &near, e, C);
+    for (int k = 0; k < NE; k++) shared.x_e[which][k] = cfem_rest_e[k] + e[k];
+    if (!shown) return;
+    cfem_parts parts;
+    cfem_effector_parts(robot[which].z, &parts);
+    for (int i = 0; i < NA; i++) {
+        b[i] = 0.0;
+        for (int j = 0; j < NA; j++) {
+            A[i][j] = 0.0;
+            for (int k = 0; k < NE; k++) A[i][j] += parts.effector_gradient[k][i] * parts.effector_gradient[k][j];
+        }
+        for (int k = 0; k < NE; k++) b[i] += parts.effector_gradient[k][i] * (e[k] - parts.effector[k]);
+        trace += A[i][i];
+    }
+    for (int i = 0; i < NA; i++) A[i][i] += 1e-2 * trace / NA;
+    const int flat = cfem_invert(NA, CFEM_MOST_NA, A[0]);
+    for (int i = 0; i < NA; i++) {
+        cfem_io.delta_a[i] = robot[which].z[i] + (flat ? 0.0 : cfem_dot(NA, A[i], b));
+        cfem_io.lambda_a[i] = CFEM_COMMAND_FORCE ? robot[which].u[i] : cfem_io.lambda_a[i];
+    }
+    for (int k = 0; k < NE; k++) cfem_io.x_e[k] = shared.x_e[which][k];
+}
+
+/* A robot during a tick in which its command moves evenly to u: steps of a share of the tick. */
+static int move(int which, const double *u) {
+    static cfem_inertia place;
+    static cfem_stage stage;
+    const cfem_material as_learned = {1.0, 1.0};
+    const double dt = cfem_moves.dt, warp = cfem_moves.warp;
+    double from[CFEM_MOST_NA], to[CFEM_MOST_NA];
+    int failed = 0;
+    memcpy(from, robot[which].u, sizeof from);
+    cfem_moves.dt = dt / SUBSTEPS, cfem_moves.warp = 1.0;
+    for (int k = 1; k <= SUBSTEPS && !failed; k++) {
+        int known = 0;
+        for (int i = 0; i < NA; i++) to[i] = from[i] + (double)k / SUBSTEPS * (u[i] - from[i]);
+        failed = cfem_tick(&robot[which], to, &as_learned, &place, &known, &stage);
+    }
+    cfem_moves.dt = dt, cfem_moves.warp = warp;
+    for (int i = 0; i < NA; i++) { /* farther beyond the training states than half of their width */
+        const double low = cfem_domain_delta_a[0][i], high = cfem_domain_delta_a[1][i], beyond = (high - low) / 2;
+        failed |= !(robot[which].z[i] >= low - beyond && robot[which].z[i] <= high + beyond);
+    }
+    return failed;
+}
+
+/* One tick of both after shared.ahead; shown: the one that is drawn. Which of them are lost: 1, 2 or 3. */
+unsigned SERVED(motion_tick)(int shown) {
+    static cfem_mpc_input in;
+    cfem_mpc_output told;
+    cfem_input asked;
+    cfem_output out;
+    in.ahead = cfem_moves.ticks;
+    for (int k = 0; k < in.ahead; k++)
+        for (int e = 0; e < NE; e++) in.goal[k][e] = shared.ahead[k][e];
+    cfem_mpc_step(&predictive, &in, &told);
+    memset(&asked, 0, sizeof asked);
+    for (int e = 0; e < NE; e++) asked.goal[e] = shared.ahead[0][e];
+    for (int k = 0; k < 6; k++) {
+        for (int i = 0; i < NA; i++) asked.delta_a[i] = inverse.delta_a[i];
+        cfem_step(&inverse, &asked, &out);
+    }
+    const double *static_u = CFEM_COMMAND_FORCE ? out.lambda_a : out.delta_a;
+    for (int i = 0; i < NA; i++) shared.u[STATIC][i] = static_u[i], shared.u[PREDICTIVE][i] = told.u[i];
+    for (int k = 0; k < BOTH; k++) {
+        if (lost[k]) continue;
+        lost[k] = move(k, shared.u[k]);
+        if (!lost[k]) look(k, k == shown);
+    }
+    return (unsigned)(lost[STATIC] + 2 * lost[PREDICTIVE]);
+}
