@@ -49,6 +49,14 @@ def test_a_line_after_two_seconds_and_every_five_from_then_on(display, clock, wr
     assert len(written) == 11
 
 
+def test_a_long_run_has_a_line_a_minute(display, clock, written):
+    wait(display, clock, 3600)
+    assert len(written) < 90
+    before = len(written)
+    wait(display, clock, 600)
+    assert len(written) == before + 10
+
+
 def test_work_that_says_nothing_is_still_shown(display, clock, written):
     doing("compiling kernels")
     wait(display, clock, 60)

@@ -2,7 +2,8 @@
 
 `shown` opens the display once a command. Work below it says what it does by `doing` and how far it is by `progress`,
 and neither knows nor asks whether anybody looks: without a display both do nothing. On a terminal one line is rewritten
-all the time. Elsewhere a line is printed after two seconds and every five seconds from then on."""
+all the time. Elsewhere a line is printed after two seconds, every five seconds from then on, and less often the longer
+the command runs: logs of long runs stay short."""
 
 import shutil
 import sys
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 from cfem.core.terminal import printable
 
 FIRST, EVERY = 2.0, 5.0  # s: to the first line, and from line to line, where there is no terminal
+SHARE, MOST = 0.1, 60.0  # of the time so far, and s: from line to line later on
 EVENTS = 3  # counted before the time left is estimated
 SPINNER = "⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏"
 
@@ -69,7 +71,7 @@ class Display:
         self.counted: list[Counted] = []
         self._write, self._clock, self._width = write, clock, width
         self.begin = clock()
-        self._next, self._turn = self.begin + FIRST, 0
+        self._start, self._next, self._turn = self.begin, self.begin + FIRST, 0
         self._lock = threading.RLock()
 
     def tick(self) -> None:
@@ -83,7 +85,7 @@ class Display:
                 line = f"{SPINNER[self._turn % len(SPINNER)]} {self.line()}"
                 self._write(f"\r\x1b[K{line[: self._width - 1]}")
             elif now >= self._next:
-                self._next = now + EVERY
+                self._next = now + min(max(EVERY, SHARE * (now - self._start)), MOST)
                 self._write(f"{self.line()}\n")
 
     def line(self) -> str:
