@@ -10,6 +10,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.predict.obstacle_spec import BoxObstacle, CapsuleObstacle, MeshObstacle, PlaneObstacle, SphereObstacle
 
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
+TWIN = {"kind": "robot", "model": "../../models/bar/spectral", "shares": [[0]]}
 GOALS = {"there": {"kind": "goals", "points": {"mm": [[58.9, 0, 1.5], [58.8, 0, 1.8]]}}}
 
 
@@ -95,6 +96,48 @@ def test_a_payload_and_an_obstacle_go_together(bar):
     spec = control(bar, "loaded-press", obstacles, search=search, loads=loads)
     found = cfem.run_stage("control", spec)["results"]
     assert found["obstacles"]["ceiling"]["error_max"] < 0.05 * 0.03 and found["load_error"] > 0
+
+
+def test_an_obstacle_that_moves_is_pressed_where_it_is(bar):
+    """It comes down by 1.5 mm, and its force is held; finite elements move it too."""
+    way = {"mm": [[0, 0, 0], [0, 0, -1.5]]}
+    obstacles = {"ceiling": {**CEILING, "press": "30 mN", "path": way}}
+    search, goals = {"step": "0.5 mm", "weights": [0, 0, 0]}, {"mm": [[58.9, 0, 1.5]] * 4}
+    told = {"there": {"kind": "goals", "points": goals}}
+    spec = control(bar, "moves", obstacles, search=search, trajectories=told)
+    found = cfem.run_stage("control", spec)["results"]
+    assert found["obstacles"]["ceiling"]["error_max"] < 0.05 * 0.03
+    assert "4 of 4 commands carried out" in found["headline"][-1]
+
+
+def test_another_robot_is_kept_clear_of(bar):
+    """The same bar hangs above, upside down, and bends down as the robot would rise."""
+    other = {
+        **TWIN,
+        "shares": [[0.0], [0.05]],
+        "rotate": {"axis": [1, 0, 0], "angle": "180 deg"},
+        "translate": {"mm": [0, 0, 16]},
+        "avoid": "2.5 mm",
+    }
+    goals = {"up": {"kind": "goals", "points": {"mm": [[57, 0, 4]] * 2}}}
+    found = cfem.run_stage("control", control(bar, "other", {"twin": other}, trajectories=goals))["results"]
+    assert found["obstacles"]["twin"]["least"] == pytest.approx(2.5, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"path": {"mm": [[0, 0, 0], [0, 0, -9]]}}, r"its way leads .* mm into where the robot is held, .* % through"),
+        ({**TWIN, "shares": [[0, 1]]}, "has 1 actuators, and `shares`"),
+        ({**TWIN, "shares": [[2]]}, "between 0 and 1"),
+        ({**TWIN, "translate": {"mm": [0, 3, 2]}}, r"starts .* mm inside it"),
+        ({**TWIN, "model": "../../models/nothing"}, "no such file"),
+    ],
+)
+def test_what_is_wrong_with_one_that_moves_is_said(bar, change, what):
+    one = change if "kind" in change else {**CEILING, **change}
+    with pytest.raises((InputError, SpecError), match=what):
+        cfem.run_stage("control", control(bar, "way", {"thing": one}))
 
 
 @pytest.mark.parametrize("more", [{"fe_based": True}, {"design": {"young": "1 MPa"}}])

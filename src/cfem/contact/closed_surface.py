@@ -71,6 +71,13 @@ class ClosedSurface:
             bound[mine] = np.maximum(bound[mine], np.minimum(tangent, distance[mine]))
         return distance, bound
 
+    def on(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the points of the surface that are nearest: the corners (k, 3) of their triangles, and their shares (k, 3)
+        in these."""
+        reach = np.abs(self.distance(points)[0]) * (1 + 1e-9) + 1e-12 * self.size
+        triangle, bary, _ = self._nearest(points, reach)
+        return self.triangles[triangle], bary
+
     def winding(self, points: np.ndarray) -> np.ndarray:
         """(k,) how often the surface winds around each point: 1 inside, 0 outside."""
         corners, found = self._corners, np.empty(len(points))

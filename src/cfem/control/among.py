@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.contact.course import Course
 from cfem.contact.obstacle import Obstacle
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
@@ -20,6 +21,7 @@ from cfem.predict.kept_patches import touchable_of
 from cfem.predict.protocol import Predictor
 from cfem.robot.spec import scene_meaning
 
+STOPS = 21  # places of a way that are looked at
 INSIDE = 1e-6  # of the length: how far the robot may reach into an obstacle at rest
 
 
@@ -76,7 +78,9 @@ def among(
     spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[World, dict[str, Among], TouchPlant]:
     """InputError where a model has no skin or its form does not fit, or the robot starts inside an obstacle."""
-    obstacles = {name: one.made(base) for name, one in spec.obstacles.items()}
+    courses = {name: one.course(base) for name, one in spec.obstacles.items()}
+    obstacles = {name: one.at(0.0) for name, one in courses.items()}
+    moving = {name: one for name, one in courses.items() if one.way(0.0, 1.0) > 0}
     pressed = tuple(name for name, one in spec.obstacles.items() if one.pressed)
     avoided = {name: obstacles[name] for name, one in spec.obstacles.items() if one.avoid is not None}
     solid = {name: one for name, one in obstacles.items() if name not in avoided}
@@ -91,14 +95,16 @@ def among(
         try:
             skin = model.skin
             demand_outside(robot, skin.nodes, obstacles)
+            demand_way(robot, skin.nodes, moving)
             touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
-            found[name] = Among(touchable, solid, pressed, avoided, law, friction)
+            found[name] = Among(touchable, solid, pressed, avoided, law, friction, courses=moving)
         except InputError as error:
             raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
         if plant is None:
             names = tuple(avoided)
             patches = touchable.patches
-            plant = TouchPlant(robot, patches, skin.nodes, skin.triangles, obstacles, pressed, names, law, friction)
+            surface = skin.nodes, skin.triangles
+            plant = TouchPlant(robot, patches, *surface, obstacles, pressed, names, law, friction, moving)
     first = next(iter(found.values()))
     mine = [spec.obstacles[name] for name in pressed]
     far = [spec.obstacles[name] for name in avoided]
@@ -122,3 +128,17 @@ def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obst
                 where=f"obstacles.{name}",
                 do="move the obstacle, or turn its normal out of it",
             )
+
+
+def demand_way(robot: Robot, nodes: np.ndarray, courses: Mapping[str, Course]) -> None:
+    """SpecError where an obstacle comes to where the robot is held, which cannot give way."""
+    held = robot.X[nodes[np.isin(nodes, robot.fixed)]]
+    for name, one in courses.items():
+        for share in np.linspace(0.0, 1.0, STOPS):
+            deep = -one.at(share).distance(held).min(initial=np.inf)
+            if deep > INSIDE * robot.length:
+                raise SpecError(
+                    f"its way leads {deep:.3g} mm into where the robot is held, {100 * share:.0f} % through the goals",
+                    where=f"obstacles.{name}",
+                    do="end it before",
+                )

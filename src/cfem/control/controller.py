@@ -10,13 +10,14 @@ model expected and the correction c of that tick,
 which is goal - sample where the model got to the corrected goal, and grows no further where bounds, rates, a robot that
 cannot get there, or a search of one step a tick have kept it away."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.control.tick import Belief, Pilot, drive
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.plant.protocol import Measurement
 
 
@@ -58,6 +59,17 @@ class Controller:
         home = getattr(pilot.model, "home", np.zeros(len(pilot.ridge)))
         self.belief = Belief.at(pilot, home if start is None else np.asarray(start, float))
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
+
+    def pass_to(self, share: float) -> None:
+        """What moves in the model's world goes to where it is at this share of the run. Where the model has no answer,
+        it is what the next tick says."""
+        model, at = self._pilot.model, self.belief.iterate
+        if not getattr(model, "courses", None):
+            return
+        with suppress(NumericalError):
+            model.pass_to(share)
+            condensed = model.at_displacement(at.condensed.delta_a)
+            self.belief = replace(self.belief, iterate=replace(at, condensed=condensed))
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:
         """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the

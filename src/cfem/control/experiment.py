@@ -48,9 +48,12 @@ def follow(
     as their step is timed. after(index): called when the plant has carried out the first plan for that goal."""
     order = sorted(pilots, key=lambda name: name != reference)
     controllers = {name: Controller(pilots[name], rest_e) for name in order}
-    plans = {name: [controllers[name].tick(goal).plan for goal in goals] for name in order if name != reference}
+    shares = np.linspace(0.0, 1.0, len(goals)) if len(goals) > 1 else np.zeros(1)
+    plans = {name: _planned(controllers[name], goals, shares) for name in order if name != reference}
     tracked = []
-    for index, goal in enumerate(goals):
+    for index, (goal, share) in enumerate(zip(goals, shares, strict=True)):
+        if hasattr(plant, "pass_to"):
+            plant.pass_to(share)
         for place, name in enumerate(order):
             plan = controllers[name].tick(goal).plan if name == reference else plans[name][index]
             measured = plant.step(plan.delta_a)
@@ -65,3 +68,12 @@ def follow(
             if place == 0:
                 after(index)
     return tracked
+
+
+def _planned(controller: Controller, goals: np.ndarray, shares: np.ndarray) -> list[Reach]:
+    """Every goal, with what moves in the model's world where it is at that share of the run."""
+    plans = []
+    for goal, share in zip(goals, shares, strict=True):
+        controller.pass_to(share)
+        plans.append(controller.tick(goal).plan)
+    return plans

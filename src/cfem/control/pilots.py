@@ -57,7 +57,7 @@ def pilots_of(
 
 
 def _on_its_own_way(model: Among | Gripping) -> Among | Gripping:
-    return replace(model, before=None, at=None)
+    return model.standing(0.0) if isinstance(model, Among) else replace(model, before=None, at=None)
 
 
 def _updated_once(model: Any) -> Any:

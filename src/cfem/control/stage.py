@@ -32,7 +32,8 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     controllers = spec.loop.controllers if spec.loop else {}
     policies = {f"policy {name}": base / one.policy for name, one in controllers.items() if one.policy is not None}
     inputs = {"mesh": base / spec.mesh} | {f"model {name}": base / path for name, path in spec.models.items()}
-    inputs |= {f"obstacle {name}": base / one.file for name, one in spec.obstacles.items() if one.kind == "mesh"}
+    files = {name: getattr(one, "file", None) or getattr(one, "model", None) for name, one in spec.obstacles.items()}
+    inputs |= {f"obstacle {name}": base / file for name, file in files.items() if file}
     return Stage(
         name="control",
         version=VERSION,

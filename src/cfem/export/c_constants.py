@@ -113,9 +113,16 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
 
 
 def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
-    """The module's series, and what the modules are beside it."""
+    """The module's series, and what the modules are beside it. InputError where they are not of one model, or bear
+    loads."""
     if spec.full:
         raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
+    do = "export `arrays`, or train one model of the whole robot, of kind spectral"
+    if predictor.meta.get("wrench") is not None:
+        raise InputError("modules in a row have no C code for loads", do=do)
+    if len(predictor.models) > 1 or predictor.heavy:
+        what = "modules of different models" if len(predictor.models) > 1 else "the centre of mass of modules in a row"
+        raise InputError(f"{what} have no C code" if len(predictor.models) > 1 else f"{what} has no C code", do=do)
     module = _spectral(predictor.models[0], module_arrays(arrays, 0), p, spec)
     softer = predictor.softer
     return replace(

@@ -37,6 +37,11 @@ class ModelPlant:
             delta_e = delta_e + state.W[e, e] @ self._push
         return Measurement(self._rest_e + delta_e, delta_a, lambda_a, self._t, "converged")
 
+    def pass_to(self, share: float) -> None:
+        """Obstacles that move go to where they are at this share of the run, if the model has any."""
+        if hasattr(self._model, "pass_to"):
+            self._model.pass_to(share)
+
     def _under(self, lambda_a: np.ndarray) -> Condensed:
         near = self._last or self._model.at_displacement(np.zeros(len(lambda_a)))
         return under_force(self._model, lambda_a, near)

@@ -4,12 +4,13 @@ Patches that are near an obstacle are contact points of the finite elements. Aft
 are looked at: where one that was not near has come into an obstacle, the step is done again with it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cfem.condensed.patches import Patches
 from cfem.contact.clearance import nearest_of_surface
+from cfem.contact.course import Course, stops
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
@@ -26,7 +27,7 @@ from cfem.equilibrium.touch import PlacedRobot, Touch, TouchStatus, touch
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
 from cfem.plant.quasi_static import CONVERGED, carried_out
-from cfem.predict.among import SHARE
+from cfem.predict.among import LONGEST, SHARE
 
 OVERLAP = 1e-6  # of the length: how far a patch that is no contact point may be within an obstacle
 NEAR = 0.6  # distances of patches: nearer to an obstacle than this a patch is a contact point
@@ -61,7 +62,7 @@ class Still:
 class TouchPlant(ContactAccount):
     """`Plant`. nodes (m,): of the surface in the mesh, which `patches` cut; triangles (t, 3) of them. obstacles: all,
     by name; the answer x_e has the effectors', then the forces on `pressed` (N) and the distances from `avoided`
-    (mm)."""
+    (mm). courses: of those that move (`pass_to`)."""
 
     def __init__(
         self,
@@ -74,9 +75,11 @@ class TouchPlant(ContactAccount):
         avoided: Sequence[str] = (),
         law: Law = "coulomb",
         mu: float = 0.0,
+        courses: Mapping[str, Course] | None = None,
     ):
         self._robot, self._patches, self._nodes, self._triangles = robot, patches, nodes, triangles
         self._obstacles, self._pressed, self._avoided, self._law, self._mu = obstacles, pressed, avoided, law, mu
+        self._courses, self._share, self._blocked = courses or {}, 0.0, CONVERGED
         self._around = Still(Several(tuple(obstacles.values())))
         apart = np.linalg.norm(patches.rest[:, None] - patches.rest, axis=2) + 1e9 * np.eye(len(patches))
         self._near = NEAR * float(np.median(apart.min(axis=1)))
@@ -101,7 +104,7 @@ class TouchPlant(ContactAccount):
         n_e = self._robot.rows.n_e + len(self._pressed) + len(self._avoided)
         if kind != "displacement":
             return Measurement.failed(n_e, len(u), self.commands, "contact takes displacements")
-        status = carried_out(self._at, u, longest, self._go)
+        status = carried_out(self._at, u, longest, self._go) if self._blocked == CONVERGED else self._blocked
         self.failures += status != CONVERGED
         if self.state is None:
             return Measurement.failed(n_e, len(u), self.commands, status)
@@ -109,6 +112,34 @@ class TouchPlant(ContactAccount):
             self.seen(self._last)
         x_e = np.concatenate([self._robot.rest_e + self.state.delta_e, self._forces(), self._distances()])
         return Measurement(x_e, self.state.delta_a, self.state.lambda_a, self.commands, status)
+
+    def pass_to(self, share: float) -> None:
+        """Obstacles that move go to where they are at this share of the run, the robot giving way with its actuators
+        held. Where the robot finds no state they stay where there was one, and the next step says why."""
+        self._blocked = CONVERGED
+        for begin, end in stops(self._courses.values(), self._share, share, LONGEST * self._robot.length):
+            before = self._obstacles, self._around, self._last
+            if self._last is not None:
+                self._last = replace(self._last, stuck=self._carried(begin, end))
+            self._obstacles = self._obstacles | {name: one.at(end) for name, one in self._courses.items()}
+            self._around = Still(Several(tuple(self._obstacles.values())))
+            if self._last is not None:
+                self._last = replace(self._last, around=self._around)
+            self._blocked = self._go(self._at)
+            if self._blocked != CONVERGED:
+                self._obstacles, self._around, self._last = before
+                return
+            self._share = end
+
+    def _carried(self, begin: float, end: float) -> np.ndarray:
+        """(c, 3) mm the places at which contact points stick or would, where they touch what moves."""
+        stuck, places = self._last.stuck.copy(), self._places()[self._chosen]
+        which, touching = self._around.obstacles.nearest(places)[1], self.state.lambda_c.reshape(-1, 3).any(axis=1)
+        for number, name in enumerate(self._obstacles):
+            mine = (which == number) & touching
+            if name in self._courses and mine.any():
+                stuck[mine] = self._courses[name].carried(stuck[mine], begin, end)
+        return stuck
 
     def _go(self, u: np.ndarray) -> str:
         """One quasi-static step."""

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
+from cfem.contact.course import Course, stops
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
 from cfem.contact.several import Several
@@ -26,6 +27,7 @@ from cfem.predict.touchable import Touchable
 from cfem.predict.touching import Touched, touch_step
 
 STEP = 1e-4  # of the reach: of the differences
+LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
 SHARE = 0.05  # of its reach: the longest way of an actuator in one quasi-static step under friction
 
 
@@ -34,7 +36,7 @@ class Among:
     """`Model`. solid: obstacles that the robot may touch, by name; pressed: those of them whose force is a row, in
     their order; avoided: obstacles whose distance is a row. It remembers the contact state `before` in which the robot
     stands, actuators `at` (n_a,) mm (`settle`): there a step begins, as friction and the side of an edge depend on the
-    way."""
+    way. courses: of obstacles that move, by name; share: of the run, where they are now (`pass_to`)."""
 
     touchable: Touchable
     solid: Mapping[str, Obstacle]
@@ -44,6 +46,8 @@ class Among:
     mu: float = 0.0
     before: Touched | None = None
     at: np.ndarray | None = None
+    courses: Mapping[str, Course] = field(default_factory=dict)
+    share: float = 0.0
 
     @cached_property
     def rows(self) -> Rows:
@@ -94,6 +98,43 @@ class Among:
         """The robot stands at delta_a (n_a,) mm now: further steps begin there."""
         delta_a = np.asarray(delta_a, float)
         self.before, self.at = self.touched(delta_a), delta_a
+
+    def pass_to(self, share: float) -> None:
+        """Obstacles that move go to where they are at this share of the run, the robot giving way with its actuators
+        held. NumericalError where there is no contact state: then they stay where there was one."""
+        longest = LONGEST * self.touchable.model.length
+        for begin, end in stops(self.courses.values(), self.share, share, longest):
+            last = self.solid, self.avoided
+            self._stand(end)
+            try:
+                if self.at is not None and self.solid:
+                    state = self.before if self.before is None or not self.mu else self._carried(begin, end)
+                    self.before = self._step(self.at, state)
+            except NumericalError:
+                (self.solid, self.avoided), _ = last, self.__dict__.pop("_around", None)
+                raise
+            self.share = end
+
+    def standing(self, share: float) -> "Among":
+        """A robot at rest, that has touched nothing yet, with obstacles where they are at this share of the run."""
+        found = replace(self, before=None, at=None, share=share)
+        found._stand(share)
+        return found
+
+    def _stand(self, share: float) -> None:
+        now = {name: one.at(share) for name, one in self.courses.items()}
+        self.solid = {name: now.get(name, one) for name, one in self.solid.items()}
+        self.avoided = {name: now.get(name, one) for name, one in self.avoided.items()}
+        self.__dict__.pop("_around", None)
+
+    def _carried(self, begin: float, end: float) -> Touched:
+        """The last state, what touches carried along by what it touches."""
+        stuck = self.before.stuck.copy()
+        for number, name in enumerate(self.solid):
+            mine = self.before.patches[(self.before.obstacles == number) & self.before.forces.any(axis=1)]
+            if name in self.courses and len(mine):
+                stuck[mine] = self.courses[name].carried(stuck[mine], begin, end)
+        return replace(self.before, stuck=stuck)
 
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
         """NumericalError where there is no contact state."""

@@ -8,11 +8,13 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.course import Bending, Course, Sliding
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere, tangents
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import Spec
 from cfem.core.stl import read_stl
 from cfem.core.units import Force, Length, Point, Points
+from cfem.predict.load import load_model
 from cfem.robot.geometry import Turn
 from cfem.robot.selection import Direction
 
@@ -26,6 +28,9 @@ class _Any(Spec):
     """Largest such force that plans may use."""
     avoid: Length | None = Field(None, gt=0)
     """Smallest distance that plans keep from it."""
+    path: Points | None = None
+    """Displacements that it goes through from the first goal to the last, evenly spread, straight from one to the next.
+    It stands still unless given."""
 
     @model_validator(mode="after")
     def _press_or_avoid(self):
@@ -36,6 +41,14 @@ class _Any(Spec):
     @property
     def pressed(self) -> bool:
         return self.press is not None or self.largest_force is not None
+
+    def course(self, folder: Path) -> Course:
+        """How it moves; folder: of the control.yaml."""
+        return Sliding(self.made(folder), np.zeros((1, 3)) if self.path is None else np.asarray(self.path, float))
+
+    def made(self, folder: Path) -> Obstacle:
+        """Where it stands."""
+        raise NotImplementedError
 
 
 class PlaneObstacle(_Any):
@@ -129,8 +142,51 @@ class MeshObstacle(_Any):
         return ClosedMesh(surface, R=_rotation(self.rotate), t=t)
 
 
+class RobotObstacle(_Any):
+    """Another robot, by its learned shape. It does not yield."""
+
+    kind: Literal["robot"]
+    """Another learned robot."""
+    model: Path
+    """Folder of its model, which has a skin; relative to this file."""
+    shares: Annotated[tuple[tuple[float, ...], ...], Field(min_length=1)]
+    """Where its actuators are, as shares of their reach, from the first goal to the last: evenly spread, straight from
+    one to the next. One entry stands still."""
+    rotate: Turn | None = None
+    """Rotation about the origin of its scene."""
+    translate: Point | None = None
+    """Movement after the rotation."""
+
+    @model_validator(mode="after")
+    def _one_way(self):
+        if self.path is not None:
+            raise ValueError("path: another robot moves by its actuators, state `shares`")
+        return self
+
+    def made(self, folder: Path) -> Obstacle:
+        raise SpecError("another robot has no C code yet", where="c.obstacles", do="leave it out")
+
+    def course(self, folder: Path) -> Course:
+        where = str(folder / self.model)
+        model = load_model(folder / self.model)
+        n_a = model.rows.n_a
+        if any(len(one) != n_a for one in self.shares):
+            raise InputError(f"has {n_a} actuators, and `shares` has rows of another number", where=where)
+        shares = np.array(self.shares)
+        if not (np.isfinite(shares).all() and shares.min() >= 0 and shares.max() <= 1):
+            raise InputError("`shares` must be between 0 and 1", where=where)
+        low, high = model.reach.T
+        R, t = _rotation(self.rotate), np.zeros(3) if self.translate is None else np.array(self.translate)
+        try:
+            facets = model.facets
+        except InputError as error:
+            raise InputError(error.what, where=error.where or where, do=error.do) from None
+        return Bending(model, low + shares * (high - low), lambda x: ClosedMesh(ClosedSurface(x, facets)), R, t)
+
+
 ObstacleSpec = Annotated[
-    PlaneObstacle | SphereObstacle | BoxObstacle | CapsuleObstacle | MeshObstacle, Field(discriminator="kind")
+    PlaneObstacle | SphereObstacle | BoxObstacle | CapsuleObstacle | MeshObstacle | RobotObstacle,
+    Field(discriminator="kind"),
 ]
 
 

@@ -1,0 +1,102 @@
+"""Obstacles that move while a robot goes through its goals: where each is at a share of the run, and how it carries
+what sticks to it.
+
+Nothing moves by itself: robots are quasi-static, so that only the way counts, and friction counts it in steps."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+
+from cfem.contact.obstacle import Obstacle
+
+Stop = tuple[float, float]  # shares of the run from which and to which a step goes
+
+
+class Course(Protocol):
+    """Share 0 is the first goal, 1 the last."""
+
+    def at(self, share: float) -> Obstacle: ...
+
+    def way(self, begin: float, end: float) -> float:
+        """mm that no point of it moves more than."""
+        ...
+
+    def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
+        """(k, 3) mm where points of its surface, (k, 3) mm at `begin`, are at `end`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """A rigid body. places (k, 3) mm: its displacements, evenly spread over the run, straight from one to the next; one
+    stands still."""
+
+    obstacle: Obstacle
+    places: np.ndarray
+
+    def at(self, share: float) -> Obstacle:
+        return replace(self.obstacle, t=self.obstacle.t + between(self.places, share))
+
+    def way(self, begin: float, end: float) -> float:
+        stops = [begin, *corners(len(self.places), begin, end), end]
+        found = np.array([between(self.places, one) for one in stops])
+        return float(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
+
+    def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
+        return points + between(self.places, end) - between(self.places, begin)
+
+
+class Bending:
+    """A learned robot with a skin, whose actuators go through deltas (k, n_a) mm as places of `Sliding` do; R (3, 3)
+    and t (3,) mm place it. It does not yield to what touches it. make: an obstacle of its surface (m, 3) mm; it has
+    `surface`, which knows the nearest triangles."""
+
+    def __init__(self, model: Any, deltas: np.ndarray, make: Any, R: np.ndarray, t: np.ndarray):
+        self._model, self._deltas, self._make, self._R, self._t = model, deltas, make, R, t
+        self.at = lru_cache(maxsize=4)(self._at)
+
+    def _at(self, share: float) -> Obstacle:
+        return self._make(self._shape(share))
+
+    def _shape(self, share: float) -> np.ndarray:
+        return self._model.shape(between(self._deltas, share)) @ self._R.T + self._t
+
+    def way(self, begin: float, end: float) -> float:
+        stops = [begin, *corners(len(self._deltas), begin, end), end]
+        found = np.array([self._shape(one) for one in stops])
+        return float(np.linalg.norm(np.diff(found, axis=0), axis=2).sum(axis=0).max())
+
+    def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
+        corner, shares = self.at(begin).surface.on(points)
+        before, after = (np.einsum("kc,kci->ki", shares, self._shape(one)[corner]) for one in (begin, end))
+        return points + after - before
+
+
+def between(values: np.ndarray, share: float) -> np.ndarray:
+    """(...) of values (k, ...) at a share of the run."""
+    at = np.clip(share, 0.0, 1.0) * (len(values) - 1)
+    first = min(int(at), max(len(values) - 2, 0))
+    last = min(first + 1, len(values) - 1)
+    return values[first] + (at - first) * (values[last] - values[first])
+
+
+def corners(count: int, begin: float, end: float) -> list[float]:
+    """Shares between two, at which the course of `count` places has a corner, in the order in which they come."""
+    if count < 2:
+        return []
+    low, high = sorted((begin, end))
+    found = [i / (count - 1) for i in range(count) if low < i / (count - 1) < high]
+    return found if begin <= end else found[::-1]
+
+
+def stops(courses: Iterable[Course], begin: float, end: float, longest: float) -> Sequence[Stop]:
+    """Steps from one share to another in which nothing moves more than `longest` mm."""
+    way = max((one.way(begin, end) for one in courses), default=0.0)
+    if way == 0.0:
+        return []
+    shares = np.linspace(begin, end, int(np.ceil(way / longest)) + 1).tolist()
+    return list(pairwise(shares))
