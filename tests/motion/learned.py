@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from dynamics.moving import moving_bar
 
+from cfem.condensed.packing import pack_symmetric3
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.viscosity import Viscosity
@@ -35,6 +36,10 @@ class Static:
     def parts(self, s, q):
         return self._split(self._basis(s @ self._to_box + self._offset) @ self._series)
 
+    def gradient_and_hessian(self, s):
+        part = self.parts(s, s[:0])
+        return part["gradient"], part["hessian"]
+
 
 class States(SimpleNamespace):
     def __len__(self):
@@ -50,7 +55,7 @@ def problem():
 def states():
     full, found, start = problem(), [], None
     for delta in np.linspace(0.0, LARGEST, 13):
-        solved = solve(full, displacement([delta]), start, mass=full.mass, slack=False)
+        solved = solve(full, displacement([delta]), start, mass=full.mass, slack=False, loads=True)
         assert solved.converged
         found.append(solved)
         start = solved.state
@@ -65,7 +70,8 @@ def dataset():
     own = {name: np.array([getattr(one.inertia, name) for one in found]) for name in ("V", "V2", "V3", "loss")}
     viscosity = [{"relaxation": TAU, "prony": []}]
     moving = SimpleNamespace(rows=robot.rows, W=W, dV=None, viscosity=viscosity, inner_M=None, **own)
-    none = dict.fromkeys(("dW", "dC", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
+    none = dict.fromkeys(("dW", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
+    none["dC"] = np.array([pack_symmetric3(one.dC) for one in found])
     p = np.zeros((len(found), 0))
     return States(rows=robot.rows, W=W, moving=moving, p=p, n_c=0, meta={"parameters": []}, **stacked, **none)
 

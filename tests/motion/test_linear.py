@@ -102,7 +102,8 @@ def test_slopes_by_the_material_are_those_of_altered_models(kind):
         np.testing.assert_allclose(found[:, column], slope, atol=3e-2 * np.abs(slope).max())
 
 
-def test_a_material_is_that_of_the_altered_model():
+def test_a_material_is_that_of_the_altered_model(monkeypatch):
+    monkeypatch.setattr("cfem.motion.step.NEAR", 1e-10)  # both to the last digit
     motion, u = moving(model(), "force", 0.2)
     expected = step(Altered(model(), 1.3, 0.7), motion, Command(force=u), DT, tolerance=1e-9)
     v = motion.v

@@ -73,7 +73,8 @@ def derive(
     if wanted.third_order:
         dW, dV = compliance_derivatives(problem, at, lam, found.Z, Y, wanted.mass)
         moves = moves and replace(moves, dV=dV)
-        dC = load_derivatives(problem, at, lam, found.Z, W, dW) if wanted.loads else None
+    if wanted.loads:
+        dC = load_derivatives(problem, at, lam, found.Z, W)
     slopes = parameter_slopes(problem, at, W, found.Z, by_q, found.y) if by_q else None
     linear = Linear(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W) if wanted.keep else None
     return replace(derived, dW=dW, dC=dC, slopes=slopes, inertia=moves, linear=linear), True

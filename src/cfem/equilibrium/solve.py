@@ -60,7 +60,7 @@ def solve(
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
     the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
-    rows, by the factor at hand; keep: and what further derivatives start from; loads: and, with third_order, how the
+    rows, by the factor at hand; keep: and what further derivatives start from; loads: and how the
     effectors' compliance changes with loads on them; stresses: with mass, of the inner motions of a robot of sections
     in a row (inner.py).
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""

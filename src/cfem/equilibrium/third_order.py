@@ -53,39 +53,36 @@ class SkinRowsChange:
         return 0.0 if self.levers is None else change_of_work(self._kinematics, self.levers, motion, q)
 
 
-def load_derivatives(
-    problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray, dW: np.ndarray
-) -> np.ndarray:
+def load_derivatives(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray) -> np.ndarray:
     """(n_e, n_e, n_e) mm/N^2: D = dC/dw, how the effectors' compliance C, actuators held and contacts free, changes
-    with a wrench w on their rows; symmetric, as the third derivative of an energy (`cfem.predict.loaded`). W (n, n) and
-    dW (n_active, n, n) as from `compliance_derivatives`."""
-    rows = problem.robot.rows
-    own = np.r_[rows.e, rows.a]  # a skin has no part in it
-    Z, W, dW = Z[:, own], W[np.ix_(own, own)], dW[: rows.n_a, own[:, None], own]
-    e, a = slice(0, rows.n_e), slice(rows.n_e, len(own))
-    bent = _curvatures(problem, at, Z)
-    # along a force on an effector's row no active multiplier changes, and the force's own curvature joins A
-    moved = [derivative_along(problem, at, lam, Z, 0.0, z) for z in Z[:, e].T]
-    by_e = np.stack(moved) + bent
-    K = np.linalg.inv(W[a, a])
-    G = W[e, a] @ K
-    held = by_e - np.tensordot(G, dW, axes=1)  # the actuators take up forces so that they stay
-    d_G = (held[:, e, a] - G @ held[:, a, a]) @ K
-    D = held[:, e, e] - d_G @ W[a, e] - G @ held[:, a, e]
+    with a wrench w on their rows; symmetric, as the third derivative of an energy (`cfem.predict.loaded`). Z and W as
+    for `compliance_derivatives`.
+
+    With the motions Q that a wrench makes while the actuators hold, and the rows B that go with them, C is B^T Q and
+    2 B^T Q - Q^T A Q stationary in Q: its derivative along Q_k needs no solve. The wrench's own curvature joins A."""
+    rows, kinematics = problem.robot.rows, problem.kinematics
+    pulls = np.linalg.solve(W[rows.a, rows.a], W[rows.a, rows.e])  # (n_a, n_e) with which the actuators hold
+    Q = Z[:, rows.e] - Z[:, rows.a] @ pulls
+
+    def compliance(k: int, h: float) -> tuple[np.ndarray, np.ndarray]:
+        """And how the wrench's direction turns: gradients of the effectors on Q."""
+        forces = lam.copy()
+        forces[: rows.n_a] -= h * pulls[:, k]
+        there = problem.evaluate(kinematics.move(at.x, h * Q[:, k]), np.empty(0), at.load)
+        by_e = problem.gradients(problem.robot.effectors, there.x).T @ Q
+        BQ = by_e - pulls.T @ (there.H[:, : rows.n_a].T @ Q)
+        return BQ + BQ.T - problem.form(there, forces, Q), by_e
+
+    D = np.zeros((rows.n_e,) * 3)
+    for k in range(rows.n_e):
+        most = steepest(problem, kinematics.spread(at.x, Q[:, k]))
+        if most == 0.0:
+            continue  # attached to held nodes only
+        h = _STEP / most
+        (ahead, turned), (behind, turned_back) = compliance(k, h), compliance(k, -h)
+        D[k] += (ahead - behind) / (2 * h)
+        D[:, k] += (turned - turned_back) / (2 * h)
     return sum(D.transpose(order) for order in permutations(range(3))) / 6
-
-
-def _curvatures(problem: Problem, at: Evaluation, Z: np.ndarray) -> np.ndarray:
-    """(n_e, n, n) second derivatives of the effectors' rows along Z: differences of their gradients, symmetrised."""
-    ahead, behind = [], []
-    for motion in Z.T:
-        most = steepest(problem, problem.kinematics.spread(at.x, motion))
-        h = _STEP / most if most else 1.0
-        for side, found in ((h, ahead), (-h, behind)):
-            x = problem.kinematics.move(at.x, side * motion)
-            found.append(problem.gradients(problem.robot.effectors, x).T @ Z / (2 * h))
-    bent = (np.stack(ahead) - np.stack(behind)).transpose(1, 0, 2)
-    return (bent + bent.transpose(0, 2, 1)) / 2
 
 
 def derivative_along(
@@ -142,6 +139,10 @@ def steepest(problem: Problem, moved: np.ndarray) -> float:
     if sections is not None:
         apart = np.diff(moved[sections.nodes], axis=0) / sections.apart[:, None, None]
         return float(np.sqrt((apart**2).sum(axis=2).max()))
-    cells, X = problem.body.cells, problem.rest
-    spans = np.linalg.norm(np.ptp(moved[cells], axis=1), axis=1)
-    return float((spans / np.linalg.norm(np.ptp(X[cells], axis=1), axis=1)).max())
+    return float((_spans(moved, problem.body.cells) / _spans(problem.rest, problem.body.cells)).max())
+
+
+def _spans(places: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,): diagonal of the box around the nodes of each cell."""
+    corners = np.ascontiguousarray(places[cells].transpose(1, 2, 0))
+    return np.linalg.norm(corners.max(axis=0) - corners.min(axis=0), axis=0)

@@ -62,11 +62,13 @@ def motion_constants(
     constants["prony_terms"] = counts if len(counts) else np.zeros(1, dtype=np.int32)
     constants["prony"] = prony if len(prony) else np.ones((1, 2))
     sizes = {"NA": n_a, "NQ": n_q, "NE": n_e, "LOSSES": len(viscosity), "TERMS": len(prony)}
-    degree = 0
+    sizes["CURVED"] = int("curve" in moving)
+    degree, none = 0, np.zeros((1, len(moving["indices"])))
     for name, series, indices in (
         ("static", static, arrays["indices"]),
         ("moving", motion, moving["indices"]),
-        ("loss", loss if len(loss) else np.zeros((1, len(moving["indices"]))), moving["indices"]),
+        ("loss", loss if len(loss) else none, moving["indices"]),
+        ("curve", moving.get("curve", none), moving["indices"]),
     ):
         kept = np.flatnonzero((series != 0).any(axis=0)) if (series != 0).any() else np.zeros(1, dtype=int)
         constants[name] = np.ascontiguousarray(series[:, kept].T, dtype=float)

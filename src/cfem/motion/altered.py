@@ -34,6 +34,19 @@ class Altered:
         found = self.model.learned(delta_a, slopes)
         return found | {"F": self.stiffness * self.viscosity * found["F"]}
 
+    def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of the model."""
+        pull, stiff = self.model.forces(delta_a)
+        return self.stiffness * pull, self.stiffness * stiff
+
+    def inertia(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As of the model."""
+        M, dM, F = self.model.inertia(delta_a)
+        return M, dM, self.stiffness * self.viscosity * F
+
+    def apart(self, change: np.ndarray) -> float:
+        return self.model.apart(change)
+
     @property
     def inner(self) -> np.ndarray:
         return self.stiffness * self.model.inner

@@ -1,11 +1,12 @@
 """A condensed model that moves: the energy model with learned mass, viscosity and inner motions.
 
 q = (delta_a, eta): the actuators' displacements, and amplitudes of motions that leave the actuators alone, scaled so
-that all of them are alike stiff. The effectors are at e(delta_a) + H eta, and
+that all of them are alike stiff. The effectors are at e(delta_a) + H eta + E[eta, eta] / 2, and
 
     U = Psi(delta_a) + kappa eta . eta / 2        T = dq/dt . M dq/dt / 2
 
-(constraint modes and inner motions as of Craig and Bampton, AIAA J. 6, 1968, at every state instead of one). H, the
+(constraint modes and inner motions as of Craig and Bampton, AIAA J. 6, 1968, at every state instead of one). E, which
+makes arcs of the effectors' paths, is known where the samples had `loads: true`; otherwise it counts as 0. H, E, the
 mass M and the loss forms F of each viscous material are functions of delta_a. M and F are squares of symmetric learned
 matrices: they are positive at every state by construction. What is left out: how the inner motions turn as delta_a
 moves, in T; and what stiffer inner motions would add to the effectors' compliance."""
@@ -44,7 +45,8 @@ class Loss:
 class Place:
     """All at one delta_a. pull (n_a,): grad Psi; stiff (n_a, n_a): its Hessian; e (n_e,) mm; J (n_e, n_a);
     M (n_q, n_q); inner (n_r, n_r): stiffness of eta, the same everywhere; F (k, n_q, n_q); dM (n_a, n_q, n_q):
-    derivatives by delta_a; H (n_e, n_r): motion of the effectors by eta; dH (n_a, n_e, n_r)."""
+    derivatives by delta_a; H (n_e, n_r): motion of the effectors by eta; dH (n_a, n_e, n_r); E (n_e, n_r, n_r): its
+    slope by eta, dE (n_a, n_e, n_r, n_r), None where they are not known."""
 
     pull: np.ndarray
     stiff: np.ndarray
@@ -56,6 +58,8 @@ class Place:
     dM: np.ndarray
     H: np.ndarray
     dH: np.ndarray
+    E: np.ndarray | None = None
+    dE: np.ndarray | None = None
 
     @property
     def K(self) -> np.ndarray:
@@ -72,18 +76,22 @@ class Place:
 
     def effectors(self, eta: np.ndarray) -> np.ndarray:
         """(n_e,) mm from rest, of inner motions eta (n_r,)."""
-        return self.e + self.H @ eta
+        straight = self.e + self.H @ eta
+        return straight if self.E is None else straight + self.E @ eta @ eta / 2
 
     def slopes(self, eta: np.ndarray) -> np.ndarray:
         """(n_e, n_q): of `effectors` by q."""
-        return np.concatenate([self.J + (self.dH @ eta).T, self.H], axis=1)
+        by_turn, by_eta = (self.dH @ eta).T, self.H
+        if self.E is not None:
+            by_turn, by_eta = by_turn + (self.dE @ eta @ eta).T / 2, by_eta + self.E @ eta
+        return np.concatenate([self.J + by_turn, by_eta], axis=1)
 
 
 class MotionModel:
     """static: the energy model (cfem.predict.potential.PotentialPredictor) of form displacement; arrays: of motion.npz:
     to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale (n_q,): the
-    unit of each of q in which M and F are learned, stiffness: kappa, N mm; viscosity: that each loss form is multiplied
-    by."""
+    unit of each of q in which M and F are learned, stiffness: kappa, N mm, curve (n_e n_r (n_r + 1) / 2, M): series of
+    E, or none; viscosity: that each loss form is multiplied by."""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
         if static.form != "displacement" or static.parameters or not hasattr(static, "parts"):
@@ -101,10 +109,17 @@ class MotionModel:
         to_box = take(arrays, "to_box", (n_a, n_a))
         self._to_box_T, self._offset = np.ascontiguousarray(to_box.T), take(arrays, "offset", (n_a,))
         series = take(arrays, "series", (next(reversed(where.values())).stop, len(indices)))
-        self._basis, self._moving = Basis(indices), where["H"].stop
-        self._series_T = np.ascontiguousarray(series.T)
+        self._basis = Basis(indices)
+        of_loss = series[where["H"].stop :]
+        self._lossy = np.flatnonzero(of_loss.any(axis=0))
+        parts = (series[where["M"]], series[where["H"]], of_loss[:, self._lossy])
+        self._M_T, self._H_T, self._F_T = (np.ascontiguousarray(part.T) for part in parts)
+        self._curve_T, self._unpack_r = None, unpacking(self.n_r)
+        if "curve" in arrays:
+            outputs = n_e * self.n_r * (self.n_r + 1) // 2
+            self._curve_T = np.ascontiguousarray(take(arrays, "curve", (outputs, len(indices))).T)
         self._slopes = hstack(input_derivatives(indices, to_box, n_a), format="csc").T.tocsr()
-        self._where, self._unpack = where, unpacking(self.n_q)
+        self._unpack = unpacking(self.n_q)
         self.inner = self.stiffness * np.eye(self.n_r)
         self.inner.flags.writeable = False
 
@@ -116,32 +131,57 @@ class MotionModel:
     def at(self, delta_a: np.ndarray) -> Place:
         """Everything at delta_a (n_a,) mm."""
         part = self.static.parts(delta_a, delta_a[:0])
+        curve = [None] * 2
+        if self._curve_T is not None:
+            terms = self._terms(delta_a)
+            found = (terms @ self._curve_T).reshape(len(terms), self.rows.n_e, -1)[:, :, self._unpack_r]
+            curve = [found[0], found[1:]]
         return Place(
             pull=part["gradient"],
             stiff=part["hessian"],
             e=part["effector"],
             J=part["effector_gradient"],
             inner=self.inner,
+            E=curve[0],
+            dE=curve[1],
             **self.learned(delta_a),
         )
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
         """M, F and H of `Place` at delta_a (n_a,) mm, and dM and dH where `slopes` are asked."""
+        terms = self._terms(delta_a, slopes)
+        M, dM, F = self._inertia(terms)
+        H = (terms @ self._H_T).reshape(len(terms), self.rows.n_e, self.n_r)
+        return {"M": M, "F": F, "H": H[0]} | ({"dM": dM, "dH": H[1:]} if slopes else {})
+
+    def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n_a,), (n_a, n_a): grad Psi and its Hessian at delta_a (n_a,) mm."""
+        return self.static.gradient_and_hessian(delta_a)
+
+    def inertia(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """M, dM and F of `Place` at delta_a (n_a,) mm."""
+        return self._inertia(self._terms(delta_a))
+
+    def apart(self, change: np.ndarray) -> float:
+        """A change (n_a,) mm of delta_a in half widths of the box that was learned."""
+        return float(np.abs(change @ self._to_box_T).max())
+
+    def _terms(self, delta_a: np.ndarray, slopes: bool = True) -> np.ndarray:
+        """(1 + n_a, M): the basis, and its derivatives by delta_a; (1, M) without `slopes`."""
         phi = self._basis(delta_a @ self._to_box_T + self._offset)
-        n_e, moving, where = self.rows.n_e, self._moving, self._where
-        terms = phi[None]
-        if slopes:
-            terms = np.concatenate([terms, (self._slopes @ phi).reshape(self.n_a, -1)])
-        rows = terms @ self._series_T[:, :moving]
-        roots = rows[:, where["M"]][:, self._unpack] / self.scale
-        H = rows[:, where["H"]].reshape(len(terms), n_e, self.n_r)
-        triangles = (phi @ self._series_T[:, moving:]).reshape(len(self.losses), where["M"].stop)
-        losses = triangles[:, self._unpack] / self.scale
-        found = {"M": roots[0].T @ roots[0], "F": losses.swapaxes(1, 2) @ losses, "H": H[0]}
-        if slopes:
-            half = roots[1:].swapaxes(1, 2) @ roots[0]
-            found |= {"dM": half + half.swapaxes(1, 2), "dH": H[1:]}
-        return found
+        if not slopes:
+            return phi[None]
+        terms = np.empty((1 + self.n_a, len(phi)))
+        terms[0], terms[1:] = phi, (self._slopes @ phi).reshape(self.n_a, -1)
+        return terms
+
+    def _inertia(self, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        roots = (terms @ self._M_T)[:, self._unpack] / self.scale
+        half = roots[1:].swapaxes(1, 2) @ roots[0]
+        losses = (terms[0, self._lossy] @ self._F_T).reshape(len(self.losses), self._M_T.shape[1])[
+            :, self._unpack
+        ] / self.scale
+        return roots[0].T @ roots[0], half + half.swapaxes(1, 2), losses.swapaxes(1, 2) @ losses
 
 
 def layout(n_q: int, n_r: int, n_e: int, losses: int) -> dict[str, slice]:

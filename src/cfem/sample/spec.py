@@ -139,7 +139,8 @@ class SampleSpec(Spec):
     """Whether to record dW/dlambda too. Energy models learn from it; it costs no factorisation."""
     loads: bool = False
     """Whether to record how the effectors' compliance changes with loads on them too. Models then take loads that the
-    samples did not carry to the second order. It needs third_order and costs no factorisation."""
+    samples did not carry to the second order, and effectors of solids that move swing on arcs. It costs no
+    factorisation."""
     dynamics: bool = False
     """Whether to record mass and viscosity of the rows' motions too, for models that move. It costs no factorisation.
     Each material of the scene then needs its density."""
@@ -160,9 +161,9 @@ class SampleSpec(Spec):
         return self
 
     @model_validator(mode="after")
-    def _loads_have_slopes(self) -> "SampleSpec":
-        if self.loads and (self.contact or not self.third_order):
-            raise ValueError("loads: true needs third_order: true, and does not go with contact")
+    def _loads_alone(self) -> "SampleSpec":
+        if self.loads and self.contact:
+            raise ValueError("loads: true does not go with contact")
         return self
 
     @model_validator(mode="after")

@@ -5,7 +5,13 @@ rows (cfem.equilibrium.inertia): those that answer the inertia of the actuators'
 effectors, with the actuators held, filtered once more by A^-1 M, so that the lowest vibrations prevail. At each state
 they are made orthonormal in the stiffness, by the nearest such basis to constant combinations of them (Loewdin, J.
 Chem. Phys. 18, 1950): a smooth choice, as vibrations themselves are not, whose frequencies cross. The combinations are
-those that are nearest to orthonormal over all states, the strongest first."""
+those that are nearest to orthonormal over all states, the strongest first.
+
+Where the samples know D, how the effectors' compliance C changes with a wrench on them, the effectors' paths curve with
+the inner motions: each is, as far as mass tells, what a wrench w makes with the actuators held, and the effectors move
+by D[w, w] / 2 to second order (a quadratic manifold of static modal derivatives: Jain, Tiso, Rutzmoser and Rixen,
+Comput. Struct. 188, 2017). What of that lies where C is soft is left out: it belongs to the amplitudes of the same
+motions, which are taken to vibrate linearly. What stays is the sag of an arc, where C is stiff."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,23 +22,26 @@ MOST = 6  # inner motions of a solid
 WEAK = 1e-5  # least singular value of the combinations, at all states
 RIDGE = 0.1  # of a field's mean square: how much weaker fields follow the stronger ones
 ROUNDS = 100
+STIFF = 0.01  # of the largest mass of a wrench's motion, and of the largest square of C, below which others are stiff
 INDEPENDENT = 1e-9  # of the largest eigenvalue of the scaled stiffness of (Z, Y)
 
 
 @dataclass(frozen=True)
 class Chosen:
     """m states, k inner motions of stiffness 1 N mm each, independent of each other in it. M (m, n, n), n = n_a + k:
-    mass of the actuators' quasi-static motions and these; loss (m, j, n, n) of each material; e (m, n_e, k) mm."""
+    mass of the actuators' quasi-static motions and these; loss (m, j, n, n) of each material; e (m, n_e, k) mm; curve
+    (m, n_e, k, k) mm: second derivative of the effectors' places by the amplitudes, None where it is not known."""
 
     M: np.ndarray
     loss: np.ndarray
     e: np.ndarray
+    curve: np.ndarray | None = None
 
 
-def inner_motions(moving: Any) -> Chosen:
-    """moving: of cfem.dataset.reader.Dataset."""
+def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
+    """moving: of cfem.dataset.reader.Dataset; D (m, n_e, n_e, n_e) mm/N^2, of the plain rows."""
     if moving.inner_M is None:
-        return _of_rows(moving)
+        return _of_rows(moving, D)
     n_a = moving.rows.n_a
     values, vectors = np.linalg.eigh(moving.inner_K)
     root = (vectors / np.sqrt(values)[:, None]) @ vectors.swapaxes(1, 2)
@@ -53,12 +62,13 @@ class _State:
     e: np.ndarray
 
 
-def _of_rows(moving: Any) -> Chosen:
+def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
     states = [_state(moving, index) for index in range(len(moving.W))]
     n_a = moving.rows.n_a
     p = min(len(one.squares) for one in states)
     squares = np.array([one.squares[:p] for one in states])
     fields = np.array([one.fields[:p] for one in states])
+    of_wrenches = fields[:, :, n_a : n_a + moving.rows.n_e]
     # in units of the stiffness, filtered by A^-1 M
     fields = fields * (squares.mean(axis=0)[0] / np.sqrt(squares))[:, :, None]
     Q = _alike(fields) / np.sqrt(squares)[:, :, None]
@@ -67,7 +77,11 @@ def _of_rows(moving: Any) -> Chosen:
     own = slice(0, n_a + p)
     M = T.swapaxes(1, 2) @ np.array([one.M[own, own] for one in states]) @ T
     loss = T.swapaxes(1, 2)[:, None] @ np.array([one.loss[:, own, own] for one in states]) @ T[:, None]
-    return Chosen(M, loss, np.array([one.e[:, :p] for one in states]) @ Q)
+    curve = None
+    if D is not None:
+        w = _wrenches(of_wrenches, Q)
+        curve = np.einsum("mie,mejk,mjl,mkn->miln", _stiff(moving), D, w, w, optimize=True)
+    return Chosen(M, loss, np.array([one.e[:, :p] for one in states]) @ Q, curve)
 
 
 def _state(moving: Any, index: int) -> _State:
@@ -94,6 +108,28 @@ def _state(moving: Any, index: int) -> _State:
     fields = np.hstack([amplitudes[:, n + a] @ K_aa, amplitudes[:, e], amplitudes[:, n + e]])
     both = np.hstack([X, shapes])
     return _State(1 / inverse, fields, both.T @ M @ both, both.T @ F @ both, by_rows[e] @ shapes)
+
+
+def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """(m, n_e, k) N: whose motions `fields` (m, p, n_e) are near Q (m, p, k) in the mass, with little of those that
+    hardly move anything: of a stiff direction, what is not such a motion would make much."""
+    size = np.linalg.norm(fields, axis=1)[:, None]
+    unit = fields / np.maximum(size, np.finfo(float).tiny)
+    gram = unit.swapaxes(1, 2) @ unit
+    largest = np.linalg.eigvalsh(gram)[:, -1, None, None]
+    shares = np.linalg.solve(gram + STIFF * largest * np.eye(gram.shape[1]), unit.swapaxes(1, 2) @ Q)
+    return shares / np.maximum(size, np.finfo(float).tiny).swapaxes(1, 2)
+
+
+def _stiff(moving: Any) -> np.ndarray:
+    """(m, n_e, n_e): takes from the effectors' motions those that C makes easily. Rows of a point, and of a rotation,
+    are compared as they are."""
+    e, a, W = moving.rows.e, moving.rows.a, moving.W
+    C = W[:, e, e] - W[:, e, a] @ np.linalg.solve(W[:, a, a], W[:, a, e])
+    size = np.sqrt(np.einsum("mii->mi", C).mean(axis=0).reshape(-1, 3).mean(axis=1).repeat(3))
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    kept = STIFF / ((values / values[:, -1:]) ** 2 + STIFF)
+    return size[:, None] * ((vectors * kept[:, None]) @ vectors.swapaxes(1, 2)) / size
 
 
 def _alike(fields: np.ndarray) -> np.ndarray:

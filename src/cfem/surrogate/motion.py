@@ -9,10 +9,13 @@ import numpy as np
 
 from cfem.condensed import pack_upper
 from cfem.core.errors import InputError
+from cfem.predict.energy import unpacking3
 from cfem.surrogate.coordinates import box_coordinates
 from cfem.surrogate.inner_motions import inner_motions
 from cfem.surrogate.observations import Observations
 from cfem.surrogate.spectral import Series, fit_quantity
+
+ENOUGH = 4.6e-3  # held-out error below which the shorter series is taken: a step in time evaluates all terms
 
 
 def fit_motion(
@@ -26,7 +29,8 @@ def fit_motion(
     if dataset.p.shape[1]:
         raise InputError("motion of robots with parameters cannot be learned yet", do="sample one robot")
     n_a, s = dataset.rows.n_a, dataset.delta_a
-    chosen, viscosity = inner_motions(dataset.moving), dataset.moving.viscosity
+    D = None if dataset.dC is None else dataset.dC[:, unpacking3(dataset.rows.n_e)]
+    chosen, viscosity = inner_motions(dataset.moving, D), dataset.moving.viscosity
     different = [one for index, one in enumerate(viscosity) if viscosity.index(one) == index]
     losses = [sum(chosen.loss[:, i] for i, one in enumerate(viscosity) if one == each) for each in different]
     reach = np.sqrt((chosen.e**2).sum(axis=1).mean())  # mm by which a motion of energy 1/2 moves the effectors
@@ -38,18 +42,23 @@ def fit_motion(
     parts = {"M": pack_upper(_root(chosen.M * np.outer(unit, unit)))}
     parts["H"] = chosen.e.reshape(len(s), -1) / reach
     parts |= {f"F{index}": pack_upper(_root(F * np.outer(unit, unit))) for index, F in enumerate(losses)}
+    if chosen.curve is not None:
+        parts["curve"] = pack_upper(chosen.curve).reshape(len(s), -1) / reach**2
     to_box, offset = box_coordinates(s, np.zeros((len(s), 0)), np.eye(n_a))
     z = s @ to_box.T + offset
     found: dict[str, Series] = {}
     facts: dict[str, Any] = {"inner": k, "terms": {}, "held_out": {}, "viscosity": different}
     for name, values in parts.items():
         observed = Observations(((),), values.reshape(len(z), 1, -1), n_a)
-        found[name], _, records = fit_quantity(z, observed, max_degree, max_terms, folds)
+        found[name], _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
         facts["terms"][name] = len(found[name].indices)
         facts["held_out"][name] = min((record["error"] for record in records), default=None)
     indices, series = _union(found)
     scale = np.concatenate([unit[:n_a], np.full(k, reach)])
     arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": series, "scale": scale}
+    if "curve" in parts:
+        outputs = len(series) - parts["curve"].shape[1]
+        arrays |= {"series": series[:outputs], "curve": series[outputs:]}
     return arrays | {"stiffness": np.array(1 / reach**2)}, facts
 
 

@@ -116,9 +116,11 @@ def fit_quantity(
     max_terms: int,
     folds: int,
     active: np.ndarray | None = None,
+    enough: float = 0.0,
 ) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
-    """The series with the least error on states left out, the weights of its coordinates, and one record a trial.
-    active: weights to try besides equal ones, those that a search finds and those of the coefficients' decay."""
+    """The series with the least error on states left out, of several below `enough` the shortest; the weights of its
+    coordinates; and one record a trial. active: weights to try besides equal ones, those that a search finds and those
+    of the coefficients' decay."""
     n = z.shape[1]
     targets, divisors = observed.scaled()
     folds = min(folds, len(z))
@@ -137,9 +139,10 @@ def fit_quantity(
             for count, (error, _) in zip(counts, trials, strict=True)
             if np.isfinite(error)
         )
-        at = int(np.argmin([error for error, _ in trials]))
+        ranks = [(max(error, enough), count) for count, (error, _) in zip(counts, trials, strict=True)]
+        at = ranks.index(min(ranks))
         series = Series(indices[: counts[at]], trials[at][1])
-        found.append((trials[at][0], series, weights))
+        found.append((ranks[at], series, weights))
         return series
 
     if n > MANY:

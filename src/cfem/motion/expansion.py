@@ -1,0 +1,111 @@
+"""The equations of one step where the learned functions are expanded about a place near its middle.
+
+M, grad Psi and the viscosity are those at `about` and, of M and grad Psi, their slopes there. What that leaves out is
+of second order in how far the middle turns out to be from `about`, and this of third order in the step's length."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.motion.model import MotionModel
+
+NEAR = 1e-4  # of the half width of the learned box, from which the expansion is good
+_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class Solved:
+    """v (n_q,): mean velocity of the step; what it leaves of dt/2 (dL/dq + Q) + p - M v, in the rows that are held, and
+    the impulse M v: both carried on to first order in the last change."""
+
+    v: np.ndarray
+    rest: np.ndarray
+    impulse: np.ndarray
+
+
+@dataclass
+class Expansion:
+    """Of a step of dt s from q with momenta p. known (n_q,): forces that do not depend on v; M (n_q, n_q), dM (n_a,
+    n_q, n_q): mass at `about` (n_a,), and its slopes; pull (n_a,), stiff (n_a, n_a): grad Psi and its slope; inner
+    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q."""
+
+    q: np.ndarray
+    p: np.ndarray
+    dt: float
+    about: np.ndarray
+    known: np.ndarray
+    M: np.ndarray
+    dM: np.ndarray
+    pull: np.ndarray
+    stiff: np.ndarray
+    inner: np.ndarray
+    drag: np.ndarray
+    scale: np.ndarray
+
+    def size(self, v: np.ndarray) -> float:
+        """Of a velocity, in units of q; a motion of a nanometre in the step, or its share of an amplitude, needs no
+        digits."""
+        return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / float(self.scale.min()))
+
+    def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> Solved | None:
+        """From v, whose entries `free` are changed, by Newton's method until the next change would be below the
+        tolerance by the rate at which changes have fallen; None where it does not end."""
+        v, change, before, every = v.copy(), np.zeros(len(v)), np.inf, len(free) == len(v)
+        n_a, fixed, small = len(self.pull), self._fixed_slope(), tolerance * self.size(v)
+        for _ in range(_ITERATIONS):
+            rest, Mv, turning, slope = self._terms(v)
+            M, slope = slope, slope + fixed
+            slope[:, :n_a] += turning.T
+            slope[:n_a] -= turning
+            if every:
+                change = np.linalg.solve(slope, rest)
+            else:
+                change[free] = np.linalg.solve(slope[free[:, None], free], rest[free])
+            v += change
+            moved = float(np.abs(change / self.scale).max())
+            if not np.isfinite(moved):
+                return None
+            rate = 1.0 if before == np.inf else min(moved / before, 1.0)
+            before = moved
+            if moved * rate <= small:
+                return Solved(v, rest - slope @ change, Mv + M @ change + change[:n_a] @ turning)
+        return None
+
+    def _fixed_slope(self) -> np.ndarray:
+        n_a, quarter = len(self.pull), self.dt**2 / 4
+        out = self.dt / 2 * self.drag
+        out[:n_a, :n_a] += quarter * self.stiff
+        out[n_a:, n_a:] += quarter * self.inner
+        return out
+
+    def _terms(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """What v leaves of the equations, M v, dt/2 times the slope (n_a, n_q) of M v by the place, and M at the
+        middle."""
+        n_a, half = len(self.pull), self.dt / 2
+        middle = self.q + half * v
+        ahead, by_turn = middle[:n_a] - self.about, self.dM @ v
+        M = self.M + (ahead @ self.dM.reshape(n_a, -1)).reshape(self.M.shape)
+        Mv = M @ v
+        force = self.known - self.drag @ v
+        force[:n_a] += by_turn @ v / 2 - self.pull - self.stiff @ ahead
+        force[n_a:] -= self.inner @ middle[n_a:]
+        return half * force + self.p - Mv, Mv, half * by_turn, M
+
+
+def expansion(
+    model: MotionModel, q: np.ndarray, p: np.ndarray, v: np.ndarray, dt: float, memory: np.ndarray
+) -> Expansion:
+    """About the middle of the step of dt s from q that v leads to. memory (terms, n_q): of the Prony terms."""
+    about = q[: model.n_a] + dt / 2 * v[: model.n_a]
+    pull, stiff = model.forces(about)
+    M, dM, F = model.inertia(about)
+    known, drag, term = np.zeros(model.n_q), np.zeros_like(M), 0
+    for loss, form in zip(model.losses, F, strict=True):
+        rate = loss.relaxation
+        for share, tau in loss.prony:
+            half = dt / (2 * tau)
+            rate += share * dt / 2 / (1 + half)
+            known -= form @ memory[term] * (share / (1 + half))
+            term += 1
+        drag += rate * form
+    return Expansion(q, p, dt, about, known, M, dM, pull, stiff, model.inner, drag, model.scale)
