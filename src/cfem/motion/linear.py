@@ -90,7 +90,8 @@ def moved(place: Place, model: MotionModel, delta_a: np.ndarray) -> Place:
 
 def first_of(place: Place) -> Place:
     """The first of `places`, which keeps its first axis."""
-    return replace(place, **{one.name: getattr(place, one.name)[:1] for one in fields(Place) if one.name != "inner"})
+    own = {one.name: getattr(place, one.name) for one in fields(Place) if one.name != "inner"}
+    return replace(place, **{name: values[:1] for name, values in own.items() if values is not None})
 
 
 def linear_steps(

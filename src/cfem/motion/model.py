@@ -178,9 +178,8 @@ class MotionModel:
     def _inertia(self, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         roots = (terms @ self._M_T)[:, self._unpack] / self.scale
         half = roots[1:].swapaxes(1, 2) @ roots[0]
-        losses = (terms[0, self._lossy] @ self._F_T).reshape(len(self.losses), self._M_T.shape[1])[
-            :, self._unpack
-        ] / self.scale
+        triangles = (terms[0, self._lossy] @ self._F_T).reshape(len(self.losses), self._M_T.shape[1])
+        losses = triangles[:, self._unpack] / self.scale
         return roots[0].T @ roots[0], half + half.swapaxes(1, 2), losses.swapaxes(1, 2) @ losses
 
 
