@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,15 @@ from cfem.core.stage import Options
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.export.c_export import write_c
+from cfem.export.c_skin import write_c_row_skin
+from cfem.export.compiled import compiler
+from cfem.export.skin import CompiledShape
+from cfem.export.spec import CSpec
 from cfem.export.stage import run as export
 from cfem.plant.fem_plant import pushed
 from cfem.predict.clearance import clearance
-from cfem.predict.load import load_model
+from cfem.predict.load import build, load_model
 from cfem.predict.loaded import loaded
 from cfem.predict.serial import cross, left_jacobian
 from cfem.robot.build import build_robot
@@ -34,6 +40,7 @@ QUIET = Options(quiet=True)
 WHOLE, MODULE = "stiff-flop", "stiff-flop-module"
 
 
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler on the PATH")
 CENTRE = "  - {name: body, at: centre-of-mass}\n"
 
 
@@ -250,5 +257,21 @@ def test_an_exported_row_has_its_shape_in_python(project, tmp_path):
     export(spec, [], None, QUIET)
     at = np.array([10.0, 4.0, 7.0, 3.0, 12.0, 6.0])
     np.testing.assert_array_equal(load_model(tmp_path / "out").shape(at), load_model(trained).shape(at))
-    with pytest.raises(InputError, match="modules in a row, whose shape is known to Python alone"):
-        export(spec, ["shape=true"], tmp_path / "other", QUIET)
+    with pytest.raises(InputError, match="modules in a row have no shape in format onnx"):
+        export(spec, ["shape=true", "formats=[onnx]"], tmp_path / "other", QUIET)
+
+
+@needs_compiler
+def test_its_surface_in_c_is_that_of_python(project, tmp_path):
+    whole, out = load_model(project / "models" / WHOLE / "serial"), tmp_path / "c"
+    rows = {**whole.meta["rows"], "effectors": whole.rows.effectors[:3]}
+    units = whole.meta["row_units"][:3] + whole.meta["row_units"][6:]
+    model = build({**whole.meta, "rows": rows, "row_units": units, "rest_e": whole.meta["rest_e"][:3]}, whole.arrays)
+    model.skin_source = whole.skin_source
+    write_c(out, model.meta, model.arrays, CSpec(), model.domain.states[:2, :6])
+    write_c_row_skin(out, model, CSpec())
+    strict, at = ("-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic"), 20 * np.ones(6)
+    shape = CompiledShape(out, strict)
+    for delta in (np.zeros(6), at * [1, 0.2, 0, 0.7, 0.1, 0.4]):
+        np.testing.assert_allclose(shape(delta), model.shape(delta), atol=1e-9)
+    subprocess.run(["make", "-s", "libcfem.a"], cwd=out, check=True, capture_output=True)

@@ -10,21 +10,38 @@ from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor
 
 SOURCES = Path(__file__).parent / "shape"
+OF_ROW = Path(__file__).parent / "row_shape"
 DATA = ("cfem_skin.c", "cfem_skin.h")
 
 
 def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> int:
     """Adds the skin (arrays of `cfem.predict.skin`) of a model to its C folder; the bytes of its constants."""
+    return _write(folder, skin_constants(model, arrays, spec), len(arrays["rest"]), (SOURCES,))
+
+
+def write_c_row_skin(folder: Path, row: SerialPredictor, spec: CSpec) -> int:
+    """The same of modules in a row, all of one model: cfem_shape.c is another one, and each node names its module and
+    its number there."""
+    whole = row.surface
+    constants = skin_constants(row.models[0], whole.modules[0].arrays, spec)
+    constants["triangles"] = _numbers(whole.triangles, len(whole.rest))
+    constants["owner"] = whole.owner.astype(np.uint8)
+    constants["own"] = _numbers(whole.own, len(whole.modules[0].rest))
+    return _write(folder, constants, len(whole.rest), (SOURCES, OF_ROW))
+
+
+def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, sources: tuple[Path, ...]) -> int:
+    """Of `nodes` surface nodes; a later folder of sources replaces files of an earlier one."""
     with disk_errors(folder):
-        for path in SOURCES.iterdir():
+        for path in (path for place in sources for path in place.iterdir()):
             shutil.copyfile(path, folder / path.name)
-    constants = skin_constants(model, arrays, spec)
     degrees, modes = constants["degrees"], constants["modes"]
     sizes = {
-        "CFEM_SKIN_NODES": len(arrays["rest"]),
-        "CFEM_SKIN_TRIANGLES": len(arrays["triangles"]),
+        "CFEM_SKIN_NODES": nodes,
+        "CFEM_SKIN_TRIANGLES": len(constants["triangles"]),
         "CFEM_SKIN_ROWS": len(modes),
         "CFEM_SKIN_TERMS": len(degrees),
         "CFEM_SKIN_NZ": degrees.shape[1],
@@ -61,5 +78,9 @@ def skin_constants(model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec)
         "series": np.ascontiguousarray(arrays["series"].T, dtype=float),
         "modes": arrays["modes"].reshape(-1, 3 * m).astype(np.float32),
         "rest": arrays["rest"].ravel().astype(float),
-        "triangles": arrays["triangles"].astype(np.uint16 if m < 2**16 else np.uint32),
+        "triangles": _numbers(arrays["triangles"], m),
     }
+
+
+def _numbers(values: np.ndarray, below: int) -> np.ndarray:
+    return values.astype(np.uint16 if below < 2**16 else np.uint32)

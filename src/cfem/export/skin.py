@@ -13,8 +13,10 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.core.files import write_npz, write_whole
 from cfem.export.spec import ExportSpec
-from cfem.predict.load import build, skin_of
+from cfem.predict import serial_skin
+from cfem.predict.load import build, skin_of, skins_of
 from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor
 from cfem.predict.skin import FILE
 
 SHAPES = {"onnx": "shape.onnx", "torchscript": "shape.ts"}
@@ -84,6 +86,31 @@ def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarr
     return {"c": float(np.abs(np.array([shape(one) for one in s]) - expected).max()) / model.length}
 
 
+def write_row_skin(
+    folder: Path, spec: ExportSpec, row: SerialPredictor, skins: dict[str, np.ndarray], vectors: dict
+) -> dict[str, float]:
+    """As `write_skin`, of modules in a row, which have a shape from arrays and in C; skins: arrays of their models'.
+    InputError for other formats."""
+    write_npz(folder / serial_skin.FILE, skins)
+    if not spec.shape:
+        return {}
+    other = next((name for name in SHAPES if name in spec.formats), None)
+    if other or row.meta.get("wrench") is not None:
+        what = f"have no shape in format {other}" if other else "have a shape under loads in Python alone"
+        raise InputError(f"modules in a row {what}", where="shape", do="leave `shape` out, or export `arrays` and `c`")
+    if "c" not in spec.formats:
+        return {}
+    from cfem.export.c_skin import write_c_row_skin
+    from cfem.export.compiled import compiler
+
+    row.skin_source = lambda: skins_of(row, skins)
+    write_c_row_skin(folder / "c", row, spec.c)
+    if not compiler():
+        return {}
+    s, shape = vectors["s"][:STATES], CompiledShape(folder / "c")
+    return {"c shape": float(np.abs(np.array([shape(one) for one in s]) - row.shape(s)).max()) / row.length}
+
+
 class CompiledShape:
     """cfem_shape of a C folder, compiled on this machine: (n_a,) -> (nodes, 3) mm."""
 
@@ -99,7 +126,8 @@ class CompiledShape:
         self._out = np.zeros((nodes, 3), dtype=real)
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
             out = Path(place) / "libshape.so"
-            sources = [str((folder / name).resolve()) for name in ("cfem_shape.c", "cfem_skin.c")]
+            needed = ("cfem_spectral.c", "cfem_data.c") if "cfem_skin_owner" in text else ()  # of modules in a row
+            sources = [str((folder / name).resolve()) for name in ("cfem_shape.c", "cfem_skin.c", *needed)]
             run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
             self._call = ctypes.CDLL(str(out)).cfem_shape
         self._call.restype = None

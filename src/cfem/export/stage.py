@@ -16,7 +16,7 @@ from cfem.core.shown import size
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
-from cfem.export.skin import write_skin
+from cfem.export.skin import write_row_skin, write_skin
 from cfem.export.spec import ExportSpec
 from cfem.motion import load as motion
 from cfem.predict import serial_skin
@@ -92,9 +92,9 @@ def _sources(name: str) -> dict[str, str]:
         return sources()
     from cfem.export import c_estimate, c_export, c_motion, c_mpc, c_skin, c_touch
 
-    folders = (one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_estimate))
-    paths = [path for folder in folders for path in folder.iterdir()]
-    return {path.name: file_sha256(path) for path in sorted(paths)}
+    folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_estimate)]
+    paths = [path for folder in (*folders, c_skin.OF_ROW) for path in folder.iterdir()]
+    return {f"{path.parent.name}/{path.name}": file_sha256(path) for path in sorted(paths)}
 
 
 def work(
@@ -168,10 +168,8 @@ def work(
             skin = loaded_skin(build(meta, arrays), skin, meta["wrench"])
         parity |= write_skin(folder, spec, meta, arrays, skin, vectors)
     elif has_file(model_folder, serial_skin.FILE):
-        if spec.shape:
-            what = "is of modules in a row, whose shape is known to Python alone (`model.shape`)"
-            raise InputError(what, where=str(spec.model), do="leave `shape` out, or export a model of the whole robot")
-        write_npz(folder / serial_skin.FILE, read_arrays(model_folder, serial_skin.FILE))
+        skins = read_arrays(model_folder, serial_skin.FILE)
+        parity |= write_row_skin(folder, spec, build(meta, arrays), skins, vectors)
     elif spec.shape:
         what = "has no skin, and so no shape"
         raise InputError(what, where=str(spec.model), do="sample it with `skin: {}` in sample.yaml, and train again")
