@@ -11,6 +11,7 @@ from cfem.core.stage import Options, read_manifest
 from cfem.export.stage import run as export
 from cfem.motion.load import load_motion
 from cfem.motion.modes import natural_modes
+from cfem.report.stage import run as report
 
 
 @pytest.fixture
@@ -34,6 +35,14 @@ def test_modes_are_told_along_the_workspace(folder, tmp_path):
     assert one["states"][0]["delta_a"] == [2.0] and one["actuators"] == "free"
     with pytest.raises(SpecError, match="--at"):
         modes(folder, ["2.0, 1.0"])
+
+
+def test_the_report_shows_how_it_vibrates(root, folder):
+    spec = root / "pipelines" / "bar" / "report.yaml"
+    spec.write_text("moving: {bar: ../../models/bar/spectral}\nout: ../../data/bar/vibrations\n")
+    out = report(spec, [], None, Options(quiet=True))["results"]
+    page = (root / "data" / "bar" / "vibrations" / out["page"]).read_text()
+    assert "How it vibrates" in page and "held: Hz (damping)" in page and "vibrations-bar-1.svg" in out["pictures"]
 
 
 def test_an_export_moves_as_the_model_does(root, folder):

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.errors import NumericalError, SpecError
-
-PLACES = 5  # on the way from rest to the ends
+from cfem.core.errors import SpecError
 
 
 def modes(
@@ -16,17 +14,10 @@ def modes(
 ) -> dict[str, Any]:
     """Frequencies (Hz) and damping at training states from rest outwards, or at given displacements 'a, b'."""
     from cfem.motion.load import load_motion
-    from cfem.motion.modes import natural_modes
+    from cfem.motion.workspace import outwards, vibrations
 
     model = load_motion(folder)
-    rows = []
-    for delta in _given(at, model.n_a) if at else _along(model):
-        try:
-            found = natural_modes(model, delta, not free, count)
-            row = {"frequency": found.frequency.tolist(), "damping": found.damping.tolist()}
-        except NumericalError as error:
-            row = {"frequency": [], "damping": [], "why": error.what}
-        rows.append({"delta_a": delta.tolist(), **row})
+    rows = vibrations(model, _given(at, model.n_a) if at else outwards(model), free, count)
     results = {"actuators": "free" if free else "held", "units": {"frequency": "Hz"}, "states": rows}
     if picture is not None:
         _draw(rows, picture, results["actuators"])
@@ -56,14 +47,6 @@ def _given(at: Sequence[str], n_a: int) -> list[np.ndarray]:
             raise SpecError(f"--at {text}: expected {n_a} finite displacements, one an actuator")
         found.append(delta)
     return found
-
-
-def _along(model: Any) -> list[np.ndarray]:
-    """States of the training set, from the nearest to rest to the farthest of all."""
-    states = model.static.domain.states[:, : model.n_a]
-    far = np.linalg.norm(states / np.abs(model.static.reach).max(axis=1), axis=1)
-    order = np.argsort(far)
-    return [states[order[place]] for place in np.linspace(0, len(order) - 1, PLACES).round().astype(int)]
 
 
 def _draw(rows: list[dict[str, Any]], path: Path, actuators: str) -> None:

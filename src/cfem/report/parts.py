@@ -9,6 +9,8 @@ from cfem.core.errors import InputError
 from cfem.core.provenance import versions
 from cfem.core.stage import artefact_file
 from cfem.dataset.reader import read_dataset
+from cfem.motion.load import FILE as MOTION
+from cfem.motion.load import load_motion
 from cfem.predict.load import load_model
 from cfem.report.animation import animation
 from cfem.report.interactive import link
@@ -52,6 +54,7 @@ def learned(
         tracking_section(tracking, units),
         models_section("The learned model", results, trusts, spec.published, force=force),
         samples_section(splits, sampled["results"]),
+        *_vibrating({name: path for name, (path, _) in models.items() if (path / MOTION).exists()}),
     ]
     summary, shown = tracking_summary(tracking), card(scene, mesh, data)
     if spec.page:
@@ -82,7 +85,14 @@ def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
             model = _results({name: manifests[f"mesh {name}: model"]})[name]
             rows.append(mesh_row(name, mesh, model, control, one.published))
         found.append(sizes_section(rows))
-    return found
+    return found + _vibrating({name: manifests[f"moving {name}"][0] for name in spec.moving})
+
+
+def _vibrating(folders: Mapping[str, Path]) -> list[Section]:
+    """Of models that move."""
+    from cfem.report.vibrations import vibrations_section
+
+    return [vibrations_section({name: load_motion(path) for name, path in folders.items()})] if folders else []
 
 
 def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[Section], Summary | None]:

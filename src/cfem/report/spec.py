@@ -124,6 +124,9 @@ class ReportSpec(Spec):
     """Models and control of one robot by mesh."""
     loops: dict[Label, Path] = {}
     """Folders of `cfem control` with a loop, by name."""
+    moving: dict[Label, Path] = {}
+    """Folders of `cfem train` whose models move, by name: their natural frequencies and damping along the workspace.
+    Of `models` that move, the page shows them without being asked."""
 
     @model_validator(mode="after")
     def _whole(self):
@@ -135,6 +138,9 @@ class ReportSpec(Spec):
             raise ValueError("page: it is linked beside the robot: give scene, mesh, samples, models and control too")
         if self.scene is None and (self.discretisation or not lacking):
             raise ValueError("missing key 'scene': whose artefacts are these?")
-        if lacking and not (self.discretisation or self.surrogates or self.sampling or self.meshes or self.loops):
-            raise ValueError("nothing to report: give artefacts, a discretisation, surrogates, a study or loops")
+        studies = (self.discretisation, self.surrogates, self.sampling, self.meshes, self.loops, self.moving)
+        if lacking and not any(studies):
+            raise ValueError(
+                "nothing to report: give artefacts, a discretisation, surrogates, a study, loops or moving"
+            )
         return self

@@ -13,8 +13,9 @@ from cfem.core.stage import Options, Stage, read_manifest, run_stage
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
-VERSION = 7
-PATHS = ("scene", "mesh", "samples", "models", "control", "page", "out", "surrogates", "sampling", "meshes", "loops")
+VERSION = 8
+PATHS = ("scene", "mesh", "samples", "models", "control", "page", "out", "surrogates", "sampling", "meshes")
+PATHS += ("loops", "moving")
 FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
 
 
@@ -60,6 +61,7 @@ def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
     for name, one in spec.meshes.items():
         found |= {f"mesh {name}: {part}": getattr(one, part) for part in FOLDERS["meshes"]}
     found |= {f"loop {name}": path for name, path in spec.loops.items()}
+    found |= {f"moving {name}": path for name, path in spec.moving.items()}
     return {name: base / path for name, path in found.items() if path}
 
 
@@ -141,4 +143,6 @@ def _about(spec: ReportSpec) -> str:
     if spec.surrogates or spec.sampling or spec.meshes:
         robots = f" of {', '.join(spec.surrogates)}" if spec.surrogates else ""
         return f"Learned models{robots}: their errors, their costs, and whether their warnings can be trusted."
+    if spec.moving and not spec.discretisation:
+        return f"How {', '.join(spec.moving)} vibrates, by what its learned model says."
     return "The error of the discretisation, and what it costs to lower it."
