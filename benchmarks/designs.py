@@ -29,6 +29,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from cfem.condensed import entries
+from cfem.condensed.parameters import shares
 from cfem.control.design import designed
 from cfem.control.experiment import follow
 from cfem.control.inverse import Limits, ridge_of
@@ -41,7 +42,6 @@ from cfem.dataset.reader import read_dataset
 from cfem.design.formulation import problem_of
 from cfem.design.spec import DesignSpec
 from cfem.parametric.differences import Stencil
-from cfem.parametric.family import shares
 from cfem.parametric.load import finite_elements, learned
 from cfem.plant.fem_plant import FemPlant
 from cfem.predict.load import load_model

@@ -6,7 +6,7 @@ from surrogate.stored import train_folder
 
 from cfem.condensed.model import under_force
 from cfem.core.errors import InputError
-from cfem.gym.robots import Robots, picked
+from cfem.gym.robots import LOADED, Robots
 from cfem.predict.load import load_model
 
 
@@ -23,8 +23,8 @@ def model(folders):
 
 
 def test_taut_cables_stand_where_they_are_told(model):
-    robots = Robots(model, compliance=True)
-    states = robots.feasible(np.random.default_rng(0), 150)
+    robots = Robots(model, ("effector_compliance",))
+    states = robots.feasible(np.random.default_rng(0), np.zeros((150, 0)))
     found = robots.move(robots.start(150), states.delta_a)
     assert robots.pulls and found.failed == 0
     assert found.delta_a == pytest.approx(states.delta_a)
@@ -67,10 +67,39 @@ def test_where_a_robot_was_changes_nothing(model):
     assert robots.move(before, u).tip == pytest.approx(fresh.tip, abs=1e-4)
 
 
+def test_a_load_at_held_forces_moves_the_effector_by_the_models_compliance(model):
+    """W_ee is the compliance at held forces, which the batch does not use: it knows that at locked actuators."""
+    robots, rng = Robots(model, LOADED), np.random.default_rng(6)
+    u = np.full((3, 2), 0.4) * robots.largest_force
+    start = robots.start(3)
+    start.delta_a[:] = model.domain.states[0, :2]
+    without = robots.move(start, u, forces=True)
+    load = 1e-3 * rng.standard_normal((3, 3))
+    found = robots.move(start, u, forces=True, loads=load)
+    W = model.at_displacement(without.delta_a[0]).W[:3, :3]
+    assert found.failed == 0 and np.abs(W @ load.T).max() > 1e-3
+    assert found.tip - without.tip == pytest.approx(load @ W, rel=1e-2, abs=1e-6)
+
+
+def test_a_load_that_pulls_a_cable_taut_or_slack_leaves_no_negative_tension(model):
+    robots, rng = Robots(model, LOADED), np.random.default_rng(7)
+    u = rng.uniform(0, 1, (200, 2)) * model.domain.delta_a[1]
+    load = rng.standard_normal((200, 3))
+    load *= 0.05 * robots.largest_force.max() / np.abs(load).max()
+    found, without = robots.move(robots.start(200), u, loads=load), robots.move(robots.start(200), u)
+    slack = found.delta_a > u + 1e-9
+    assert found.failed == 0 and (slack != (without.delta_a > u + 1e-9)).any()
+    assert found.lambda_a.min() > -1e-4 and np.abs(found.lambda_a[slack]).max() < 1e-4
+    i = int(np.flatnonzero(~slack.any(axis=1))[0])
+    here = model.at_displacement(u[i])
+    assert found.lambda_a[i] == pytest.approx(here.lambda_a - here.effector_jacobian.T @ load[i])
+
+
 def test_each_robot_has_parameters_of_its_own(folders):
     model = load_model(folders[1])
     robots, rng = Robots(model), np.random.default_rng(4)
-    p, states = robots.random_parameters(rng, 60), robots.feasible(rng, 60)
+    p = robots.random_parameters(rng, 60)
+    states = robots.feasible(rng, p)
     low, high = np.array([[one.low, one.high] for one in model.parameters]).T
     assert ((p >= low) & (p <= high)).all() and np.ptp(p, axis=0) == pytest.approx(high - low, rel=0.2)
     found = robots.move(robots.start(60), states.delta_a, p)
@@ -78,12 +107,6 @@ def test_each_robot_has_parameters_of_its_own(folders):
     for i in taut[:3]:
         here = model.at_displacement(states.delta_a[i], p[i])
         assert found.tip[i] == pytest.approx(here.delta_e) and found.lambda_a[i] == pytest.approx(here.lambda_a)
-
-
-def test_some_of_a_batch(model):
-    robots = Robots(model)
-    states = robots.feasible(np.random.default_rng(5), 10)
-    assert picked(states, np.array([3, 4])).tip == pytest.approx(states.tip[3:5])
 
 
 def test_other_models_are_refused():

@@ -6,12 +6,12 @@ from parametric.synthetic import LENGTH, POISSON, YOUNG, Arc
 from robot.scenes import scene
 from surrogate.synthetic import dataset
 
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, from_shares, shares
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.parametric.family import FiniteElements, Learned, from_shares, shares
+from cfem.parametric.family import FiniteElements, Learned
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.robot.build import build_robot

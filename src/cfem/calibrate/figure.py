@@ -3,7 +3,7 @@
 import numpy as np
 
 from cfem.calibrate.calibration import Calibration
-from cfem.parametric.family import shares
+from cfem.condensed.parameters import shares
 from cfem.report.style import FE, INK, LEARNED, grid, outside_legend, png
 
 

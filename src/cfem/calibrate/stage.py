@@ -124,7 +124,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
     """(k, n_p)."""
     from cfem.calibrate.fit import spread
     from cfem.condensed.given import vector
-    from cfem.parametric.family import from_shares
+    from cfem.condensed.parameters import from_shares
 
     if isinstance(spec.starts, list):
         given = [vector(parameters, start, f"starts.{i}") for i, start in enumerate(spec.starts)]

@@ -50,6 +50,29 @@ def slopes(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     return np.stack([_SLOPE[one.coordinate](p[..., i]) for i, one in enumerate(parameters)], axis=-1)
 
 
+def shares(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
+    """(..., n_p) values -> (..., n_p) in [0, 1]: place of their coordinates between those of the ends of the range."""
+    if not parameters:
+        return np.asarray(p, float)[..., :0]
+    low, high = ends(parameters)
+    return (coordinates(parameters, p) - low) / (high - low)
+
+
+def from_shares(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
+    """The inverse of `shares`."""
+    if not parameters:
+        return np.asarray(z, float)[..., :0]
+    low, high = ends(parameters)
+    return values(parameters, low + z * (high - low))
+
+
+def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+    """(n_p,) coordinates of the lower and of the higher end of each range."""
+    return tuple(
+        coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
+    )
+
+
 def to_json(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
     return [asdict(one) for one in parameters]
 

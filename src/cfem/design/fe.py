@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm, qmc
 
+from cfem.condensed.parameters import from_shares, shares
 from cfem.core.errors import NumericalError
 from cfem.design.problem import Problem, Scores
 from cfem.design.search import Grid, judged
 from cfem.design.workspace import Robust
 from cfem.parametric.differences import Stencil
 from cfem.parametric.differentiable import Outputs, chain, stacked
-from cfem.parametric.family import from_shares, shares
 from cfem.parametric.states import States
 
 # Of functions of a state's numbers, in shares of their sizes: short, as a nearly singular compliance may be inverted.

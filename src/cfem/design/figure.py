@@ -5,10 +5,10 @@ from itertools import combinations
 import numpy as np
 from matplotlib.figure import Figure
 
+from cfem.condensed.parameters import from_shares
 from cfem.design.front import Front, jumps
 from cfem.design.problem import Problem
 from cfem.design.search import Design, Grid
-from cfem.parametric.family import from_shares
 from cfem.report.style import FAINT, FE, GOAL, INK, LEARNED, outside_legend, plt, png
 
 _FINE, _SHOWN = 41, 3  # points along a parameter; parameters in one picture

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, from_shares
 from cfem.core.errors import NumericalError
-from cfem.parametric.family import Family, from_shares
+from cfem.parametric.family import Family
 from cfem.parametric.states import States
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, from_shares, shares
 from cfem.core.errors import SpecError
-from cfem.parametric.family import from_shares, shares
 from cfem.robot.meshing import CATALOGUE, measure
 from cfem.sample.parameters import with_values
 

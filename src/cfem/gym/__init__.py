@@ -1,11 +1,12 @@
-"""Learned robots as Gymnasium environments: `import cfem.gym` registers cfem/Reach-v0, cfem/Follow-v0, cfem/Press-v0.
+"""Learned robots as Gymnasium environments: `import cfem.gym` then `cfem.gym.register()` makes known
+cfem/Reach-v0, cfem/Follow-v0, cfem/Press-v0 and cfem/Carry-v0.
 
     env = gymnasium.make("cfem/Reach-v0", model="models/soft-finger/spectral")
     many = gymnasium.make_vec("cfem/Reach-v0", 1024, vectorization_mode="vector_entry_point", model=...)
 
 It needs `pip install 'cfem[gym]'`."""
 
-NAMES = {"cfem/Reach-v0": "reach", "cfem/Follow-v0": "follow", "cfem/Press-v0": "press"}
+NAMES = {f"cfem/{task.capitalize()}-v0": task for task in ("reach", "follow", "press", "carry")}
 
 
 def register() -> None:

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from cfem.gym.tasks import LARGEST
-from cfem.gym.world import Randomised, World
+from cfem.gym.world import World
 from cfem.predict.protocol import Predictor
 
 
@@ -21,27 +21,16 @@ def _spaces(world: World) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
     )
 
 
-def _randomised(given: dict[str, Any] | Randomised | None) -> Randomised | None:
-    return Randomised(**given) if isinstance(given, dict) else given
-
-
 class RobotEnv(gymnasium.Env):
-    """One robot. model: folder of a spectral model, or the model; task: reach, follow or press; step: share of the
-    reach a tick; randomise: keys of `Randomised`; length: ticks of an episode."""
+    """One robot. model: folder of a spectral model, or the model; options: of `World`."""
 
     metadata = {"render_modes": []}
 
     def __init__(
-        self,
-        model: Predictor | Path | str,
-        task: str = "reach",
-        step: float = 0.05,
-        randomise: dict[str, Any] | Randomised | None = None,
-        length: int | None = None,
-        render_mode: str | None = None,
+        self, model: Predictor | Path | str, task: str = "reach", render_mode: str | None = None, **options: Any
     ):
         self.render_mode = render_mode
-        self.world = World(model, task, 1, step, _randomised(randomise), length)
+        self.world = World(model, task, 1, **options)
         self.observation_space, self.action_space = _spaces(self.world)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
@@ -60,6 +49,8 @@ class RobotEnv(gymnasium.Env):
             info["error"] = error
         if hasattr(self.world.task, "force"):
             info["force"] = float(self.world.task.force(self.world.states, self.world.goals)[0])
+        if self.world.name == "carry":
+            info["load"] = self.world.goals.load[0].copy()
         return info
 
 
@@ -74,13 +65,11 @@ class RobotVectorEnv(VectorEnv):
         model: Predictor | Path | str,
         num_envs: int = 1,
         task: str = "reach",
-        step: float = 0.05,
-        randomise: dict[str, Any] | Randomised | None = None,
-        length: int | None = None,
         render_mode: str | None = None,
+        **options: Any,
     ):
         self.render_mode, self.num_envs = render_mode, num_envs
-        self.world = World(model, task, num_envs, step, _randomised(randomise), length)
+        self.world = World(model, task, num_envs, **options)
         self.single_observation_space, self.single_action_space = _spaces(self.world)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -1,55 +1,100 @@
 """Many robots of one spectral model at once, each in equilibrium under its own command: compiled loops over a batch.
 
 Displacements u are told to actuators that may only pull: an actuator stands at delta_i >= u_i, its force lambda_i >= 0,
-one of both an equality (a cable that would have to push goes slack). That is the minimum of Psi over delta >= u, found
-by Newton's method on the slack ones. Forces are told to the others: the minimum of Psi - lambda . delta."""
+one of both an equality (a cable that would have to push goes slack). That is the minimum of Psi - w . e over
+delta >= u, with loads w on the effectors, found by Newton's method: each step is the minimum of the quadratic model
+under the same bounds. Forces are told to the others: the minimum of Psi - w . e - lambda . delta. The first step from
+where a robot was is that of its last Hessian and costs no series."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 import cfem.mechanics.compiling  # noqa: F401  says so while it compiles
 
-NEWTON, LANES = 12, 64  # steps; robots whose series are summed side by side
+NEWTON, LANES = 14, 256  # evaluations of a robot; robots whose series are summed side by side
 
 
-@njit(cache=True, fastmath=True)
-def _evaluate(t, to_box, offset, indices, series, table, value, out):
-    """out (n_out, LANES): the series at inputs t (n, LANES); table (n, degree + 1, LANES), value (LANES,): room."""
-    n, terms, width = t.shape[0], indices.shape[0], series.shape[1]
+class Series(NamedTuple):
+    """Chebyshev series for the loops. to_box (n, n), offset (n,); term m is the product of the factors first[m] to
+    first[m + 1]: T of degree[k] of input axis[k]; values (outputs, terms), each padded with zeros to a multiple of 2
+    and of 4; highest: the largest degree."""
+
+    to_box: np.ndarray
+    offset: np.ndarray
+    first: np.ndarray
+    axis: np.ndarray
+    degree: np.ndarray
+    values: np.ndarray
+    highest: int
+
+    @classmethod
+    def of(cls, to_box: np.ndarray, offset: np.ndarray, indices: np.ndarray, rows: np.ndarray) -> "Series":
+        """indices (terms, n), rows (outputs, terms)."""
+        outputs, terms = rows.shape
+        values = np.zeros((outputs + outputs % 2, terms + -terms % 4))
+        values[:outputs, :terms] = rows
+        first = np.concatenate([[0], np.cumsum((indices > 0).sum(axis=1))])
+        term, axis = np.nonzero(indices)
+        degree = indices[term, axis].astype(np.int64)
+        to_box, offset = (np.ascontiguousarray(one, float) for one in (to_box, offset))
+        return cls(to_box, offset, first, axis, degree, values, max(int(indices.max()), 1))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _basis(t, series, table, basis):
+    """basis (terms, LANES): of inputs t (n, LANES); table (n, highest + 1, LANES): room."""
+    n = t.shape[0]
     for i in range(n):
+        x = table[i, 1]
         for b in range(LANES):
-            z = offset[i]
-            for j in range(n):
-                z += to_box[i, j] * t[j, b]
-            table[i, 0, b] = 1.0
-            table[i, 1, b] = z
+            table[i, 0, b] = 1
+            x[b] = series.offset[i]
+        for j in range(n):
+            one = series.to_box[i, j]
+            for b in range(LANES):
+                x[b] += one * t[j, b]
         for k in range(2, table.shape[1]):
+            new, last, before = table[i, k], table[i, k - 1], table[i, k - 2]
             for b in range(LANES):
-                table[i, k, b] = 2.0 * table[i, 1, b] * table[i, k - 1, b] - table[i, k - 2, b]
-    for j in range(width):
+                new[b] = 2 * x[b] * last[b] - before[b]
+    for m in range(len(series.first) - 1):
+        row, begin, end = basis[m], series.first[m], series.first[m + 1]
+        if begin == end:
+            for b in range(LANES):
+                row[b] = 1
+            continue
+        factor = table[series.axis[begin], series.degree[begin]]
         for b in range(LANES):
-            out[j, b] = 0.0
-    for m in range(terms):
-        k = indices[m, 0]
-        for b in range(LANES):
-            value[b] = table[0, k, b]
-        for i in range(1, n):
-            k = indices[m, i]
+            row[b] = factor[b]
+        for k in range(begin + 1, end):
+            factor = table[series.axis[k], series.degree[k]]
             for b in range(LANES):
-                value[b] *= table[i, k, b]
-        for j in range(width):
-            one = series[m, j]
-            for b in range(LANES):
-                out[j, b] += value[b] * one
+                row[b] *= factor[b]
 
 
-@njit(cache=True)
-def _solve(H, g, free, step):
-    """step on the free rows with H_ff step_f = -g_f, 0 on the others. False where H_ff is not positive definite."""
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _sums(values, basis, out):
+    """out (outputs, LANES) = values @ basis, two rows and four terms at a time, which keeps sums in registers."""
+    out[:] = 0
+    for m in range(0, basis.shape[0], 4):
+        b0, b1, b2, b3 = basis[m], basis[m + 1], basis[m + 2], basis[m + 3]
+        for j in range(0, out.shape[0], 2):
+            one, two = out[j], out[j + 1]
+            c0, c1, c2, c3 = values[j, m], values[j, m + 1], values[j, m + 2], values[j, m + 3]
+            d0, d1, d2, d3 = values[j + 1, m], values[j + 1, m + 1], values[j + 1, m + 2], values[j + 1, m + 3]
+            for b in range(LANES):
+                v0, v1, v2, v3 = b0[b], b1[b], b2[b], b3[b]
+                one[b] += c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
+                two[b] += d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(H, g, free, step, L):
+    """step on the free rows with H_ff step_f = -g_f - H_fc step_c; the others keep theirs. L: room. False where H_ff is
+    not positive definite."""
     n = len(g)
-    L = np.zeros((n, n))
-    for i in range(n):
-        step[i] = 0.0
     for i in range(n):
         if not free[i]:
             continue
@@ -58,9 +103,10 @@ def _solve(H, g, free, step):
                 continue
             value = H[i, j]
             for k in range(j):
-                value -= L[i, k] * L[j, k]
+                if free[k]:
+                    value -= L[i, k] * L[j, k]
             if i == j:
-                if value <= 1e-300:
+                if value <= 1e-30:
                     return False
                 L[i, i] = np.sqrt(value)
             else:
@@ -68,31 +114,96 @@ def _solve(H, g, free, step):
     for i in range(n):
         if free[i]:
             value = -g[i]
+            for k in range(n):
+                if not free[k]:
+                    value -= H[i, k] * step[k]
             for k in range(i):
-                value -= L[i, k] * step[k]
+                if free[k]:
+                    value -= L[i, k] * step[k]
             step[i] = value / L[i, i]
     for i in range(n - 1, -1, -1):
         if free[i]:
             value = step[i]
             for k in range(i + 1, n):
-                value -= L[k, i] * step[k]
+                if free[k]:
+                    value -= L[k, i] * step[k]
             step[i] = value / L[i, i]
     return True
 
 
-@njit(cache=True, fastmath=True)
-def equilibria(u, forces, pulls, delta, q, softer, to_box, offset, indices, series, degree, longest, tolerance, out):
-    """u (B, n_a): commands, forces: whether they are forces; pulls: whether no actuator pushes; delta (B, n_a): where
-    the actuators were, and where they are then; q (B, n_q), softer (B,): parameters; out (B, n_out): forces of the last
-    step in its first n_a columns, and the series then, whose first n_a are the gradient and the next the Hessian
-    (packed); longest: mm of one Newton step; tolerance: N. Returns how many did not converge."""
+@njit(cache=True, error_model="numpy")
+def _quadratic(H, g, room, bounded, free, step, L, tolerance):
+    """The step that minimises g . step + step . H step / 2 over step >= -room (n,), where bounded; else over all.
+    free: which rows are not at their bound, a guess and then what was found. False where there is none."""
+    n = len(g)
+    for _ in range(2 * n + 1):
+        for i in range(n):
+            if not free[i]:
+                step[i] = -room[i]
+        if not _solve(H, g, free, step, L):
+            return False
+        changed = False
+        if bounded:
+            for i in range(n):
+                if free[i] and step[i] < -room[i]:
+                    free[i] = False
+                    changed = True
+            if not changed:
+                for i in range(n):
+                    if not free[i]:
+                        slope = g[i]
+                        for k in range(n):
+                            slope += H[i, k] * step[k]
+                        if slope < -tolerance:
+                            free[i] = True
+                            changed = True
+        if not changed:
+            return True
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _move(x, g, H, u, bounded, free, room, step, L, tolerance, longest):
+    """x (n,) by one step of Newton's method, at most `longest`, within the bounds x >= u where bounded."""
+    n = len(x)
+    for i in range(n):
+        room[i] = x[i] - u[i]
+        free[i] = not bounded or room[i] > 0 or g[i] < -tolerance
+    if not _quadratic(H, g, room, bounded, free, step, L, tolerance):
+        for i in range(n):
+            step[i] = -longest if g[i] > 0 else longest
+    most = 0.0
+    for i in range(n):
+        if free[i]:  # those at their bound are where they are told to be, however far
+            most = max(most, abs(step[i]))
+    share = 1.0 if most <= longest else longest / most
+    for i in range(n):
+        x[i] += share * step[i] if free[i] else step[i]
+        if (bounded and x[i] < u[i]) or not free[i]:
+            x[i] = u[i]
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def equilibria(u, w, forces, pulls, delta, known, q, softer, series, first_e, longest, tolerance, out):
+    """u (B, n_a): commands, forces: whether they are forces; pulls: whether no actuator pushes; w (B, n_e): loads on
+    the effectors in N, or (0, 0); delta (B, n_a): where the actuators were, and where they are then; known (B,):
+    whether out has the forces and the Hessian there; q (B, n_q), softer (B,): parameters; first_e: place of the
+    effectors' gradient among the outputs, which their Hessians follow; out (B, outputs): the series then, whose first
+    n_a are the forces, without those of the loads, and the next the Hessian (packed, of the energy alone); longest: mm
+    of one Newton step; tolerance: N. Returns how many did not converge."""
     B, n_a = u.shape
-    n, width = n_a + q.shape[1], series.shape[1]
-    t, table, value = np.zeros((n, LANES)), np.empty((n, max(degree, 1) + 1, LANES)), np.empty(LANES)
-    found, g, step = np.empty((width, LANES)), np.empty(n_a), np.empty(n_a)
-    H, free = np.empty((n_a, n_a)), np.empty(n_a, np.bool_)
-    who, left = np.full(LANES, -1), np.empty(LANES, np.int64)  # which robot a lane works on; its steps left
-    following, busy, failed = 0, 0, 0
+    n, width = n_a + q.shape[1], out.shape[1]
+    t, table = np.zeros((n, LANES)), np.empty((n, series.highest + 1, LANES))
+    basis, found = np.zeros((series.values.shape[1], LANES)), np.empty((series.values.shape[0], LANES))
+    x, g, step, room = np.empty(n_a), np.empty(n_a), np.empty(n_a), np.empty(n_a)
+    H, L, free, told = (
+        np.empty((n_a, n_a)),
+        np.empty((n_a, n_a)),
+        np.empty(n_a, np.bool_),
+        np.empty(n_a),
+    )
+    who, left = np.full(LANES, -1), np.zeros(LANES, np.int64)  # which robot a lane works on; its evaluations left
+    following, busy, failed, bounded = 0, 0, 0, pulls and not forces
     while following < B or busy > 0:
         for lane in range(LANES):  # a lane that is done takes the next robot
             if who[lane] >= 0 or following >= B:
@@ -104,46 +215,61 @@ def equilibria(u, forces, pulls, delta, q, softer, to_box, offset, indices, seri
             for i in range(n_a, n):
                 t[i, lane] = q[b, i - n_a]
             for i in range(n_a):
-                slack = pulls and out[b, i] <= tolerance and delta[b, i] > u[b, i]
-                t[i, lane] = delta[b, i] if forces or slack else u[b, i]
-        _evaluate(t, to_box, offset, indices, series, table, value, found)
+                x[i] = delta[b, i]
+                told[i] = u[b, i]
+            if forces:
+                pass
+            elif not pulls:
+                x[:] = told
+            elif known[b]:
+                place = n_a
+                for i in range(n_a):
+                    g[i] = out[b, i]
+                    for j in range(i, n_a):
+                        H[i, j] = H[j, i] = out[b, place]
+                        place += 1
+                _move(x, g, H, told, bounded, free, room, step, L, tolerance, longest)
+            else:
+                for i in range(n_a):
+                    x[i] = max(x[i], told[i])
+            for i in range(n_a):
+                t[i, lane] = x[i]
+        _basis(t, series, table, basis)
+        _sums(series.values, basis, found)
         for lane in range(LANES):
             b = who[lane]
             if b < 0:
                 continue
-            any_free, size, place = False, 0.0, n_a
+            size, place = 0.0, n_a
             for i in range(n_a):
-                g[i] = found[i, lane] - (u[b, i] * softer[b] if forces else 0.0)
-                free[i] = forces or (pulls and (g[i] < -tolerance or t[i, lane] > u[b, i]))
-                any_free = any_free or free[i]
-                if free[i]:
+                x[i], told[i] = t[i, lane], u[b, i]
+                g[i] = found[i, lane]
+                for r in range(w.shape[1]):
+                    g[i] -= found[first_e + r * n_a + i, lane] * w[b, r] * softer[b]
+                found[i, lane] = g[i]
+                if forces:
+                    g[i] -= told[i] * softer[b]
+                if forces or (pulls and (g[i] < 0 or x[i] > told[i])):
                     size = max(size, abs(g[i]))
             left[lane] -= 1
-            good = not any_free or size <= tolerance
-            if good or left[lane] == 0:
-                failed += 0 if good else 1
+            if size <= tolerance or left[lane] == 0:
+                failed += 0 if size <= tolerance else 1
                 for j in range(width):
                     out[b, j] = found[j, lane]
                 for i in range(n_a):
-                    delta[b, i] = t[i, lane]
+                    delta[b, i] = x[i]
+                known[b] = True
                 who[lane] = -1
                 busy -= 1
                 continue
             for i in range(n_a):
                 for j in range(i, n_a):
-                    H[i, j] = found[place, lane]
-                    H[j, i] = found[place, lane]
+                    for r in range(w.shape[1]):
+                        second = first_e + w.shape[1] * n_a + r * (n_a * (n_a + 1) // 2) + place - n_a
+                        found[place, lane] -= found[second, lane] * w[b, r] * softer[b]
+                    H[i, j] = H[j, i] = found[place, lane]
                     place += 1
-            if not _solve(H, g, free, step):
-                for i in range(n_a):
-                    step[i] = -longest if g[i] > 0 else longest
-                    step[i] = step[i] if free[i] else 0.0
-            most = 0.0
+            _move(x, g, H, told, bounded, free, room, step, L, tolerance, longest)
             for i in range(n_a):
-                most = max(most, abs(step[i]))
-            share = 1.0 if most <= longest else longest / most
-            for i in range(n_a):
-                t[i, lane] += share * step[i]
-                if not forces and t[i, lane] < u[b, i]:
-                    t[i, lane] = u[b, i]
+                t[i, lane] = x[i]
     return failed

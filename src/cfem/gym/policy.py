@@ -6,17 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.condensed.parameters import from_json, shares
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
 from cfem.gym.tasks import Scales, observation
 
 KEY = "cfem.policy"
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)
 class Policy:
-    """path: file of `cfem.gym.save_policy`. facts: its metadata. InputError where it is none."""
+    """path: file of `cfem.gym.save_policy`. facts: its metadata; parameters: those of the robot that it wants to be
+    told, none of most policies. InputError where it is none."""
 
     path: Path
 
@@ -29,23 +31,36 @@ class Policy:
         try:
             session = onnxruntime.InferenceSession(str(self.path), providers=["CPUExecutionProvider"])
             facts = json.loads(session.get_modelmeta().custom_metadata_map[KEY])
+            if facts["format"] != FORMAT:
+                raise ValueError("it is of another format, train it again")
             sizes = [len(facts[name]) for name in ("step", "low", "reach")]
+            parameters = from_json(facts["parameters"])
         except Exception as error:  # of onnxruntime, which share no class, of JSON, of the keys
             what = f"is no policy of cfem: {str(error).splitlines()[0][:200]}"
             raise InputError(what, where=str(self.path), do="write it by cfem.gym.save_policy.save_policy") from None
         n_a, n_e = len(facts["actuators"]), len(facts["effectors"])
-        if facts.get("format") != FORMAT or sizes != [n_a] * 3 or session.get_inputs()[0].shape[1] != 4 * n_e + n_a:
-            raise InputError("is a policy of another format", where=str(self.path), do="train it again")
+        seen = 4 * n_e + n_a + len(parameters)
+        if sizes != [n_a] * 3 or session.get_inputs()[0].shape[1] != seen:
+            what = f"does not take the {seen} numbers of an observation of its robot"
+            raise InputError(what, where=str(self.path), do="train it again")
+        object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "facts", facts)
         object.__setattr__(self, "_session", session)
         numbers = (np.asarray(facts[name], float) for name in ("step", "low", "reach"))
         object.__setattr__(self, "scales", Scales(float(facts["scale"]), float(facts["near"]), *numbers))
 
-    def command(self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    def told(self, p: np.ndarray) -> np.ndarray:
+        """(k,) of an observation: parameters p (n_p,) of the robot, as shares of their ranges in [-1, 1]."""
+        return 2.0 * shares(self.parameters, p) - 1.0 if self.parameters else np.zeros(0)
+
+    def command(
+        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray | None = None
+    ) -> np.ndarray:
         """(n_a,) mm: the next command after u (n_a,), the effector at tip (n_e,) and the goal at goal, mm from rest,
         which goes on by ahead (n_e,) mm in the next tick."""
         scales: Scales = self.scales
-        seen = observation(scales, *(np.asarray(one, float)[None] for one in (tip, u, goal, ahead)))
+        told = np.zeros(0) if told is None else told
+        seen = observation(scales, *(np.asarray(one, float)[None] for one in (tip, u, goal, ahead, told)))
         action = self._session.run(None, {self._session.get_inputs()[0].name: seen})[0][0]
         move = np.clip(np.nan_to_num(action.astype(float)), -1.0, 1.0) * scales.step
         return np.clip(u + move, scales.low, scales.reach)

@@ -4,91 +4,109 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.packing import upper_indices
 from cfem.condensed.parameters import coordinates, values
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
 from cfem.predict.energy import layout, unpacking
 from cfem.predict.protocol import Predictor
+from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
+LOADED = ("effector_gradient", "effector_hessian", "effector_compliance")
 PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
 
 
 @dataclass
 class States:
-    """B robots. delta_a (B, n_a) mm; lambda_a (B, n_a) N; tip (B, n_e) mm from rest; compliance (B, n_e, n_e) mm/N of
-    the effectors at locked actuators; failed: how many found no equilibrium in the last step."""
+    """B robots. delta_a (B, n_a) mm; lambda_a (B, n_a) N; hessian (B, n_a (n_a + 1) / 2) of the energy, packed, at the
+    reference of exact parameters, 0 where it is unknown; tip (B, n_e) mm from rest; compliance (B, n_e, n_e) mm/N of
+    the effectors at locked actuators, 0 where it was not asked for; failed: how many found no equilibrium in the last
+    step."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
+    hessian: np.ndarray
     tip: np.ndarray
     compliance: np.ndarray
     failed: int
 
 
 class Robots:
-    """model: spectral, of form displacement. InputError for others."""
+    """model: spectral, of form displacement. InputError for others. needs: effector_compliance for the compliance,
+    all of LOADED for loads."""
 
-    def __init__(self, model: Predictor, compliance: bool = False):
+    def __init__(self, model: Predictor, needs: tuple[str, ...] = ()):
         demand("numba", where="cfem.gym")
         if not isinstance(model, SpectralPredictor) or model.form != "displacement":
             kind, form = model.meta.get("kind"), model.form
             what = f"environments need a spectral model of form displacement, got kind '{kind}' of form '{form}'"
             raise InputError(what, do="train with `model: {kind: spectral}`")
-        from cfem.gym.kernel import equilibria
+        from cfem.gym.kernel import Series, equilibria
 
         self.model, self._equilibria = model, equilibria
-        n_a, n_e = model.rows.n_a, model.rows.n_e
-        parts, arrays = layout(n_a, n_e), model.arrays
-        wanted = ["gradient", "hessian", "effector"] + (["effector_compliance"] if compliance else [])
-        self._ends = np.cumsum([parts[name].stop - parts[name].start for name in wanted])
-        rows = np.concatenate([arrays["series"][parts[name]] for name in wanted])
-        self._series = np.ascontiguousarray(rows.T)
-        self._to_box, self._offset = np.ascontiguousarray(arrays["to_box"]), np.ascontiguousarray(arrays["offset"])
-        self._indices = np.ascontiguousarray(arrays["indices"].astype(np.int64))
-        self._degree = int(self._indices.max())
-        self._unpack = unpacking(n_e)
+        parts, arrays = layout(model.rows.n_a, model.rows.n_e), model.arrays
+        rows, self._place = [], {}
+        for name in ("gradient", "hessian", "effector", *needs):
+            begin = sum(map(len, rows))
+            rows.append(_effector_hessian(model) if name == "effector_hessian" else arrays["series"][parts[name]])
+            self._place[name] = slice(begin, begin + len(rows[-1]))
+        self._outputs = sum(map(len, rows))
+        joined = np.concatenate(rows)
+        self._series = Series.of(arrays["to_box"], arrays["offset"], arrays["indices"], joined)
+        self._unpack = unpacking(model.rows.n_e)
         low, high = model.domain.lambda_a
         self.pulls = bool((low > -PUSHES * high).all())
         self.largest_force = high.copy()
-        self._reference = np.array([one.reference for one in model.parameters])
+        self._tolerance = 1e-6 * float(high.max())
+        self.reference = np.array([one.reference for one in model.parameters])
 
     def start(self, count: int) -> States:
         """All at rest, as far as the model knows it."""
         n_a, n_e = self.model.rows.n_a, self.model.rows.n_e
-        room = (np.zeros((count, n_a)), np.zeros((count, n_a)), np.zeros((count, n_e)), np.zeros((count, n_e, n_e)))
-        return States(*room, 0)
+        sizes = ((n_a,), (n_a,), (n_a * (n_a + 1) // 2,), (n_e,), (n_e, n_e))
+        return States(*(np.zeros((count, *size)) for size in sizes), 0)
 
-    def move(self, states: States, u: np.ndarray, p: np.ndarray | None = None, forces: bool = False) -> States:
+    def move(
+        self,
+        states: States,
+        u: np.ndarray,
+        p: np.ndarray | None = None,
+        forces: bool = False,
+        loads: np.ndarray | None = None,
+    ) -> States:
         """Under commands u (B, n_a), displacements in mm or forces in N, parameters p (B, n_p): the scene's unless
-        given."""
-        model, count = self.model, len(u)
-        p = np.broadcast_to(self._reference, (count, len(self._reference))) if p is None else p
-        q, softer = model.q(p).reshape(count, -1), np.broadcast_to(model.softer(p), (count,)).astype(float)
-        out, delta = np.zeros((count, self._series.shape[1])), states.delta_a.copy()
-        out[:, : model.rows.n_a] = states.lambda_a  # who was slack
+        given, and loads (B, n_e) N on the effectors. Loads count to the first order: they move the effectors by their
+        compliance at locked actuators, and change the actuators' forces by the gradient of where the effectors are."""
+        model, count, place = self.model, len(u), self._place
+        softer, q = np.ones(count), np.zeros((count, 0))
+        if model.parameters:
+            p = np.broadcast_to(self.reference, (count, len(self.reference))) if p is None else p
+            softer[:], q = model.softer(p), np.ascontiguousarray(model.q(p))
+        out = np.empty((count, self._outputs))
+        out[:, place["gradient"]], out[:, place["hessian"]] = states.lambda_a * softer[:, None], states.hessian
+        delta = states.delta_a.copy()
         failed = self._equilibria(
             np.ascontiguousarray(u, float),
+            np.zeros((0, 0)) if loads is None else np.ascontiguousarray(loads, float),
             forces,
             self.pulls,
             delta,
-            np.ascontiguousarray(q),
+            states.hessian[:, 0] > 0,
+            q,
             softer,
-            self._to_box,
-            self._offset,
-            self._indices,
             self._series,
-            self._degree,
+            place["effector_gradient"].start if loads is not None else 0,
             0.25 * float(np.abs(model.reach).max()),
-            1e-6 * float(self.largest_force.max()),
+            self._tolerance,
             out,
         )
-        e = self._ends[2]
-        lam, tip = out[:, : self._ends[0]] / softer[:, None], out[:, self._ends[1] : e]
-        C = states.compliance
-        if len(self._ends) > 3:
-            C = out[:, e:][:, self._unpack] * softer[:, None, None]
-        return States(delta, lam, tip, C, int(failed))
+        C, tip = states.compliance, out[:, place["effector"]]
+        if "effector_compliance" in place:
+            C = out[:, place["effector_compliance"]][:, self._unpack] * softer[:, None, None]
+        if loads is not None:
+            tip = tip + np.einsum("bij,bj->bi", C, loads)
+        return States(delta, out[:, place["gradient"]] / softer[:, None], out[:, place["hessian"]], tip, C, int(failed))
 
     def random_parameters(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """(count, n_p), uniform in the coordinates in which the model is smooth."""
@@ -98,28 +116,35 @@ class Robots:
         low, high = (coordinates(own, np.array([getattr(one, end) for one in own])) for end in ("low", "high"))
         return values(own, low + (high - low) * rng.random((count, len(own))))
 
-    def feasible(self, rng: np.random.Generator, count: int, share: float = 0.7) -> States:
-        """States under random forces, up to `share` of the largest of the training, that stand within the reach."""
-        kept: list[States] = []
-        while sum(len(one.tip) for one in kept) < count:
-            u = rng.uniform(0.0 if self.pulls else -share, share, (2 * count, len(self.largest_force)))
-            start = self.start(len(u))
-            start.delta_a[:] = self.model.domain.states[0, : u.shape[1]]
-            found = self.move(start, u * self.largest_force, forces=True)
+    def feasible(self, rng: np.random.Generator, p: np.ndarray, share: float = 0.7) -> States:
+        """A state of each robot p (B, n_p), within its reach, under random forces up to `share` of the largest of the
+        training. InputError where one has none."""
+        kept, left = self.start(len(p)), np.arange(len(p))
+        for _ in range(60):
+            start = self.start(len(left))
+            start.delta_a[:] = self.model.domain.states[0, : start.delta_a.shape[1]]
+            u = rng.uniform(0.0 if self.pulls else -share, share, start.delta_a.shape)
+            found = self.move(start, self.forces(u, p[left]), p[left], forces=True)
             low, high = self.model.reach.T
-            good = (
-                (found.delta_a >= low) & (found.delta_a <= high) & np.isfinite(found.tip).all(axis=1, keepdims=True)
-            ).all(axis=1)
-            kept.append(picked(found, good))
-            if not good.any():
-                raise InputError("the model's states under forces do not lie within the reach of its actuators")
-        joined = {name: np.concatenate([getattr(one, name) for one in kept])[:count] for name in FIELDS}
-        return States(**joined, failed=0)
+            good = ((found.delta_a >= low) & (found.delta_a <= high)).all(axis=1) & np.isfinite(found.tip).all(axis=1)
+            for name in FIELDS:
+                getattr(kept, name)[left[good]] = getattr(found, name)[good]
+            left = left[~good]
+            if not len(left):
+                return kept
+        raise InputError("the model's states under forces do not lie within the reach of its actuators")
+
+    def forces(self, shares: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """(B, n_a) N: shares (B, n_a) of the largest of the training, of each robot's stiffness."""
+        return shares * self.largest_force / (self.model.softer(p)[:, None] if p.shape[1] else 1.0)
 
 
-FIELDS = ("delta_a", "lambda_a", "tip", "compliance")
+def _effector_hessian(model: SpectralPredictor) -> np.ndarray:
+    """(n_e n_a (n_a + 1) / 2, M) series of the second derivatives of each effector row by delta_a, packed."""
+    n_a, series = model.rows.n_a, model.arrays["series"][layout(model.rows.n_a, model.rows.n_e)["effector"]]
+    by = input_derivatives(model.arrays["indices"], model.arrays["to_box"], n_a)
+    pairs = zip(*upper_indices(n_a), strict=True)
+    return np.stack([(by[j] @ (by[i] @ series.T)).T for i, j in pairs], axis=1).reshape(-1, series.shape[1])
 
 
-def picked(states: States, which: np.ndarray) -> States:
-    """Those of a mask or of indices."""
-    return States(**{name: getattr(states, name)[which] for name in FIELDS}, failed=0)
+FIELDS = ("delta_a", "lambda_a", "hessian", "tip", "compliance")

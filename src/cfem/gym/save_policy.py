@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from cfem.condensed.parameters import to_json
 from cfem.core.optional import demand
 from cfem.gym.policy import FORMAT, KEY
 from cfem.gym.world import World
@@ -15,6 +16,7 @@ def facts_of(world: World) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "task": world.name,
+        "parameters": to_json(world.model.parameters) if world.observes_parameters else [],
         "effectors": list(rows.effectors),
         "actuators": list(rows.actuators),
         "scale": scales.scale,

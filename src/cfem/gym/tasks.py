@@ -8,6 +8,7 @@ observation is a row of numbers of about 1:
     (goal' - goal) / near   how far the goal goes on in the next tick, n_e; Press: force that is missing, see there
     (x - x_rest) / scale    where the effector is, n_e
     2 u / reach - 1         the last command, n_a
+    2 share - 1             where the robot is told its parameters: of the range of each (`observe_parameters`), n_p
 
 An action in [-1, 1]^n_a changes the command by at most `step`. Rewards are exp(-error / near) - error / scale: without
 the first term the last millimetre hardly counts."""
@@ -16,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.gym.robots import Robots, States
+from cfem.core.errors import InputError
+from cfem.gym.robots import LOADED, Robots, States
 
 LARGEST = 10.0  # number in an observation
 
@@ -32,27 +34,34 @@ class Scales:
     reach: np.ndarray
 
 
-def observation(scales: Scales, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    """tip, goal, ahead (B, n_e) mm from rest, ahead from goal, u (B, n_a) mm -> (B, 4 n_e + n_a) float32."""
+def observation(
+    scales: Scales, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
+) -> np.ndarray:
+    """tip, goal, ahead (B, n_e) mm from rest, ahead from goal, u (B, n_a) mm, told (B, k) in [-1, 1] of the robot's
+    parameters -> (B, 4 n_e + n_a + k) float32."""
     share = 2.0 * (u - scales.low) / (scales.reach - scales.low) - 1.0
     off = goal - tip
     close = np.clip(off / (5 * scales.near), -1.0, 1.0)
-    parts = [off / scales.scale, close, ahead / scales.near, tip / scales.scale, share]
+    parts = [off / scales.scale, close, ahead / scales.near, tip / scales.scale, share, told]
     return np.clip(np.concatenate(parts, axis=1), -LARGEST, LARGEST).astype(np.float32)
 
 
 class Reach:
-    """Goals that stay where they are for an episode, drawn from where the robot can be."""
+    """Goals that stay where they are for an episode, drawn from where the robot can be. robots; p (m, n_p): those of
+    which episodes are, each with goals of its own."""
 
-    length, compliance = 50, False
+    length, needs = 50, ()
 
-    def __init__(self, robots: Robots, rng: np.random.Generator, pool: int = 4096):
-        self._pool = robots.feasible(rng, pool)
+    def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
+        self._pool, self._p = robots.feasible(rng, p), p
         self.scale = float(np.ptp(self._pool.tip, axis=0).max())
         self.near = 0.02 * self.scale
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> None:
-        goals.path[which] = self._pool.tip[rng.integers(len(self._pool.tip), size=len(which))][:, None]
+    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Goals of new episodes `which` (k,); returns their robots (k, n_p)."""
+        chosen = rng.integers(len(self._pool.tip), size=len(which))
+        goals.path[which] = self._pool.tip[chosen][:, None]
+        return self._p[chosen]
 
     def tip(self, states: States, goals: "Goals") -> np.ndarray:
         """(B, n_e) mm from rest, where a camera sees it."""
@@ -70,23 +79,56 @@ class Reach:
 class Follow(Reach):
     """Goals that go round a closed curve: the image of an ellipse of pulls, of random size, phase and pace."""
 
-    length = 100
+    length, curves = 100, 1024
 
-    def __init__(self, robots: Robots, rng: np.random.Generator, pool: int = 256):
-        super().__init__(robots, rng)
-        n_a, turn = len(robots.largest_force), np.linspace(0, 2 * np.pi, self.length + 1)
-        centre, radius = rng.uniform(0.25, 0.5, (pool, n_a)), rng.uniform(0.05, 0.2, (pool, n_a))
-        phase, pace = rng.uniform(0, 2 * np.pi, (pool, n_a)), rng.uniform(0.5, 2.0, (pool, 1, 1))
-        share = centre[:, None] + radius[:, None] * np.cos(pace * turn[:, None] + phase[:, None])
-        states, curves = robots.start(pool), []
-        states.delta_a[:] = robots.model.domain.states[0, :n_a]
-        for k in range(len(turn)):
-            states = robots.move(states, share[:, k] * robots.largest_force, forces=True)
-            curves.append(states.tip)
-        self._curves = np.stack(curves, axis=1)
+    def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
+        super().__init__(robots, p, rng)
+        self._p = p[: self.curves]
+        self._load = self._loads(robots, rng)
+        states, places = robots.start(len(self._p)), []
+        states.delta_a[:] = robots.model.domain.states[0, : len(robots.largest_force)]
+        for share in self._shares(rng, (len(self._p), len(robots.largest_force))):
+            states = robots.move(states, robots.forces(share, self._p), self._p, forces=True, loads=self._load)
+            places.append(states.tip)
+        self._curves = np.stack(places, axis=1)
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> None:
-        goals.path[which] = self._curves[rng.integers(len(self._curves), size=len(which))]
+    def _loads(self, robots: Robots, rng: np.random.Generator) -> np.ndarray | None:
+        return None
+
+    def _shares(self, rng: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
+        """(length + 1, *size): of the largest forces, tick by tick."""
+        turn = np.linspace(0, 2 * np.pi, self.length + 1)[:, None, None]
+        centre, radius = rng.uniform(0.25, 0.5, size), rng.uniform(0.05, 0.2, size)
+        phase, pace = rng.uniform(0, 2 * np.pi, size), rng.uniform(0.5, 2.0, (size[0], 1))
+        return centre + radius * np.cos(pace * turn + phase)
+
+    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        chosen = rng.integers(len(self._curves), size=len(which))
+        goals.path[which] = self._curves[chosen]
+        if self._load is not None:
+            goals.load[which] = self._load[chosen]
+        return self._p[chosen]
+
+
+class Carry(Follow):
+    """A weight that hangs from the first effector, unknown to the policy, is to be carried from one place to another:
+    held for a fifth of the episode, moved with a smooth start and end, held again. Weights pull along -z of the scene,
+    and move the robot by at most about 5 % of its workspace; they count to the first order (`Robots.move`)."""
+
+    needs = LOADED
+
+    def _loads(self, robots: Robots, rng: np.random.Generator) -> np.ndarray:
+        if robots.model.rows.n_e < 3:
+            raise InputError("to carry, a robot needs an effector with rows x, y and z")
+        softest = np.median(self._pool.compliance[:, 2, 2])
+        load = np.zeros((len(self._p), robots.model.rows.n_e))
+        load[:, 2] = -0.05 * self.scale / softest * rng.random(len(load))
+        return load
+
+    def _shares(self, rng: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
+        begin, end = rng.uniform(0.15, 0.65, size), rng.uniform(0.15, 0.65, size)
+        s = np.clip((np.linspace(0, 1, self.length + 1)[:, None, None] - 0.2) / 0.6, 0.0, 1.0)
+        return begin + (end - begin) * s**3 * (10 - 15 * s + 6 * s**2)
 
 
 class Press(Reach):
@@ -96,18 +138,19 @@ class Press(Reach):
     would be behind the plane, so that errors are in mm; the third part of the observation is the depth that is missing,
     along -n."""
 
-    compliance = True
+    needs = ("effector_compliance",)
 
-    def __init__(self, robots: Robots, rng: np.random.Generator, pool: int = 4096):
-        super().__init__(robots, rng, pool)
+    def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
+        super().__init__(robots, p, rng)
         way = self._pool.tip
         self._normal = -way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
-        self._depth = 0.05 * self.scale * rng.uniform(0.2, 1.0, pool)
+        self._depth = 0.05 * self.scale * rng.uniform(0.2, 1.0, len(p))
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> None:
+    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         chosen = rng.integers(len(self._depth), size=len(which))
         goals.normal[which], goals.depth[which] = self._normal[chosen], self._depth[chosen]
         goals.path[which] = self._pool.tip[chosen][:, None]
+        return self._p[chosen]
 
     def force(self, states: States, goals: "Goals") -> np.ndarray:
         """(B,) N on the plane."""
@@ -134,15 +177,19 @@ class Press(Reach):
 
 @dataclass
 class Goals:
-    """path (B, T + 1, n_e) mm from rest at each tick; of Press: normal (B, n_e) of the plane there, depth (B,) mm."""
+    """path (B, T + 1, n_e) mm from rest at each tick, or (B, 1, n_e) of goals that stay; of Press: normal (B, n_e) of
+    the plane there, depth (B,) mm; of Carry: load (B, n_e) N."""
 
     path: np.ndarray
     normal: np.ndarray
     depth: np.ndarray
+    load: np.ndarray
 
     def now(self, t: np.ndarray) -> np.ndarray:
         """(B, n_e) at ticks t (B,)."""
+        if self.path.shape[1] == 1:
+            return self.path[:, 0]
         return self.path[np.arange(len(t)), np.minimum(t, self.path.shape[1] - 1)]
 
 
-TASKS = {"reach": Reach, "follow": Follow, "press": Press}
+TASKS = {"reach": Reach, "follow": Follow, "press": Press, "carry": Carry}

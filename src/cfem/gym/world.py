@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameters import shares
 from cfem.core.errors import InputError
 from cfem.gym.robots import FIELDS, Robots
 from cfem.gym.tasks import TASKS, Goals, Scales, observation
 from cfem.predict.protocol import Predictor
+
+POOL = 4096  # robots of which episodes are
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,9 @@ class Randomised:
 
 class World:
     """B episodes of a task. model: a predictor or the folder of one; step: share of the reach by which an action of 1
-    changes a command."""
+    changes a command; randomise: a `Randomised` or its keys; length: ticks of an episode, the task's unless given;
+    seed: of the robots and goals that there are; designs: (m, n_p) parameters of these robots, random unless given;
+    observe_parameters: whether observations tell a robot's parameters."""
 
     def __init__(
         self,
@@ -33,9 +39,11 @@ class World:
         task: str,
         count: int,
         step: float = 0.05,
-        randomised: Randomised | None = None,
+        randomise: Randomised | dict[str, Any] | None = None,
         length: int | None = None,
         seed: int = 0,
+        designs: np.ndarray | None = None,
+        observe_parameters: bool = False,
     ):
         if task not in TASKS:
             raise InputError(f"there is no task '{task}'", do=f"use one of {', '.join(TASKS)}")
@@ -43,50 +51,70 @@ class World:
             from cfem.predict.load import load_model
 
             model = load_model(Path(model))
+        if not model.parameters and (designs is not None or observe_parameters):
+            do = "sample with `parameters:` and train again"
+            raise InputError("the model has no parameters: it knows one robot only", do=do)
         kind = TASKS[task]
-        self.robots = Robots(model, kind.compliance)
+        self.robots = Robots(model, kind.needs)
         self.model, self.count, self.name = model, count, task
-        self.randomised = Randomised() if randomised is None else randomised
-        self.task = kind(self.robots, np.random.default_rng(seed))
+        self.randomised = randomise if isinstance(randomise, Randomised) else Randomised(**(randomise or {}))
+        self.observes_parameters = observe_parameters
+        rng = np.random.default_rng(seed)
+        self.task = kind(self.robots, self._pool(rng, designs), rng)
         self.length = self.task.length if length is None else length
         low, high = np.asarray(model.reach, float).T
         self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
         self.rng = np.random.default_rng(seed)
         n_e, n_a = model.rows.n_e, model.rows.n_a
-        path = np.zeros((count, self.length + 1 if task == "follow" else 1, n_e))
-        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count))
+        stays = not hasattr(self.task, "curves")
+        path = np.zeros((count, 1 if stays else self.length + 1, n_e))
+        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, n_e)))
         self.states, self.u, self.t = self.robots.start(count), np.zeros((count, n_a)), np.zeros(count, int)
-        self.p = self.robots.random_parameters(self.rng, count)
+        self.p = np.tile(self.robots.reference, (count, 1))
         self.slack, self.gain = np.zeros((count, n_a)), np.ones((count, n_a))
+
+    def _pool(self, rng: np.random.Generator, designs: np.ndarray | None) -> np.ndarray:
+        """(POOL, n_p)"""
+        if designs is not None:
+            given = np.asarray(designs, float)
+            if given.ndim != 2 or given.shape[1] != len(self.model.parameters) or not len(given):
+                names = ", ".join(one.name for one in self.model.parameters)
+                raise InputError(f"designs must be rows of {names}, got an array of shape {given.shape}")
+            return given[rng.permutation(np.arange(POOL) % len(given))]
+        if self.randomised.parameters:
+            return self.robots.random_parameters(rng, POOL)
+        return np.tile(self.robots.reference, (POOL, 1))
 
     @property
     def sizes(self) -> tuple[int, int]:
         """Of an observation and of an action."""
-        return 4 * self.model.rows.n_e + self.model.rows.n_a, self.model.rows.n_a
+        rows, told = self.model.rows, len(self.model.parameters) if self.observes_parameters else 0
+        return 4 * rows.n_e + rows.n_a + told, rows.n_a
 
     def reset(self, which: np.ndarray) -> None:
         """New episodes for the robots `which` (k,), each at a random place."""
-        k, rng, kinds = len(which), self.rng, self.randomised
-        self.task.begin(self.goals, which, rng)
+        size, rng, kinds, scales = (len(which), self.u.shape[1]), self.rng, self.randomised, self.scales
+        self.p[which] = self.task.begin(self.goals, which, rng)
+        self.u[which] = scales.low + rng.random(size) * (scales.reach - scales.low) * 0.6
+        self.slack[which] = kinds.slack * np.abs(rng.standard_normal(size))
+        self.gain[which] = 1.0 + kinds.gain * rng.uniform(-1, 1, size)
+        self.stand(which)
+
+    def stand(self, which: np.ndarray) -> None:
+        """The robots `which` (k,) begin their episodes where their commands bring them from rest."""
         self.t[which] = 0
-        self.u[which] = self.scales.low + rng.random((k, self.u.shape[1])) * (self.scales.reach - self.scales.low) * 0.6
-        if kinds.parameters and self.p.shape[1]:
-            self.p[which] = self.robots.random_parameters(rng, k)
-        elif self.p.shape[1]:
-            self.p[which] = [one.reference for one in self.model.parameters]
-        self.slack[which] = kinds.slack * np.abs(rng.standard_normal((k, self.u.shape[1])))
-        self.gain[which] = 1.0 + kinds.gain * rng.uniform(-1, 1, (k, self.u.shape[1]))
-        start = self.robots.start(k)
-        moved = self.robots.move(start, self._felt(which), self.p[which] if self.p.shape[1] else None)
+        moved = self.robots.move(
+            self.robots.start(len(which)), self._felt(which), self.p[which], loads=self._load(which)
+        )
         for name in FIELDS:
             getattr(self.states, name)[which] = getattr(moved, name)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """actions (B, n_a) -> rewards (B,), errors (B,) mm, and whose episode is over (B,)."""
-        scales = self.scales
+        scales, every = self.scales, slice(None)
         move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
         self.u = np.clip(self.u + move, scales.low, scales.reach)
-        self.states = self.robots.move(self.states, self._felt(slice(None)), self.p if self.p.shape[1] else None)
+        self.states = self.robots.move(self.states, self._felt(every), self.p, loads=self._load(every))
         self.t += 1
         errors = self.task.errors(self.states, self.goals, self.t)
         rewards = np.exp(-errors / scales.near) - errors / scales.scale
@@ -98,8 +126,12 @@ class World:
         if self.randomised.noise:
             tip = tip + self.randomised.noise * self.rng.standard_normal(tip.shape)
         ahead = self.task.ahead(self.states, self.goals, self.t)
-        return observation(self.scales, tip, self.u, self.goals.now(self.t), ahead)
+        told = 2.0 * shares(self.model.parameters, self.p) - 1.0 if self.observes_parameters else self.p[:, :0]
+        return observation(self.scales, tip, self.u, self.goals.now(self.t), ahead, told)
 
     def _felt(self, which: np.ndarray | slice) -> np.ndarray:
         felt = self.u[which] * self.gain[which] - self.slack[which]
         return np.maximum(felt, self.scales.low)
+
+    def _load(self, which: np.ndarray | slice) -> np.ndarray | None:
+        return self.goals.load[which] if "effector_gradient" in self.task.needs else None

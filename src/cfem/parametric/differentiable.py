@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, ends, shares
 from cfem.core.errors import InputError
-from cfem.parametric.family import FiniteElements, Kind, ends, shares
+from cfem.parametric.family import FiniteElements, Kind
 from cfem.parametric.states import States
 
 FIELDS = ("strain", "stress")

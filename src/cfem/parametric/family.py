@@ -7,7 +7,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.parameters import Parameter, coordinates, values
+from cfem.condensed.parameters import Parameter, from_shares, shares
 from cfem.core.errors import InputError, NumericalError
 from cfem.parametric.differences import Stencil
 from cfem.parametric.states import States
@@ -199,29 +199,6 @@ class FiniteElements:
         """Actuation and design in shares of their ranges."""
         scale = np.abs(self.reach).max(axis=1) if kind == "displacement" else max(float(np.abs(u).max()), 1e-12)
         return np.concatenate([u / scale, shares(self._learned, p)])
-
-
-def shares(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
-    """(..., n_p) values -> (..., n_p) in [0, 1]: place of their coordinates between those of the ends of the range."""
-    if not parameters:
-        return np.asarray(p, float)[..., :0]
-    low, high = ends(parameters)
-    return (coordinates(parameters, p) - low) / (high - low)
-
-
-def from_shares(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
-    """The inverse of `shares`."""
-    if not parameters:
-        return np.asarray(z, float)[..., :0]
-    low, high = ends(parameters)
-    return values(parameters, low + z * (high - low))
-
-
-def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
-    """(n_p,) coordinates of the lower and of the higher end of each range."""
-    return tuple(
-        coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
-    )
 
 
 class Varied:
