@@ -1,6 +1,6 @@
 """One robot of a family: its FE model and the learned models at its parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.given import vector
-from cfem.condensed.parameters import sampled
+from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.mesh import Mesh
@@ -45,13 +45,17 @@ def designed(
     """The FE robot of the design, the models bound to it, and how far its effectors rest (n_e,) mm from where the
     scene's own do. SpecError where the models differ in their parameters."""
     first, *others = predictors.values()
-    parameters = first.parameters
-    if any(one.parameters != parameters for one in others):
+    if any(one.parameters != first.parameters for one in others):
         raise SpecError("the models have different parameters", where="design")
-    p = vector(parameters, design, "design")
+    p = vector(first.parameters, design, "design")
+    robot, own = robot_at(scene, mesh, first.parameters, p)
+    return robot, {name: Bound(one, p) for name, one in predictors.items()}, robot.rest_e - own.rest_e
+
+
+def robot_at(scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter], p: np.ndarray) -> tuple[Robot, Robot]:
+    """The FE robot of parameters p (n_p,), and the scene's own with their exact ones."""
     learned = [not one.exact for one in parameters]
     exact = [one.key for one in parameters if one.exact]
     scene = with_values(scene, exact, p[[one.exact for one in parameters]])
     family = RobotFamily(scene, mesh, sampled(parameters))
-    robot = family.at(p[learned])
-    return robot, {name: Bound(one, p) for name, one in predictors.items()}, robot.rest_e - family.robot.rest_e
+    return family.at(p[learned]), family.robot

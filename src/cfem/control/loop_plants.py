@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop_spec import LoopSpec
+from cfem.control.design import Bound, robot_at
 from cfem.control.estimated import camera_of
 from cfem.control.estimated_account import judged
 from cfem.control.loads import under_loads
@@ -53,7 +54,7 @@ def plants_of(
         if loop.estimate:
             model = next(iter(predictors.values()))
             places = np.array(list(loop.estimate.markers.values())), model.skin.rest[judged(model)]
-        plain, pushed = _fem_plants(spec, base, push, since, places)
+        plain, pushed = _fem_plants(spec, base, next(iter(predictors.values())), push, since, places)
     else:
         real = Stiffer(next(iter(predictors.values())), loop.real.stiffer)
         plain = ModelPlant(real, rest_e)
@@ -91,12 +92,13 @@ def push_of(loop: LoopSpec, robot: Robot) -> tuple[np.ndarray | None, int]:
 def _fem_plants(
     spec: ControlSpec,
     base: Path,
+    model: Predictor | Bound,
     push: np.ndarray | None,
     since: int,
     places: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Plant, Plant | None]:
     """The real robot in full, and the same under a push (n_e,) N on its effectors; one that moves takes the push
-    itself, from tick `since` on. places: of the markers, and of the points where the true surface is told."""
+    itself, from tick `since` on. model: its own, bound where the spec states a design. places: of the markers, and of the points where the true surface is told."""
     from cfem.plant.fem_plant import FemPlant, pushed
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
@@ -104,7 +106,11 @@ def _fem_plants(
     real = spec.loop.real
     scene = base / spec.scene
     _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
-    robot = under_loads(spec, build_robot(load_spec(scene, SceneSpec, real.scene), nodes))
+    described = load_spec(scene, SceneSpec, real.scene)
+    if isinstance(model, Bound):
+        robot = robot_at(described, nodes, model.predictor.parameters, model.p)[0]
+    else:
+        robot = under_loads(spec, build_robot(described, nodes))
     if spec.loop.moving:
         moved = None if push is None else pushed(robot, push)
         return MovingFemPlant(robot, 1 / spec.loop.rate, spec.loop.moving.substeps, moved, since), None

@@ -224,8 +224,14 @@ class ControlSpec(Spec):
 
     @model_validator(mode="after")
     def _design_alone(self):
-        if self.design and (self.object or self.loop or self.runtime == "onnx"):
-            raise ValueError("design does not go with an object, a loop or runtime: onnx yet")
+        if self.design and (self.object or self.runtime == "onnx"):
+            raise ValueError("design does not go with an object or runtime: onnx yet")
+        if self.design and self.loop and (self.loop.moving or any(one.moves for one in self.loop.controllers.values())):
+            raise ValueError("design does not go with a loop that moves yet")
+        if self.design and self.loop and self.loop.estimate:
+            raise ValueError("design does not go with loop.estimate yet")
+        if self.design and self.loop and any(one.adapt for one in self.loop.controllers.values()):
+            raise ValueError("design states what adapt would find: leave one of them out")
         return self
 
     @model_validator(mode="after")

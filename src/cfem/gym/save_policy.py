@@ -1,6 +1,8 @@
 """A torch module as the file of a policy, for controllers without torch."""
 
 import json
+import logging
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +37,15 @@ def save_policy(module: Any, path: Path | str, world: World) -> None:
 
     seen, _ = world.sizes
     batch = torch.export.Dim("batch")
-    program = torch.onnx.export(
-        module.eval(), (torch.zeros(2, seen),), dynamic_shapes=({0: batch},), dynamo=True, verbose=False,
-        input_names=["observation"], output_names=["action"],
-    )  # fmt: skip
+    noisy = logging.getLogger("torch.onnx")  # of packages that are not there and of what will change in them
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        level, noisy.level = noisy.level, logging.ERROR
+        program = torch.onnx.export(
+            module.eval(), (torch.zeros(2, seen),), dynamic_shapes=({0: batch},), dynamo=True, verbose=False,
+            input_names=["observation"], output_names=["action"],
+        )  # fmt: skip
+        noisy.level = level
     model = program.model_proto
     onnx.helper.set_model_props(model, {KEY: json.dumps(facts_of(world))})
     onnx.save(model, str(path))
