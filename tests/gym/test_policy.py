@@ -58,7 +58,7 @@ def test_a_saved_policy_commands_what_the_module_says(saved):
     tip, u, goal = np.array([1.0, 2.0, 3.0]), 0.3 * scales.reach, np.array([2.0, 1.0, 3.5])
     seen = observation(scales, *(one[None] for one in (tip, u, goal, np.zeros(3), np.zeros(0))))[0]
     wanted = np.clip(u + np.clip(weights @ seen, -1, 1) * scales.step, scales.low, scales.reach)
-    assert policy.command(tip, u, goal, np.zeros(3)) == pytest.approx(wanted, rel=1e-5)
+    assert policy.command(tip, u, goal, np.zeros(3), np.zeros(0)) == pytest.approx(wanted, rel=1e-5)
 
 
 def pilot_of(model, command="displacement"):

@@ -98,7 +98,8 @@ def _fem_plants(
     places: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Plant, Plant | None]:
     """The real robot in full, and the same under a push (n_e,) N on its effectors; one that moves takes the push
-    itself, from tick `since` on. model: its own, bound where the spec states a design. places: of the markers, and of the points where the true surface is told."""
+    itself, from tick `since` on. model: bound where the spec states a design. places: of the markers, and of the points
+    where the true surface is told."""
     from cfem.plant.fem_plant import FemPlant, pushed
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh

@@ -20,10 +20,7 @@ class PolicyController:
 
     def __init__(self, pilot: Pilot, rest_e: np.ndarray, policy: Policy, start: np.ndarray | None = None):
         rows = pilot.model.rows
-        facts = policy.facts
-        if (list(rows.effectors), list(rows.actuators)) != (facts["effectors"], facts["actuators"]):
-            of = f"{', '.join(facts['effectors'])} by {', '.join(facts['actuators'])}"
-            raise InputError(f"is a policy of another robot: of {of}", where=str(policy.path))
+        policy.demand_robot(rows.effectors, rows.actuators)
         if pilot.command != "displacement":
             raise InputError("policies command displacements", where=str(policy.path), do="set command.kind so")
         self._pilot, self._rest_e, self._policy = pilot, rest_e, policy

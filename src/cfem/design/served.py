@@ -1,18 +1,24 @@
 """The task of a spec solved, and what is said of it."""
 
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cfem.core.judgement import DESIGN_GAP, contradicted
+from cfem.core.shown import duration
 from cfem.design.formulation import free_parameters
 from cfem.design.spec import DesignSpec
 from cfem.design.task import serve
 
 
-def serve_and_tell(spec: DesignSpec, asked: Any, family: Any, exact: Any, said: dict[str, Any]) -> dict[str, Any]:
-    """Results; lines into said["headline"], and into said["judgement"] where finite elements contradict the model."""
+def serve_and_tell(
+    spec: DesignSpec, asked: Any, family: Any, exact: Any, said: dict[str, Any], base: Path
+) -> dict[str, Any]:
+    """base: folder of the spec.
+
+    Results; lines into said["headline"], and into said["judgement"] where finite elements contradict the model."""
     free, p0 = free_parameters(spec, family.parameters)
     goals, force, matter = asked.goals, asked.force[0], asked.weights > 0
     begin = time.process_time()
@@ -29,7 +35,7 @@ def serve_and_tell(spec: DesignSpec, asked: Any, family: Any, exact: Any, said: 
             "pushing_states": int((one.states.lam < -1e-9).any(axis=1).sum()),
             "outside": family.outside(one.states),
         }
-    rms = [float(np.sqrt((one.distance**2).mean())) for one in (before, found)]
+    rms = [_rms(one.distance) for one in (before, found)]
     values = ", ".join(f"{key} {value:.4g}" for key, value in results["found"]["p"].items())
     line = f"task: {values} reaches {len(goals)} goals to {rms[1]:.3g} mm (rms), the reference to {rms[0]:.3g} mm"
     if exact:
@@ -38,10 +44,58 @@ def serve_and_tell(spec: DesignSpec, asked: Any, family: Any, exact: Any, said: 
         place = there.delta_e if asked.from_rest else there.x_e
         apart = np.linalg.norm((place - goals)[:, matter], axis=1)
         results["found"]["fe_distance"] = apart
-        exactly = float(np.sqrt((apart**2).mean()))
+        exactly = _rms(apart)
         line += f", by finite elements {exactly:.3g} mm"
         if exactly > rms[0] and exactly - rms[1] > DESIGN_GAP * rms[0]:
             better = f"finite elements reach the goals to {exactly:.3g} mm, the model to {rms[1]:.3g} mm"
             said["judgement"].append(contradicted(f"task: {better}; the reference design is no worse"))
     said["headline"].append(line)
+    if spec.task.policy:
+        results["policy"], lines = _by_policy(spec, asked, family, exact, base, {"task": found.p, "reference": p0})
+        said["headline"] += lines
     return results
+
+
+def _by_policy(
+    spec: DesignSpec, asked: Any, family: Any, exact: Any, base: Path, others: dict[str, np.ndarray]
+) -> tuple[dict[str, Any], list[str]]:
+    """Results and lines: what the policy does with the design that it does best with, and with the others (n_p,)."""
+    from cfem.design.by_policy import ByPolicy
+    from cfem.gym.policy import Policy
+
+    free, p0 = free_parameters(spec, family.parameters)
+    begin = time.process_time()
+    judge = ByPolicy(family, asked, Policy(base / spec.task.policy), p0, free)
+    given = np.array(list(others.values()))
+    judged = {by: judge.best(given, by) for by in ("reward", "distance")}
+    judged |= {name: judge.at(p) for name, p in others.items()}
+    results: dict[str, Any] = {"seconds": time.process_time() - begin, "steps": judge.steps, "ticks": judge.ticks}
+    lines = [f"policy: {judge.steps} ticks of episodes, in {duration(results['seconds'])} of CPU time"]
+    for name, one in judged.items():
+        results[name] = {
+            "p": dict(zip([parameter.name for parameter in family.parameters], one.p, strict=True)),
+            "reward": one.reward,
+            "distance": one.distance,
+        }
+        line = f"{TITLES[name]}: reward {one.reward:.4f}, {_rms(one.distance):.3g} mm at the end (rms)"
+        if exact:
+            checked = judge.in_fe(one.p, exact.meshes.of(one.p[[not it.exact for it in family.parameters]])[1])
+            results[name] |= {"fe_reward": checked.reward, "fe_distance": checked.distance}
+            line += f", by finite elements {checked.reward:.4f} and {_rms(checked.distance):.3g} mm"
+        lines.append(line)
+    for by in ("reward", "distance"):
+        values = ", ".join(f"{key} {value:.4g}" for key, value in results[by]["p"].items())
+        lines.append(f"{TITLES[by]}: {values}")
+    return results, lines
+
+
+TITLES = {
+    "reward": "policy's design of the largest reward",
+    "distance": "policy's design of the least distance",
+    "task": "policy with the task's design",
+    "reference": "policy with the reference",
+}
+
+
+def _rms(distance: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(distance**2)))

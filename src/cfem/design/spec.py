@@ -70,6 +70,8 @@ class TaskSpec(Spec):
     """Weight of each effector row."""
     starts: PositiveInt = 4
     """Number of starts of the search."""
+    policy: Path | None = None
+    """A trained policy that is told the design, .onnx: which design it does best with is searched for as well."""
 
 
 class RefineSpec(Spec):

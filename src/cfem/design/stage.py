@@ -52,11 +52,12 @@ def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
 
 
 def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
-    """The files of the user's own functions: what they say decides the output."""
+    """The files of the user's own functions and of a policy: what they say decides the output."""
     named = [one.function for one in spec.objectives.values() if isinstance(one, FunctionSpec)]
     named += [one.function for one in spec.constraints.values() if isinstance(one, ConstraintFunction)]
     files = {one.rpartition(":")[0] for one in named}
-    return {f"function {file}": base / file for file in sorted(files) if file.endswith(".py")}
+    policy = {"policy": base / spec.task.policy} if spec.task and spec.task.policy else {}
+    return policy | {f"function {file}": base / file for file in sorted(files) if file.endswith(".py")}
 
 
 def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) -> dict[str, Any]:
@@ -95,7 +96,7 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
     if spec.task:
         from cfem.design.served import serve_and_tell
 
-        results["task"] = serve_and_tell(spec, asked, family, exact, results)
+        results["task"] = serve_and_tell(spec, asked, family, exact, results, base)
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
 

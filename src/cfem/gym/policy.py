@@ -1,6 +1,7 @@
 """A trained policy as a file: ONNX, from observation to action, and what it must know of the robot in its metadata."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,18 +50,31 @@ class Policy:
         numbers = (np.asarray(facts[name], float) for name in ("step", "low", "reach"))
         object.__setattr__(self, "scales", Scales(float(facts["scale"]), float(facts["near"]), *numbers))
 
+    def demand_robot(self, effectors: Sequence[str], actuators: Sequence[str]) -> None:
+        """InputError where it is a policy of other rows."""
+        if (list(effectors), list(actuators)) != (self.facts["effectors"], self.facts["actuators"]):
+            of = f"{', '.join(self.facts['effectors'])} by {', '.join(self.facts['actuators'])}"
+            raise InputError(
+                f"is a policy of another robot: of {of}", where=str(self.path), do="train one of this robot"
+            )
+
     def told(self, p: np.ndarray) -> np.ndarray:
-        """(k,) of an observation: parameters p (n_p,) of the robot, as shares of their ranges in [-1, 1]."""
-        return 2.0 * shares(self.parameters, p) - 1.0 if self.parameters else np.zeros(0)
+        """(..., k) of an observation: parameters p (..., n_p) of the robot, as shares of their ranges in [-1, 1]."""
+        return 2.0 * shares(self.parameters, p) - 1.0
 
     def command(
-        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray | None = None
+        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
     ) -> np.ndarray:
         """(n_a,) mm: the next command after u (n_a,), the effector at tip (n_e,) and the goal at goal, mm from rest,
-        which goes on by ahead (n_e,) mm in the next tick."""
+        which goes on by ahead (n_e,) mm in the next tick; told: of its robot."""
+        return self.commands(*(np.asarray(one, float)[None] for one in (tip, u, goal, ahead, told)))[0]
+
+    def commands(
+        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
+    ) -> np.ndarray:
+        """(B, n_a) mm: as `command`, of many robots."""
         scales: Scales = self.scales
-        told = np.zeros(0) if told is None else told
-        seen = observation(scales, *(np.asarray(one, float)[None] for one in (tip, u, goal, ahead, told)))
-        action = self._session.run(None, {self._session.get_inputs()[0].name: seen})[0][0]
-        move = np.clip(np.nan_to_num(action.astype(float)), -1.0, 1.0) * scales.step
+        seen = observation(scales, tip, u, goal, ahead, told)
+        actions = self._session.run(None, {self._session.get_inputs()[0].name: seen})[0]
+        move = np.clip(np.nan_to_num(actions.astype(float)), -1.0, 1.0) * scales.step
         return np.clip(u + move, scales.low, scales.reach)

@@ -44,7 +44,7 @@ class Learned:
             do = "give the scene in the spec"
             raise InputError("the model is of several shapes, and does not say where each one's effectors rest", do=do)
         self.predictor = predictor
-        self._rest = rest or (lambda p: np.broadcast_to(predictor.rest_e, (len(p), predictor.rows.n_e)))
+        self.rest = rest or (lambda p: np.broadcast_to(predictor.rest_e, (len(p), predictor.rows.n_e)))
         self.rows, self.parameters = predictor.rows, predictor.parameters
         self.reach, self.length = predictor.reach, predictor.length
         self.actuator_units = predictor.actuator_units
@@ -61,7 +61,7 @@ class Learned:
             find = model.at_displacement if kind == "displacement" else model.at_force
             found = [find(one, at) for one, at in zip(u, p, strict=True)]
             W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
-        return States(self.rows, p, W, free, lam, self._rest(p))
+        return States(self.rows, p, W, free, lam, self.rest(p))
 
     def outside(self, states: States) -> list[int]:
         """Which of the states are unlike those that the model was trained on."""
