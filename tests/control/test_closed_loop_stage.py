@@ -235,6 +235,14 @@ def test_controllers_that_contradict_themselves_are_refused(tmp_path, controller
         load(tmp_path, f"loop.controllers={{one: {controller}}}")
 
 
+def test_a_design_is_not_adapted_and_does_not_move(tmp_path):
+    adapt = "loop.controllers={one: {mode: open, adapt: {noise: 1 mm}}}"
+    with pytest.raises(SpecError, match="states what adapt would find"):
+        load(tmp_path, adapt, "design={young: 3 MPa}")
+    with pytest.raises(SpecError, match="not go with a loop that moves"):
+        load(tmp_path, "loop.moving={}", "design={young: 3 MPa}")
+
+
 def test_a_policy_that_is_not_there_gets_one_sentence(tmp_path, model_folder):
     one = "loop.controllers={one: {mode: policy, policy: none.onnx}}"
     with pytest.raises(InputError, match="no such file"):

@@ -3,6 +3,7 @@
 import warnings
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from cfem.core.errors import InputError
@@ -143,6 +144,36 @@ def test_the_command_tells_what_the_policy_does_with_each_design(folder, monkeyp
     assert told["reward"]["reward"] >= max(told[name]["reward"] for name in ("task", "reference"))
     assert np.linalg.norm(told["distance"]["distance"]) <= np.linalg.norm(told["task"]["distance"])
     assert any("policy with the reference" in line for line in results["headline"])
+
+
+CONTROL = """
+scene: scene.yaml
+mesh: mesh
+models: {spectral: model}
+out: control
+design: {height: 11 mm}
+trajectories:
+  up: {kind: goals, points: {mm: [[57.5, 0, 4]]}}
+loop:
+  rate: 10 Hz
+  command: {kind: displacement}
+  controllers:
+    policy: {mode: policy, policy: reach.onnx}
+  settle: {radius: 0.1 mm, hold: 0.2 s, at_most: 6 s}
+"""
+
+
+def test_a_loop_controls_the_finite_element_robot_of_a_stated_design(family, folder):
+    from cfem.control.stage import run as control
+
+    (folder / "control.yaml").write_text(CONTROL)
+    p, there = np.array([11.0]), family.predictor.at_displacement([1.5], [11.0]).delta_e + family.predictor.rest_e
+    goal = f"trajectories.up.points={{mm: [{there.tolist()}]}}"
+    results = control(folder / "control.yaml", [goal], None, QUIET)["results"]
+    assert results["loop"]["up"]["policy"]["reached"]["min"] == 1
+    last = pq.read_table(folder / "control" / "loop.parquet").to_pylist()[-1]
+    exact = finite_elements(folder / "scene.yaml", folder / "mesh", family.parameters)
+    assert last["x_e"] == pytest.approx(exact.at("displacement", np.array(last["command"]), p[None]).x_e[0], abs=1e-6)
 
 
 def test_what_a_policy_does_not_know_is_refused(family, folder):
