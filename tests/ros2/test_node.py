@@ -80,7 +80,7 @@ def goal_of(run, share=0.4):
 
 
 def test_a_robot_behind_the_pipe_goes_to_a_goal_in_metres(start, folder):
-    run = start(device=device(folder, "--stiffer", "1.1"), command="force")
+    run = start(device=device(folder, "--stiffer", "1.1"), command="force", answer_within=20.0)
     assert tick(run) == (STALE, "waiting for a goal")
     goal = goal_of(run)
     for _ in range(14):
@@ -149,7 +149,7 @@ def test_a_goal_that_gets_old_stops_the_robot_where_it_is(start, monkeypatch):
 
 
 def test_a_pipe_that_stops_ends_the_node_with_its_sentence(start, folder):
-    run = start(device=device(folder, "--fail", "die", "--at", "2"))
+    run = start(device=device(folder, "--fail", "die", "--at", "2"), answer_within=20.0)
     tick(run)
     with pytest.raises(SystemExit) as ended:
         tick(run)
