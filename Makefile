@@ -76,7 +76,7 @@ soft-gripper: .venv/all
 	$(CFEM) run pipelines/$@ pipelines/$@/control-friction.yaml
 
 # Robots of silicone that others built and measured: calibrated, every case predicted by the others, one page.
-REALITY := measured-beam measured-tentacle
+REALITY := measured-beam measured-tentacle measured-arm
 .PHONY: reality
 reality: .venv/all
 	$(CFEM) run $(foreach robot,$(REALITY),pipelines/$(robot))

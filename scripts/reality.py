@@ -19,6 +19,7 @@ from cfem.report.tables import Table, number
 TITLES = {
     "measured-beam": "Silicone beam (ETH Zurich)",
     "measured-tentacle": "Tentacle with two tendons (TU Delft)",
+    "measured-arm": "Pneumatic arm (ETH Zurich)",
 }
 
 

@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 BAR = "pipelines/bar/scene.yaml"
 QUICK = {
+    "arm_baselines.py": [],
     "cable_reach.py": ["--quick"],
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],

@@ -23,3 +23,10 @@ def test_a_density_that_may_be_one_of_rubber_is_not():
 def test_a_modulus_is_not_judged():
     young = [SimpleNamespace(name="young", keys=("material.young",))]
     assert implausible(young, {"young": {"value": 1e5, "interval": [9e4, 2e5], "unit": "MPa"}}) == []
+
+
+def test_a_drive_is_judged_where_something_is_known_of_it():
+    estimate = {"drive": {"value": 3.0, "interval": [2.9, 3.1], "unit": "1"}}
+    for known in (True, False):
+        drive = SimpleNamespace(name="drive", keys=("drive.c.scale",), known=known)
+        assert len(implausible([drive], estimate)) == known

@@ -10,7 +10,7 @@ from cfem.cases.unknowns import Sought
 _RANGES = {
     "density": (0.9e-9, 1.4e-9, "rubbers have"),
     "friction": (0.0, 1.0, "cables in channels of rubber, metal or plastic have"),
-    "scale": (0.5, 2.0, "drives that someone measured or computed are within"),
+    "scale": (0.5, 2.0, "drives of which something is known are within"),
 }
 
 
@@ -19,7 +19,7 @@ def implausible(unknowns: Sequence[Sought], estimates: Mapping[str, Mapping[str,
     found = []
     for one in unknowns:
         word = one.keys[0].rpartition(".")[2]
-        if word not in _RANGES:
+        if word not in _RANGES or (word == "scale" and not one.known):
             continue
         low, high, whose = _RANGES[word]
         value, (least, most), unit = (estimates[one.name][key] for key in ("value", "interval", "unit"))

@@ -6,7 +6,8 @@ A marker is seen at
 
 with x and T the place and the turn of its effector, a its stand-off, d = d_marker + d_marker,session its offset, Q the
 turn of the frame by the rotation vector frame.turn, and s = frame.shift. Where displacements are compared, the marker's
-place at rest is taken away. Drives pull by scale * f + offset where f is not 0."""
+place at rest is taken away. Drives pull by (scale f + offset) / (1 - (f / limit)^2) where f is not 0: a chamber's wall
+bulges under its pressure, which then acts on more, and without bound near the limit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from cfem.cases.robots import CaseRobots, Posed
 from cfem.cases.spec import Marker, Offsets
 from cfem.cases.table import Cases
 from cfem.cases.unknowns import Sought
+from cfem.core.errors import NumericalError
 
 _STEP = 1e-3  # of z, by which predictions are differenced
 
@@ -79,19 +81,24 @@ class Rig:
         p = np.array([one.value(share) for one, share in mine for _ in one.keys], float)
         found = []
         for i, name in enumerate(cases.names):
-            drives = [
-                [
-                    self._rig(f"drive.{actuator}.{part}", nominal, z, cases.sessions[i])
-                    for part, nominal in (("scale", 1.0), ("offset", 0.0))
-                ]
-                for actuator in self.actuators
-            ]
-            scale, offset = np.array(drives).T
             forces, before = cases.forces[i], cases.before[i]
-            forces = np.where(forces != 0, scale * forces + offset, 0.0)
-            before = None if before is None else np.where(before != 0, scale * before + offset, 0.0)
+            forces = self._driven(forces, z, cases.sessions[i])
+            before = None if before is None else self._driven(before, z, cases.sessions[i])
             found.append(self.robots.at(p, forces, cases.ways[i], name, before))
         return tuple(found)
+
+    def _driven(self, f: np.ndarray, z: np.ndarray, session: str) -> np.ndarray:
+        """What the drives do at commands f (..., n_a). NumericalError where a chamber bulges without bound."""
+        parts = (("scale", 1.0), ("offset", 0.0), ("limit", np.inf))
+        scale, offset, limit = np.array(
+            [
+                [self._rig(f"drive.{one}.{part}", nominal, z, session) for one in self.actuators]
+                for part, nominal in parts
+            ]
+        )
+        if (np.abs(f / limit) >= 1).any():
+            raise NumericalError("a chamber bulges without bound at this pressure", do="narrow the range of its limit")
+        return np.where(f != 0, (scale * f + offset) / (1 - (f / limit) ** 2), 0.0)
 
     def _markers(
         self, cases: Cases, posed: Sequence[Posed], z: np.ndarray, d: np.ndarray

@@ -72,7 +72,7 @@ class Unknown(ParameterSpec):
 
     key: str | list[str] = Field(min_length=1)
     """Its path in the scene, such as 'material.young', or several that have the same value; or a number of the rig:
-    drive.NAME.scale, drive.NAME.offset of an actuator's force, frame.turn.x, frame.shift.x of the cameras' frame."""
+    drive.NAME.scale, offset or limit of an actuator's force, frame.turn.x, frame.shift.x of the cameras' frame."""
     sd: Annotated[Any, AfterValidator(str), WithJsonSchema(_SD)] | None = None
     """Standard deviation of what is known of it, around the scene's value. Nothing unless given."""
     by: Literal["session"] | None = None

@@ -87,19 +87,21 @@ def _of_rig(name: str, one: Unknown, actuators: Mapping[str, str], where: str) -
     low, high = (_quantity(text, unit, f"{where}.range") for text in one.ends)
     if not low < high:
         raise SpecError("range: expected two different values, the smaller first", where=where)
+    reference = (low + high) / 2 if reference is None else reference
     if not low <= reference <= high:
         raise SpecError(f"range: must hold {reference:g}, which the rig has if nothing is wrong", where=where)
     return Parameter(name, one.keys[0], unit, low, high, reference)
 
 
-def _rig_number(key: str, actuators: Mapping[str, str], where: str) -> tuple[str, float]:
-    """Unit and nominal value."""
+def _rig_number(key: str, actuators: Mapping[str, str], where: str) -> tuple[str, float | None]:
+    """Unit and nominal value, None where the rig has no such limit."""
     parts = key.split(".")
-    if parts[0] == "drive" and len(parts) == 3 and parts[1] in actuators and parts[2] in ("scale", "offset"):
-        return ("1", 1.0) if parts[2] == "scale" else (actuators[parts[1]], 0.0)
+    if parts[0] == "drive" and len(parts) == 3 and parts[1] in actuators and parts[2] in ("scale", "offset", "limit"):
+        unit = actuators[parts[1]]
+        return {"scale": ("1", 1.0), "offset": (unit, 0.0), "limit": (unit, None)}[parts[2]]
     if parts[0] == "frame" and len(parts) == 3 and parts[1] in _RIG_UNITS and parts[2] in ("x", "y", "z"):
         return _RIG_UNITS[parts[1]], 0.0
-    do = f"use drive.NAME.scale or drive.NAME.offset of {', '.join(actuators)}, frame.turn.x or frame.shift.x"
+    do = f"use drive.NAME.scale, offset or limit of {', '.join(actuators)}, frame.turn.x or frame.shift.x"
     raise SpecError(f"key: the rig has no '{key}'", where=where, do=do)
 
 
