@@ -75,7 +75,9 @@ def main() -> int:
 def outcome(result: dict) -> str:
     """In one sentence."""
     kept, repeats = result["models"]["kept"], result["repeats_mm"]
-    said = [f"a case that the fit has not seen is {kept['left_out_mm']:.1f} mm off (mean over markers)"]
+    said = []
+    if kept["left_out_mm"] is not None:
+        said.append(f"a case that the fit has not seen is {kept['left_out_mm']:.1f} mm off (mean over markers)")
     coordinates, markers = result["left_out_within"]
     if coordinates is not None:
         said.append(f"{100 * markers:.0f} % of its markers lie within their 95 % radius")

@@ -82,6 +82,15 @@ def test_models_are_compared_and_friction_is_told_apart(folder, tmp_path):
     assert results["models"]["rubbing"]["left_out_mm"] < 5 * NOISE
 
 
+def test_one_case_calibrates_and_is_called_poor(folder, tmp_path):
+    with open(folder / "given.csv", newline="") as file:
+        header, *rows = csv.reader(file)
+    write(tmp_path / "given.csv", [row for row in rows if row[0] == "given-1"], header)
+    overrides = [f"measurements={tmp_path / 'given.csv'}", "find=[young]", "compare={turned: [young, roll]}"]
+    results = calibrate(folder / "cases.yaml", overrides, tmp_path / "out", QUIET)["results"]
+    assert results["best"] is None and "no case can be left out" in str(results["judgement"])
+
+
 def test_offsets_of_markers_are_found(folder, tmp_path):
     with open(folder / "given.csv", newline="") as file:
         header, *rows = csv.reader(file)

@@ -70,7 +70,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     values = estimates(found, rig, float(t.ppf(0.5 + spec.confidence / 2, degrees)), left.inflation)
     repeated = repeats(cases)
     results = {
-        "judgement": _judged(rig, values, left.inflation),
+        "judgement": _judged(rig, values, left),
         "estimates": values,
         "scatter_mm": found.scatter.fixed,
         "scatter_share": found.scatter.share,
@@ -82,13 +82,13 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         "repeats_mm": max(repeated.values()) if repeated else None,
         "repeats_by_case_mm": repeated,
         "models": compared,
-        "best": min(compared, key=lambda name: compared[name]["left_out_mm"]),
+        "best": _best(compared),
         "offsets_mm": _offsets(found.d, lab.markers, rig),
         "untold": told(rig, found),
         "cpu_seconds": time.process_time() - begin,
     }
     write_json(folder / RESULT, results)
-    means = float(np.nanmean(fitted.distance)), float(np.nanmean(left.distance))
+    means = float(np.nanmean(fitted.distance)), compared["kept"]["left_out_mm"]
     cost = (
         f"{len(cases)} cases, {found.count} numbers, {sum(one['solves'] for one in compared.values())} equilibria, "
         f"{duration(results['cpu_seconds'])} of CPU time"
@@ -113,29 +113,38 @@ def _compared(lab: Any, cases: Any, spec: CasesSpec) -> tuple[dict[str, dict], t
     return compared, kept
 
 
-def _judged(rig: Any, values: Mapping[str, Any], inflation: float) -> list[dict[str, str]]:
+def _best(compared: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """By left-out cases, None where none can be left out."""
+    told = {name: one["left_out_mm"] for name, one in compared.items() if one["left_out_mm"] is not None}
+    return min(told, key=told.__getitem__, default=None)
+
+
+def _judged(rig: Any, values: Mapping[str, Any], left: Any) -> list[dict[str, str]]:
     from cfem.cases.plausible import implausible
 
     judged = [poor(what) for what in implausible(rig.unknowns, values)]
-    if inflation <= _UNLIKE:
-        return judged
-    what = f"errors of left-out cases are {inflation:.1f} times those that the fit expects"
-    return [poor(what + ": the model lacks something"), *judged]
+    if not len(left.ratios):
+        judged.insert(0, poor("no case can be left out, so nothing tells how well another is predicted"))
+    elif left.inflation > _UNLIKE:
+        what = f"errors of left-out cases are {left.inflation:.1f} times those that the fit expects"
+        judged.insert(0, poor(what + ": the model lacks something"))
+    return judged
 
 
-def _headline(results: Mapping[str, Any], means: tuple[float, float], confidence: float) -> list[str]:
-    """means: mm over the markers, in the fit and of cases left out of it."""
+def _headline(results: Mapping[str, Any], means: tuple[float, float | None], confidence: float) -> list[str]:
+    """means: mm over the markers, in the fit and of cases left out of it, None where none can be."""
     from cfem.cases.outcome import sentence
 
     lines = [sentence(name, one) for name, one in results["estimates"].items()] + list(results["untold"])
-    lines.append(f"errors, mean over markers: {means[0]:.3g} mm in the fit, {means[1]:.3g} mm of cases left out of it")
+    beside = "" if means[1] is None else f", {means[1]:.3g} mm of cases left out of it"
+    lines.append(f"errors, mean over markers: {means[0]:.3g} mm in the fit{beside}")
     inside, near = results["left_out_within"]
     if inside is not None and near is not None:
         lines.append(
             f"of left-out cases {100 * inside:.0f} % of coordinates lie within their {100 * confidence:g} % "
             f"intervals, {100 * near:.0f} % of markers within their radius"
         )
-    if len(results["models"]) > 1:
+    if len(results["models"]) > 1 and results["best"] is not None:
         lines.append(f"of {len(results['models'])} models '{results['best']}' predicts left-out cases best")
     if results["repeats_mm"] is not None:
         lines.append(f"repeats of a load differ by {results['repeats_mm']:.2g} mm (largest distance of a marker)")

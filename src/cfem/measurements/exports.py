@@ -1,6 +1,7 @@
-"""Exports of camera systems: tables of OptiTrack Motive and Vicon Nexus, and .c3d files."""
+"""Exports of camera systems: tables of OptiTrack Motive and Vicon Nexus, and .c3d files; and plain tables over time."""
 
 import csv
+import re
 import warnings
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from cfem.measurements.recording import Recording, make_recording
 _UNITS = {"mm": 1.0, "millimeters": 1.0, "millimetres": 1.0, "cm": 10.0, "centimeters": 10.0, "m": 1e3}
 _UNITS |= {"meters": 1e3, "metres": 1e3}
 _AXES = ["X", "Y", "Z"]
+_PLAIN = re.compile(r"(?P<marker>.+?)[_. :-](?P<axis>[xyz])(?:[_ ]?[\[(]?(?P<unit>mm|cm|m)[\])]?)?", re.IGNORECASE)
 
 
 def read_recording(path: Path, unit: float | None = None) -> Recording:
@@ -31,7 +33,10 @@ def read_recording(path: Path, unit: float | None = None) -> Recording:
         return _optitrack(path, rows, unit)
     if rows and rows[0] and rows[0][0].lower() == "trajectories":
         return _vicon(path, rows, unit)
-    do = "export from Motive (CSV, with header), from Nexus (ASCII, trajectories), or as .c3d"
+    if rows and rows[0] and re.fullmatch(r"t|time|t_s|(t|time)[_ ]?[\[(]?s[\])]?", rows[0][0], re.IGNORECASE):
+        return _plain(path, rows, unit)
+    do = "export from Motive (CSV, with header), from Nexus (ASCII, trajectories), as .c3d, or write a table whose "
+    do += "columns are t_s, NAME_x_mm, NAME_y_mm, NAME_z_mm"
     raise InputError("is no export of OptiTrack Motive or Vicon Nexus", where=str(path), do=do)
 
 
@@ -94,6 +99,27 @@ def _vicon(path: Path, rows: list[list[str]], unit: float | None) -> Recording:
     frames = _numbers(path, data, [0], 4)[:, 0]
     points = _points(path, data, list(columns.values()), 4) * size
     return make_recording((frames - frames[:1]) / rate, list(columns), points, str(path))
+
+
+def _plain(path: Path, rows: list[list[str]], unit: float | None) -> Recording:
+    """One header: time in seconds, then three columns a marker, such as tip_x_mm."""
+    columns: dict[str, dict[str, int]] = {}
+    units = set()
+    for i, name in enumerate(rows[0][1:], start=1):
+        found = _PLAIN.fullmatch(name)
+        if found:
+            columns.setdefault(found["marker"], {})[found["axis"].upper()] = i
+            units.add(found["unit"])
+    whole = {name: place for name, place in columns.items() if len(place) == 3}
+    if not whole:
+        do = "name them as tip_x_mm, tip_y_mm, tip_z_mm"
+        raise InputError("has no marker with columns of x, y and z", where=str(path), do=do)
+    if len(units) > 1:
+        raise InputError("gives columns of markers in different units", where=str(path), do="use one")
+    size = _size(path, units.pop(), unit)
+    data = [row for row in rows[1:] if any(row)]
+    time = _numbers(path, data, [0], 0)[:, 0]
+    return make_recording(time, list(whole), _points(path, data, list(whole.values()), 0) * size, str(path))
 
 
 def _c3d(path: Path, unit: float | None) -> Recording:

@@ -14,7 +14,8 @@ class RecordingSpec(Spec):
     """One recording of one load case."""
 
     file: Path
-    """Export of OptiTrack Motive or Vicon Nexus (.csv), or .c3d."""
+    """Export of OptiTrack Motive or Vicon Nexus (.csv), .c3d, or a table with columns t_s, NAME_x_mm, NAME_y_mm,
+    NAME_z_mm (.csv)."""
     case: Name
     """Name of the load case."""
     session: Name = "1"
