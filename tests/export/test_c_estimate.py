@@ -20,12 +20,12 @@ pytestmark = needs_compiler
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-fsanitize=undefined", "-fno-sanitize-recover")
 
 
-def asked(model, loads=("tip.y", "skin.2"), markers=6, **other):
+def asked(model, loads=("tip.y", "skin.2"), markers=6, along=None, **other):
     places = {f"m{n}": {"mm": place.tolist()} for n, place in enumerate(markers_near(model, markers))}
     given = {"markers": places, "noise": "0.05 mm", "rate": "20 Hz", **other}
     given["actuators"] = {"displacement": "0.05 mm", "force": "10 mN"}
     if loads:
-        given["loads"] = {"rows": list(loads), "largest": "10 mN", "lasts": "1 s"}
+        given["loads"] = {"rows": list(loads), "largest": "10 mN", "lasts": "1 s", "along": along}
     return CEstimateSpec.model_validate(given)
 
 
@@ -51,9 +51,9 @@ def frame(made, x, rng=None):
     return {"place": places, "displacement": nothing, "force": nothing, "command": nothing}
 
 
-@pytest.mark.parametrize("loads", [("tip.y", "skin.2"), ()])
-def test_a_moving_robot_with_lost_and_wrong_markers_is_estimated_as_in_python(model, tmp_path, loads):
-    made = write_c_estimate(tmp_path, model, CSpec(estimate=asked(model, loads)))
+@pytest.mark.parametrize(("loads", "along"), [(("tip.y", "skin.2"), None), (("tip.y", "tip.z"), [1, 3]), ((), None)])
+def test_a_moving_robot_with_lost_and_wrong_markers_is_estimated_as_in_python(model, tmp_path, loads, along):
+    made = write_c_estimate(tmp_path, model, CSpec(estimate=asked(model, loads, along=along)))
     compiled = CompiledEstimator(tmp_path, STRICT)
     left_out = 0
     for one in moving_frames(made):

@@ -38,6 +38,7 @@ def estimator_of(spec: EstimateSpec, model: Predictor) -> Estimator:
         loads.largest if loads else 1.0,
         sensors.displacement or 1.0,
         sensors.force or 1.0,
+        along=None if loads is None or loads.along is None else np.array(loads.along),
     )
 
 

@@ -72,6 +72,7 @@ def _estimator(spec: EstimateSpec, model: Any) -> Any:
         loads.largest if loads else 1.0,
         sensors.displacement or 1.0,
         sensors.force or 1.0,
+        along=None if loads is None or loads.along is None else np.array(loads.along),
     )
 
 

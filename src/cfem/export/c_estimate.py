@@ -39,6 +39,7 @@ def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Fi
         sensors.displacement or 1.0,
         sensors.force or 1.0,
         p,
+        None if loads is None or loads.along is None else np.array(loads.along),
     )
     if max(len(spec.markers), len(estimator.unknowns)) > MOST:
         raise InputError(f"the estimator in C has at most {MOST} markers and unknowns", where="c.estimate")
@@ -114,6 +115,8 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
         "box": one.box,
         "rest": one.rest,
         "middle": one.middle[:n_a],
+        "load_root": one.before.root[:, n_a:] if n_w else np.zeros((1, 1)),
+        "load_covariance": one.load_covariance if n_w else np.zeros((1, 1)),
         "starts": starts,
         "start_places": places.reshape(len(starts), -1),
     }
@@ -128,7 +131,7 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
         degree = max(degree, int(indices[kept].max(initial=0)))
     sizes |= {"DEGREE": degree, "STARTS": len(starts)}
     constants |= {"noise": float(one.noise), "sensor": float(one.sensor), "tension": float(one.tension)}
-    constants |= {"largest": float(one.largest), "keeps": made.keeps, "slip": made.slip, "first": made.offset}
+    constants |= {"keeps": made.keeps, "slip": made.slip, "first": made.offset}
     return {f"CFEM_ESTIMATE_{name}": value for name, value in sizes.items()}, constants
 
 
@@ -158,11 +161,12 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
     n_a, m = one.model.rows.n_a, len(one.markers)
     states = one.model.domain.states[:, :n_a]
     u, w = states[len(states) // 2].copy(), np.zeros(len(one.loaded))
+    usual = np.linalg.cholesky(one.load_covariance)
     filtered = Filter(one, made.slip, made.ticks, made.offset)
     for number in range(count):
         toward = states[(number // 10) % len(states)] - u
         u = u + 0.1 * toward
-        w = 0.9 * w + 0.4 * one.largest * rng.normal(size=len(w))
+        w = 0.9 * w + 0.4 * usual @ rng.normal(size=len(w))
         x = np.concatenate([u, w])
         places = one.places(x) + one.noise * rng.normal(size=(m, 3))
         sensed = u + one.sensor * rng.normal(size=n_a)

@@ -30,6 +30,7 @@ from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.spectral import SpectralPredictor
 
+ACROSS = 0.01  # of the largest load: what acts across a known direction
 BEYOND, MOST = 0.25, 8.0  # of the range that the model was trained on; of the largest load
 STARTS = 40  # states among which a first guess is looked for
 UNSEEN = 0.3  # relative: an unknown whose standard deviation exceeds this share of its scale is not observed
@@ -41,7 +42,7 @@ class Estimator:
     loaded: names of rows on which forces are unknown, of effectors ('tip.x') or of the skin ('skin.1'); largest: N,
     standard deviation of such a force before anything is measured; sensor: mm, of the measured delta_a; tension: N, of
     the measured forces of the actuators (a spectral model knows what loads do to them); p (n_p,): values of the model's
-    parameters, those of the reference unless given."""
+    parameters, those of the reference unless given; along (n_w,): direction of the load where it is known."""
 
     model: Predictor
     markers: np.ndarray
@@ -51,6 +52,7 @@ class Estimator:
     sensor: float = 0.01
     tension: float = 0.01
     p: np.ndarray | None = None
+    along: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.model.form != "displacement":
@@ -61,6 +63,8 @@ class Estimator:
             raise InputError(what, do="use a model without it")
         if min(self.noise, self.sensor, self.tension, self.largest) <= 0:
             raise InputError("the noise of markers and sensors and the largest load must be positive")
+        if self.along is not None and (len(self.along) != len(self.loaded) or not np.linalg.norm(self.along) > 0):
+            raise InputError(f"a direction of {len(self.loaded)} loads needs so many numbers, not all of them 0")
         unknown = [name for name in self.loaded if name not in self._names]
         if unknown:
             raise InputError(f"the model has no row {unknown[0]!r}", do=f"known are {', '.join(self._names)}")
@@ -93,8 +97,18 @@ class Estimator:
     @cached_property
     def before(self) -> Known:
         """What is known before anything is measured: a middle state, and loads of about `largest`."""
-        root = np.eye(len(self.scale))[self.model.rows.n_a :] / self.largest
+        root = np.zeros((len(self.loaded), len(self.scale)))
+        root[:, self.model.rows.n_a :] = np.linalg.inv(np.linalg.cholesky(self.load_covariance))
         return Known(self.middle, root)
+
+    @cached_property
+    def load_covariance(self) -> np.ndarray:
+        """(n_w, n_w) N^2 of the loads before anything is measured."""
+        every = np.eye(len(self.loaded))
+        if self.along is not None:
+            along = np.asarray(self.along, float) / np.linalg.norm(self.along)
+            every = ACROSS**2 * every + (1 - ACROSS**2) * np.outer(along, along)
+        return self.largest**2 * every
 
     @cached_property
     def _nearest(self) -> tuple[np.ndarray, np.ndarray]:

@@ -62,8 +62,9 @@ class Filter:
         moved = 0.0 if u is None or self._u is None else u - self._u
         mean = np.concatenate([last.delta_a + moved, self.keeps * last.loads])
         keeps = np.r_[np.ones(n_a), np.full(n_w, self.keeps)]
-        fresh = np.r_[np.full(n_a, self.slip**2), np.full(n_w, (1 - self.keeps**2) * self.estimator.largest**2)]
-        covariance = last.covariance * np.outer(keeps, keeps) + np.diag(fresh)
+        covariance = last.covariance * np.outer(keeps, keeps)
+        covariance[:n_a, :n_a] += self.slip**2 * np.eye(n_a)
+        covariance[n_a:, n_a:] += (1 - self.keeps**2) * self.estimator.load_covariance
         size = np.sqrt(np.diag(covariance))  # scaled, so that the factor does not depend on units
         lower = np.linalg.cholesky(covariance / np.outer(size, size) + 1e-12 * np.eye(len(size)))
         return Known(mean, np.linalg.solve(lower, np.diag(1 / size)))

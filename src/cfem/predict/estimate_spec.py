@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
@@ -18,6 +18,15 @@ class LoadsSpec(Spec):
     """About how large one becomes, standard deviation."""
     lasts: Annotated[Time, Field(gt=0)] | None = None
     """For how long one keeps its value. The whole recording unless given."""
+    along: list[float] | None = None
+    """Direction of the force where it is known, a number for each of the rows: the normal of the surface where
+    something touches it."""
+
+    @model_validator(mode="after")
+    def _direction_of_all(self):
+        if self.along is not None and (len(self.along) != len(self.rows) or not any(self.along)):
+            raise ValueError(f"along: expected {len(self.rows)} numbers, one for each row, and not all 0")
+        return self
 
 
 class ActuatorSensorsSpec(Spec):

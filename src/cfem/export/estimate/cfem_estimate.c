@@ -465,7 +465,8 @@ static unsigned solve(problem *asked, const cfem_frame *frame, cfem_estimate *fo
 static void before(problem *asked) {
     memset(asked, 0, sizeof *asked);
     memcpy(asked->mean, cfem_estimate_middle, sizeof(double) * NA);
-    for (int w = 0; w < NW; w++) asked->root[w][NA + w] = 1.0 / cfem_estimate_largest;
+    for (int w = 0; w < NW; w++)
+        for (int v = 0; v < NW; v++) asked->root[w][NA + v] = cfem_estimate_load_root[w][v];
     asked->rows = NW;
 }
 
@@ -481,18 +482,20 @@ void cfem_filter_init(cfem_filter *filter) { memset(filter, 0, sizeof *filter); 
 static int forward(const cfem_filter *filter, const double *command, problem *asked) {
     const cfem_estimate *last = &filter->last;
     double lower[N][N], size[N], keeps[N];
-    const double rho = cfem_estimate_keeps, fresh[2] = {cfem_estimate_slip * cfem_estimate_slip,
-                                                        (1.0 - rho * rho) * cfem_estimate_largest * cfem_estimate_largest};
+    const double rho = cfem_estimate_keeps;
     for (int i = 0; i < N; i++) {
         keeps[i] = i < NA ? 1.0 : rho;
         asked->mean[i] = keeps[i] * last->x[i] + (i < NA && command && filter->told ? command[i] - filter->command[i] : 0.0);
-        size[i] = sqrt(last->covariance[i][i] * keeps[i] * keeps[i] + fresh[i >= NA]);
+        for (int j = 0; j <= i; j++) {
+            double fresh = 0.0; /* slips of the actuators, and what changes of the loads */
+            if (i < NA) fresh = i == j ? cfem_estimate_slip * cfem_estimate_slip : 0.0;
+            else if (j >= NA) fresh = (1.0 - rho * rho) * cfem_estimate_load_covariance[i - NA][j - NA];
+            lower[i][j] = last->covariance[i][j] * keeps[i] * keeps[j] + fresh;
+        }
+        size[i] = sqrt(lower[i][i]);
     }
     for (int i = 0; i < N; i++)
-        for (int j = 0; j <= i; j++) {
-            const double value = last->covariance[i][j] * keeps[i] * keeps[j] + (i == j ? fresh[i >= NA] : 0.0);
-            lower[i][j] = value / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
-        }
+        for (int j = 0; j <= i; j++) lower[i][j] = lower[i][j] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
     if (!factor(lower)) return 0;
     asked->rows = N;
     for (int j = 0; j < N; j++) {
