@@ -94,12 +94,15 @@ def test_the_nth_operation_fails_for_every_n(quick, dead):
 
 
 def test_a_replacement_cut_in_two_is_undone(tmp_path, monkeypatch):
+    """On a disk that cannot swap folders."""
     run(tmp_path, "old")
+    (tmp_path / "new").mkdir()
+    monkeypatch.setattr("cfem.core.files.exchange", lambda one, other: False)
     monkeypatch.setattr("cfem.core.files.sync_tree", lambda folder: None)
     renamed = os.replace
 
     def die(source, target):
-        if Path(source) == tmp_path / "new":
+        if (Path(source), Path(target)) == (tmp_path / "new", tmp_path / "out"):
             raise KeyboardInterrupt
         renamed(source, target)
 

@@ -51,8 +51,12 @@ class Round:
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
-    """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where spec.until is
-    None."""
+    """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where neither spec.until
+    nor spec.around asks for more."""
+    if spec.around is not None:
+        from cfem.active import around
+
+        return around.fill(folder, spec, factory, workers)
     if spec.until is None:
         return artefact.fill(folder, spec, factory, made_from, workers)
     begin = time.perf_counter()

@@ -104,8 +104,13 @@ def _sample(
         str | None,
         typer.Option(metavar="LENGTH", help="Add states where the model is worst, until its error is below LENGTH."),
     ] = None,
+    around: Annotated[
+        Path | None,
+        typer.Option(metavar="TASK", help="Add states to the dataset where this run of `cfem control` went."),
+    ] = None,
 ):
     overrides = [*set_, *([f"until.error={until_error}"] if until_error else [])]
+    overrides += [f"around.task={around.resolve()}"] if around else []
 
     def fill(*arguments):
         return import_module("cfem.active.fill").fill(*arguments)

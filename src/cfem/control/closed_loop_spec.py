@@ -217,6 +217,9 @@ class LoopSpec(Spec):
     """Ways to control, by name."""
     moving: MovingSpec | None = None
     """The plant moves between ticks. Without it, it is at rest at each."""
+    live: bool = False
+    """Whether a model whose folder is replaced meanwhile, by `cfem train`, is taken up. The one before answers until
+    then."""
     laps: LapsSpec | None = None
     """Goals run round the trajectories, at each tick a new one."""
     settle: SettleSpec
@@ -252,6 +255,16 @@ class LoopSpec(Spec):
             raise ValueError("real.drift does not go with moving yet")
         if self.moving is None and self.real.viscosity != 1:
             raise ValueError("real.viscosity needs moving")
+        return self
+
+    @model_validator(mode="after")
+    def _live_fits(self):
+        others = [one for one in self.controllers.values() if one.adapt or one.policy or one.moves]
+        if self.live and (others or self.estimate is not None or self.moving is not None):
+            raise ValueError(
+                "live goes with modes open and closed of a robot at rest: leave out adapt, policy, shaping, "
+                "feedforward, mpc, estimate and moving"
+            )
         return self
 
     @model_validator(mode="after")

@@ -77,6 +77,8 @@ def run_controllers(
                         count(one.index)
                         estimated = account.row(told, one.tick, one.actual) if account else {}
                         records.append(tell(one) | known(told, adapting) | estimated)
+                        if loop.live:
+                            records[-1]["models_taken"] = _taken(predictors)
                         append(records[-1])
 
                     with plant_of(seed) as plant:
@@ -94,6 +96,13 @@ def run_controllers(
                 }
         _write(folder / "loop.parquet", records, robot, loop)
     return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
+
+
+def _taken(predictors: Mapping[str, Any]) -> int:
+    """How many models have been taken up, one of this moment included."""
+    for one in predictors.values():
+        one.refresh()
+    return sum(one.taken for one in predictors.values())
 
 
 def _account(loop: LoopSpec, told: Any, robot: Robot) -> EstimateAccount | None:

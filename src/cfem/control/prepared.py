@@ -20,6 +20,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.plant.fem_plant import FemPlant
 from cfem.plant.model_plant import ModelPlant
 from cfem.plant.protocol import Plant
+from cfem.predict.live import LiveModel
 from cfem.predict.load import load_model
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
@@ -83,7 +84,8 @@ def _robot_and_models(
     spec: ControlSpec, base: Path, scene_and_mesh: tuple[SceneSpec, Mesh], models: Mapping[str, Path]
 ) -> tuple[Robot, dict[str, Predictor], np.ndarray]:
     """And by how much goals move with the design (n_e,) mm, empty without one."""
-    predictors = {name: load_model(path, spec.runtime) for name, path in models.items()}
+    read = LiveModel if spec.loop and spec.loop.live else load_model
+    predictors = {name: read(path, spec.runtime) for name, path in models.items()}
     for name, predictor in predictors.items():
         do = f"train a model of {base / spec.scene}, or name the scene of this one"
         demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)

@@ -274,6 +274,8 @@ class ControlSpec(Spec):
             raise ValueError("loop.real.viscosity needs plant: model; with plant: fem override the scene's material")
         if self.plant == "pipe" and loop.moving:
             raise ValueError("a device moves as it does: leave out loop.moving with plant: pipe")
+        if loop.live and (self.loads or self.plant == "model" or self.runtime == "onnx"):
+            raise ValueError("loop.live needs plant: fem or pipe and runtime: arrays, and does not go with loads")
         if loop.estimate is not None and self.plant == "model":
             raise ValueError("loop.estimate needs plant: fem or pipe, which has markers")
         if loop.estimate is not None and self.plant == "pipe" and (loop.estimate.lost or loop.estimate.wrong):

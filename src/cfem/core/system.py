@@ -1,5 +1,6 @@
 """What Linux, macOS and Windows do in different ways: locks, syncing, cores, memory."""
 
+import ctypes
 import os
 import platform
 import sys
@@ -58,6 +59,18 @@ def sync(path: str | os.PathLike) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def exchange(one: str | os.PathLike, other: str | os.PathLike) -> bool:
+    """Swaps two folders in one step, so that each name leads to a whole folder at any moment. False where the system or
+    the disk cannot."""
+    libc = ctypes.CDLL(None, use_errno=True) if sys.platform in ("linux", "darwin") else None
+    names, here = [os.fsencode(one), os.fsencode(other)], -100  # AT_FDCWD
+    if sys.platform == "linux" and hasattr(libc, "renameat2"):
+        return libc.renameat2(here, names[0], here, names[1], 2) == 0  # RENAME_EXCHANGE
+    if sys.platform == "darwin" and hasattr(libc, "renamex_np"):
+        return libc.renamex_np(*names, 2) == 0  # RENAME_SWAP
+    return False
 
 
 def processor() -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import read_json
+from cfem.core.manifest import MANIFEST
 from cfem.core.optional import demand
 from cfem.core.reading import checked, read_npz, take
 from cfem.core.stage import artefact_file, read_manifest
@@ -17,13 +18,42 @@ from cfem.predict.card import ABSENT, FORMAT, ModelCard
 from cfem.predict.protocol import Predictor, build
 from cfem.predict.skin import FILE, LearnedSkin
 
+TRIES = 10  # to read a folder that is replaced meanwhile
 WEIGHTS, VECTORS = "weights.npz", "test_vectors.npz"
 UNBOUNDED = ("in_scale", mlp.AT_REST + "in_scale")  # infinite for inputs that did not vary
 Runtime = Literal["arrays", "onnx"]
 
 
-def load_model(folder: Path, runtime: Runtime = "arrays") -> Predictor:
-    """The model of a folder that `cfem train` or `cfem export` made. InputError where a file is missing or damaged."""
+def load_model(folder: Path, runtime: Runtime = "arrays", whole: bool = False) -> Predictor:
+    """The model of a folder that `cfem train` or `cfem export` made; whole: its skin is read now, if it has one.
+    InputError where a file is missing or damaged.
+
+    A folder that is replaced meanwhile is read again, so that no model is half of one and half of another."""
+    for _ in range(TRIES):
+        known = stamp(folder)
+        try:
+            found = _load(folder, runtime)
+            if whole and (has_skin(folder) or has_file(folder, serial_skin.FILE)):
+                found.skin  # noqa: B018 - kept there
+        except InputError:
+            if known == stamp(folder):
+                raise
+            continue
+        if known == stamp(folder):
+            return found
+    raise InputError("is replaced all the time", where=str(folder), do="wait until the training ends")
+
+
+def stamp(folder: Path) -> tuple[int, int] | None:
+    """Differs between the folders that a name leads to, one after the other."""
+    try:
+        found = (folder / MANIFEST).stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
+
+
+def _load(folder: Path, runtime: Runtime) -> Predictor:
     if runtime == "arrays":
         return with_skin(build(*read_model(folder)), folder)
     demand("onnx", "onnxruntime", where="runtime: onnx")
@@ -40,13 +70,16 @@ def with_skin(predictor: Predictor, folder: Path) -> Predictor:
     """The predictor, which reads the skin of the folder when somebody asks for it."""
 
     row = isinstance(predictor, serial.SerialPredictor)
-    name = serial_skin.FILE if row else FILE
+    name, known = serial_skin.FILE if row else FILE, stamp(folder)
 
     def read() -> LearnedSkin | list[LearnedSkin] | None:
         if not has_file(folder, name):
             return None
         with _blaming(folder / name):
-            return (skins_of if row else skin_of)(predictor, read_arrays(folder, name))
+            found = (skins_of if row else skin_of)(predictor, read_arrays(folder, name))
+        if known != stamp(folder):
+            raise InputError("was replaced since the model was read", where=str(folder), do="read the model again")
+        return found
 
     predictor.skin_source = read
     return predictor

@@ -69,6 +69,20 @@ class Until(Spec):
     """Largest number of terms of one series, as in train.yaml."""
 
 
+class AroundSpec(Spec):
+    """States where a task goes, added to a dataset that is there."""
+
+    task: Path
+    """Folder of a run of `cfem control`."""
+    base: Path | None = None
+    """Folder of the dataset to which they are added. That of `out` unless given; the result is then beside it, with
+    `-around` behind its name."""
+    add: int = Field(20, ge=1)
+    """Number of states."""
+    judges: int = Field(8, ge=0)
+    """Number of other states of the task that go to the test split, to judge the model there."""
+
+
 class ContactSpec(Spec):
     """All contact points of the scene as one rigid patch, about their mean. Its pose is drawn with the actuators'
     forces."""
@@ -148,6 +162,8 @@ class SampleSpec(Spec):
     """Modes of the surface, for shapes without finite elements. Null leaves them out."""
     until: Until | None = None
     """Sample until a stated error instead of a stated number of rows."""
+    around: AroundSpec | None = None
+    """Add states where a task goes to a dataset that is there, instead of sampling it."""
     contact: ContactSpec | None = None
     """Draw the actuators' forces and the pose of the patch that holds the contact points, instead of a space."""
     tolerance: float = Field(1e-10, gt=0, le=1e-6)
@@ -182,6 +198,12 @@ class SampleSpec(Spec):
     def _space_alone(self) -> "SampleSpec":
         if self.space in ("force", "rest") and (self.contact or self.until):
             raise ValueError(f"space: {self.space} does not go with contact, which draws forces, nor with until yet")
+        return self
+
+    @model_validator(mode="after")
+    def _around_alone(self) -> "SampleSpec":
+        if self.around and (self.contact or self.until or self.space == "rest"):
+            raise ValueError("around does not go with contact, until or space: rest")
         return self
 
     @model_validator(mode="after")

@@ -54,12 +54,12 @@ def run(
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
 
-        return (fill or artefact.fill)(folder, spec, factory(), whole, crew)
+        return (fill or artefact.fill)(folder, placed(spec, spec_path.parent), factory(), whole, crew)
 
     if shard is None:
         return run_stage(made, work, options)
-    if spec.until:
-        what = "--shard does not go with until: which states come next depends on all before"
+    if spec.until or spec.around:
+        what = "--shard does not go with until or around: which states come next depends on all before"
         raise SpecError(what, where=str(spec_path), do="leave one of them out")
     from cfem.sample.part import fill_part, parse_part
 
@@ -83,19 +83,30 @@ def merge(
     return run_stage(made, work, options)
 
 
+def placed(spec: SampleSpec, base: Path) -> SampleSpec:
+    """With the paths of `around` as they are from here."""
+    if spec.around is None:
+        return spec
+    named = {"task": base / spec.around.task, "base": base / (spec.around.base or spec.out)}
+    return spec.model_copy(update={"around": spec.around.model_copy(update=named)})
+
+
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     spec = load_spec(spec_path, SampleSpec, overrides)
-    scene = spec_path.parent / spec.scene
+    scene, around = spec_path.parent / spec.scene, placed(spec, spec_path.parent).around
+    beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)
     return Stage(
         name="simulate-sample",
         version=VERSION,
         spec=spec,
-        inputs={"mesh": spec_path.parent / spec.mesh},
-        out=out or spec_path.parent / spec.out,
-        paths=("scene", "mesh", "out", "parameters"),  # parameters: by their values, not by their spelling
+        inputs={"mesh": spec_path.parent / spec.mesh} | ({"task": around.task, "base": around.base} if around else {}),
+        out=out or beside,
+        # parameters: by their values, not by their spelling
+        paths=("scene", "mesh", "out", "parameters", "around"),
         precious=True,
         extra={"scene": scene_meaning(scene), "parameters": to_json(scene_parameters(spec.parameters, scene))}
-        | ({"inertia": INERTIA} if spec.dynamics else {}),
+        | ({"inertia": INERTIA} if spec.dynamics else {})
+        | ({"around": [around.add, around.judges]} if around else {}),
         spec_path=spec_path,
         overrides=overrides,
     )
