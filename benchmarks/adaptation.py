@@ -1,6 +1,7 @@
 """Parameters tracked while the robot works: tracking error under a drift, and what a bad estimate can do.
 
 python benchmarks/adaptation.py drift MODEL [--scene SCENE] [--seconds 60]
+python benchmarks/adaptation.py camera MODEL [--scene SCENE] [--seconds 60]
 python benchmarks/adaptation.py seeds MODEL [--seeds 1000] [--ticks 80]
 
 MODEL: folder of a model with Young's modulus E and Poisson's ratio nu as parameters. Commands are forces, 10 a second;
@@ -9,6 +10,8 @@ the effector's sensor has 0.1 mm of noise and comes a tick late; goals go round 
 drift: E falls by 30 % within the time, nu differs from the model's first value from the beginning; with --scene the
 plant is that robot by finite elements, in closed loop alone. Prints the root mean square of the tracking error after
 the first 10 s.
+camera: E is 20 % lower and nu 0.36 all the time, and the camera has moved by (3, -2, 1.5) mm and turned by 2 deg about
+x and -1 deg about z since it was aligned. Prints errors in the scene's frame, and what of the camera is found.
 seeds: robots that nobody expects, one a seed: E by a factor from 0.4 to 2.5, beyond the model's range where it likes,
 any nu, friction of 0 to 20 %, noise up to 0.5 mm that the controller knows within a factor of 2, delays up to 3 ticks,
 gross outliers, lost samples, a push that shifts the effector by up to 8 mm, sudden changes. Prints how often the
@@ -24,6 +27,7 @@ from cfem.condensed.model import under_force
 from cfem.control.adaptation import Adapted, Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.controller import Controller, Gains
+from cfem.control.frame import CameraFrame
 from cfem.control.gains import integral_for
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
@@ -37,7 +41,7 @@ RATE, NOISE = 10, 0.1
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["drift", "seeds"])
+    parser.add_argument("what", choices=["drift", "camera", "seeds"])
     parser.add_argument("model", type=Path)
     parser.add_argument("--scene", type=Path)
     parser.add_argument("--seconds", type=float, default=60)
@@ -45,7 +49,7 @@ def main() -> None:
     parser.add_argument("--ticks", type=int, default=80)
     given = parser.parse_args()
     model = load_model(given.model)
-    (drift if given.what == "drift" else seeds)(given, model)
+    {"drift": drift, "camera": camera, "seeds": seeds}[given.what](given, model)
 
 
 class Trial:
@@ -64,7 +68,7 @@ class Trial:
     def start(self, known):
         return known.at_displacement(0.2 * self.model.reach[:, 1])
 
-    def controller(self, adapt: bool, gains: Gains | None, noise: float = NOISE, loss: float = 0.0):
+    def controller(self, adapt: bool, gains: Gains | None, noise: float = NOISE, loss: float = 0.0, frame=(0.0, 0.0)):
         model, n_a = self.model, self.model.rows.n_a
         most = 2.5 * self.model.domain.lambda_a[1].max()
         course = np.column_stack([model.reach[:, 1] * -0.25, model.reach[:, 1] * 1.5])
@@ -73,7 +77,8 @@ class Trial:
         pilot = Pilot(Adapted(model, self.first.copy()), "force", "equilibrium", limits, np.ones(3), ridge, settings)
         if not adapt:
             return Controller(pilot, model.rest_e, gains)
-        return AdaptiveController(pilot, model.rest_e, Tracker(model, "force", noise, loss=loss, forget=20.0), gains)
+        tracker = Tracker(model, "force", noise, loss=loss, forget=20.0, frame=frame)
+        return AdaptiveController(pilot, model.rest_e, tracker, gains)
 
     def run(self, controller, plant, rng, noise=NOISE, delay=1, spoil=lambda tick, x: x):
         """Errors (ticks,) mm. plant(tick, u) -> x_e mm."""
@@ -139,6 +144,39 @@ def drift(given, model) -> None:
         errors = trial.run(controller, plant, np.random.default_rng(0))[skip:]
         known = f"; E {controller.tracker.p[0]:.4g} MPa, nu {controller.tracker.p[1]:.3f} at the end" if adapt else ""
         print(f"{name}: {np.sqrt(np.mean(errors**2)):.3f}, largest {errors.max():.3f}{known}", flush=True)
+
+
+def camera(given, model) -> None:
+    trial, skip, loop = (
+        Trial(model, round(given.seconds * RATE)),
+        10 * RATE,
+        Gains(0.0, integral_for(np.deg2rad(60), 2)),
+    )
+    young, nu = trial.first
+    moved = np.array([3.0, -2.0, 1.5, *np.deg2rad([2.0, 0.0, -1.0])])
+    eye = CameraFrame.of(model.rows, model.rest_e)
+    seen = lambda tick, x: model.rest_e + eye.shown(x - model.rest_e, moved)  # noqa: E731
+    print(f"camera moved by {moved[:3].tolist()} mm and turned by {np.rad2deg(moved[3:]).round(2).tolist()} deg; "
+          f"{given.seconds:g} s, rms of the error after 10 s, mm")  # fmt: skip
+    for name, spoil, E, real, adapt, frame in (
+        ("unperturbed, closed loop", lambda tick, x: x, 1.0, nu, False, (0.0, 0.0)),
+        ("camera moved, closed loop", seen, 1.0, nu, False, (0.0, 0.0)),
+        ("camera moved and softer, closed loop", seen, 0.8, 0.36, False, (0.0, 0.0)),
+        ("camera moved and softer, adaptive", seen, 0.8, 0.36, True, (0.0, 0.0)),
+        ("camera moved and softer, adaptive, camera tracked", seen, 0.8, 0.36, True, (5.0, np.deg2rad(3.0))),
+    ):
+        if given.scene:
+            plant = fem_plant(given.scene, real, lambda tick, E=E: E)
+        else:
+            plant = model_plant(trial, lambda tick, E=E, real=real: np.array([young * E, real]))
+        controller = trial.controller(adapt, loop, frame=frame)
+        errors = trial.run(controller, plant, np.random.default_rng(0), spoil=spoil)[skip:]
+        found = ""
+        if adapt:
+            f, p = controller.tracker.used_f, controller.tracker.p
+            found = (f"; E {p[0]:.4g} MPa, nu {p[1]:.3f}, camera {f[:3].round(2).tolist()} mm, "
+                     f"{np.rad2deg(f[3:]).round(2).tolist()} deg")  # fmt: skip
+        print(f"{name}: {np.sqrt(np.mean(errors**2)):.3f}, largest {errors.max():.3f}{found}", flush=True)
 
 
 def seeds(given, model) -> None:

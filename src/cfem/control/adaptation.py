@@ -4,17 +4,19 @@ After each sample of the effectors, an extended Kalman filter with exponential f
 *Adaptive Control*, 2nd ed. 1995, section 2.2) moves the parameters to what the sample says. Unknown are shares z of the
 parameters' ranges, in the coordinates in which the model is smooth, losses b of the actuators, so that the robot feels
 u - b, and the rates r per sample of those shares that drift, Young's modulus: without them, an estimate trails a drift.
-With the effectors x(z, b; u) of the model under the command, and F adding r to z,
+A camera may have moved and turned by f (`cfem.control.frame`).
+With the effectors x(z, b, f; u) that the camera shows of the model under the command, and F adding r to z,
 
-    J = dx/dz, dx/db, 0     P' = min(F P F^T / forgetting, P_0)     K = P' J^T (J P' J^T + R)^-1
+    J = dx/dz, dx/db, 0, dx/df     P' = min(F P F^T / forgetting, P_0)     K = P' J^T (J P' J^T + R)^-1
 
 min: no direction becomes less certain than it was at first, so that forgetting without excitation does no harm. A
 controller uses an estimate only where four guards let it:
 
-- bounds: z stays in the range that the model was trained on, b within three standard deviations;
+- bounds: z stays in the range that the model was trained on, b and f within three standard deviations;
 - gate: a sample that is not likely under P' and R (1 in 1000) changes nothing; only a long run of them opens P again.
   R is the square of the stated noise, or what the samples of late have shown where that is more;
-- excitation: a parameter counts once its standard deviation has come down to half of its first;
+- excitation: parameters count once the standard deviation of one has come down to half of its first, each number of
+  f once its own has;
 - proof: the estimate must have predicted the samples of late better than the first values do, else those are used;
   where it misses by more than 5 % of the robot's length, nothing that is used changes: no parameters explain the robot.
 
@@ -28,6 +30,7 @@ from scipy.stats import chi2
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
 from cfem.condensed.parameters import coordinates, values
+from cfem.control.frame import CameraFrame
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
 from cfem.predict.protocol import Predictor
@@ -71,9 +74,10 @@ class Adapted:
 class Tracker:
     """predictor: with parameters; command: what u is; noise: mm, of each measured coordinate, what the model misses
     included; find: names of the parameters, all unless given; loss: mm or N, standard deviation of what an actuator
-    loses, 0 for none; forget: samples after which one counts for 1/e.
+    loses, 0 for none; forget: samples after which one counts for 1/e; frame: mm and rad, standard deviations of what a
+    camera may have moved and turned, 0 for what it has not.
 
-    z, b: the estimate; P: covariance of (z, b); used_p (n_p,), used_b (n_a,): what the guards let through."""
+    z, b, f: the estimate; P: its covariance; used_p (n_p,), used_b (n_a,), used_f (6,): what the guards let through."""
 
     predictor: Predictor
     command: Command
@@ -82,17 +86,18 @@ class Tracker:
     loss: float = 0.0
     forget: float = 50.0
     rows: np.ndarray | None = None
+    frame: tuple[float, float] = (0.0, 0.0)
     refused: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         names = [one.name for one in self.predictor.parameters]
         wanted = names if self.find is None else list(self.find)
         strange = [name for name in wanted if name not in names]
-        if strange or not (wanted or self.loss):
+        if strange or not (wanted or self.loss or any(self.frame)):
             what = f"the model has no parameter '{strange[0]}'" if strange else "the model has no parameters to track"
             raise InputError(what, do=f"known are {', '.join(names) or 'none'}")
-        if self.noise <= 0 or self.forget <= 1 or self.loss < 0:
-            raise InputError("noise must be positive, forget above one sample, and loss not negative")
+        if self.noise <= 0 or self.forget <= 1 or min(self.loss, *self.frame) < 0:
+            raise InputError("noise must be positive, forget above one sample, loss and frame not negative")
         own = self.predictor.parameters
         self._find = [names.index(name) for name in wanted]
         self._ends = np.array(
@@ -102,13 +107,17 @@ class Tracker:
         n_a = self.predictor.rows.n_a
         n_b, drifting = n_a if self.loss else 0, [n for n, i in enumerate(self._find) if own[i].exact]
         n_r = len(drifting)
-        self._first = np.concatenate([self._share(self._q)[self._find], np.zeros(n_b + n_r)])
-        self._sd = np.repeat([SD, self.loss, SD / (RATE * self.forget)], [len(wanted), n_b, n_r])
-        lasting = np.array([not own[i].exact for i in self._find] + [False] * (n_b + n_r))
+        moves = np.repeat(self.frame, 3)
+        self._moves = np.flatnonzero(moves)
+        self._camera, n_f = CameraFrame.of(self.predictor.rows, self.predictor.rest_e), len(self._moves)
+        self._first = np.concatenate([self._share(self._q)[self._find], np.zeros(n_b + n_r + n_f)])
+        plain = np.repeat([SD, self.loss, SD / (RATE * self.forget)], [len(wanted), n_b, n_r])
+        self._sd = np.concatenate([plain, moves[self._moves]])
+        lasting = np.array([not own[i].exact for i in self._find] + [False] * (n_b + n_r) + [True] * n_f)
         self._grows = np.exp(0.5 / np.where(lasting, STEADY * self.forget, self.forget))
         self._F = np.eye(len(self._first))
         self._F[drifting, len(wanted) + n_b + np.arange(n_r)] = 1.0
-        self._kinds = np.repeat([0, 1, 2], [len(wanted), n_b, n_r])
+        self._kinds = np.repeat([0, 1, 2, 3], [len(wanted), n_b, n_r, n_f])
         self.x, self.P = self._first.copy(), np.diag(self._sd**2)
         self._used, self._rows = self._first.copy(), slice(None) if self.rows is None else self.rows
         self._misses = {"tracked": 0.0, "first": 0.0}
@@ -126,6 +135,15 @@ class Tracker:
     @property
     def used_b(self) -> np.ndarray:
         return self._b(self._used)
+
+    @property
+    def used_f(self) -> np.ndarray:
+        """(6,) mm and rad by which the camera is taken to have moved."""
+        return self._f(self._used)
+
+    def true(self, delta_e: np.ndarray) -> np.ndarray:
+        """(n_e,) mm from rest: where effectors are that the camera shows at delta_e."""
+        return self._camera.true(delta_e, self.used_f) if len(self._moves) else delta_e
 
     @property
     def deviation(self) -> np.ndarray:
@@ -146,7 +164,7 @@ class Tracker:
         except NumericalError:
             return self._use()
         P = self._forgotten()
-        self._prove(seen - here.delta_e[self._rows], seen - first.delta_e[self._rows])
+        self._prove(seen - self._shown(ahead, here), seen - self._shown(self._first, first))
         R = self.noise**2 * self._spread * np.eye(len(seen))
         x, covariance, size = self._corrected(ahead, P, R, seen, u, here)
         most = chi2.ppf(GATE, len(seen))
@@ -167,7 +185,7 @@ class Tracker:
         """The iterated update (Bell and Cathey 1993), linearised again where it leads while that is far: x, P, and the
         sum of squares that is left, whose distribution is chi-squared of as many numbers as were seen."""
         low, high = self._bounds
-        x, missing, near = ahead, seen - here.delta_e[self._rows], False
+        x, missing, near = ahead, seen - self._shown(ahead, here), False
         for _ in range(ITERATIONS):
             J = self._slopes(x, here)
             K = np.linalg.solve(J @ P @ J.T + R, J @ P).T
@@ -177,7 +195,7 @@ class Tracker:
                 here = self._state(new, u, here)
             except NumericalError:
                 return x, P, np.inf
-            x, missing = new, seen - here.delta_e[self._rows]
+            x, missing = new, seen - self._shown(new, here)
             if near:
                 break
         keep = np.eye(len(x)) - K @ J
@@ -189,11 +207,12 @@ class Tracker:
     def _use(self) -> bool:
         """What the controller uses: the estimate where it is excited and explains the robot, else what it used before;
         the first values where the estimate is not proved."""
-        seen = bool((self.deviation < SEEN * self._sd)[self._kinds < 2].any())
+        told, camera = self.deviation < SEEN * self._sd, self._kinds == 3
+        seen = np.where(camera, told, told[self._kinds < 2].any())
         fits = self.noise * np.sqrt(self._spread) <= FAR * self.predictor.length
         proved = self._misses["tracked"] <= self._misses["first"]
-        wanted = (self.x if seen and fits else self._used) if proved else self._first
-        most = MOST * np.where(self._kinds == 1, self._sd / SD, 1.0)
+        wanted = np.where(seen & fits, self.x, self._used) if proved else self._first
+        most = MOST * np.where((self._kinds == 1) | camera, self._sd / SD, 1.0)
         moved = self._used + np.clip(wanted - self._used, -most, most)
         changed = not np.array_equal(moved, self._used)
         self._used = moved
@@ -232,7 +251,21 @@ class Tracker:
         J = np.array(by).reshape(-1, len(here.delta_e)).T
         if self.loss:
             J = np.hstack([J, -here.W_ea if forced else -here.effector_jacobian])
-        return np.pad(J, ((0, 0), (0, len(at) - J.shape[1])))[self._rows]
+        moved, n_f = self._f(at), len(self._moves)
+        J = np.pad(J, ((0, 0), (0, len(at) - n_f - J.shape[1])))
+        if n_f:
+            by_f = self._camera.slopes(here.delta_e, moved)[:, self._moves]
+            J = np.hstack([self._camera.turned(J, moved), by_f])
+        return J[self._rows]
+
+    def _shown(self, x: np.ndarray, here: Condensed) -> np.ndarray:
+        """(rows,) mm from rest, as the camera shows it."""
+        return (self._camera.shown(here.delta_e, self._f(x)) if len(self._moves) else here.delta_e)[self._rows]
+
+    def _f(self, x: np.ndarray) -> np.ndarray:
+        found = np.zeros(6)
+        found[self._moves] = x[self._kinds == 3]
+        return found
 
     @property
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -37,6 +37,8 @@ class AdaptiveController(Controller):
             by_loads = measured.by_loads if isinstance(measured, Estimated) else 0.0  # no parameter makes that
             if self.tracker.sample(sent, measured.x_e - by_loads - self._rest_e, near):
                 self._changed()
+        if measured is not None:
+            measured = replace(measured, x_e=self._rest_e + self.tracker.true(measured.x_e - self._rest_e))
         belief = super().tick(goal, measured, ahead)
         sent = replace(belief, u=self._within(belief.u + self.tracker.used_b))
         self._sent[self._tick] = sent.u, belief.iterate.condensed

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
+from cfem.control.adapt_spec import AdaptSpec
 from cfem.control.estimated_spec import EstimateSpec
 from cfem.control.moving.spec import LapsSpec, MovingSpec, ShapingSpec
 from cfem.core.actuator_units import Displacement, Effort
@@ -63,21 +64,6 @@ class GainsSpec(Spec):
         if self.phase_margin is not None and (self.proportional or not 0 < self.phase_margin < np.pi / 2):
             raise ValueError("phase_margin must be between 0 and 90 deg, and needs proportional: 0")
         return self
-
-
-class AdaptSpec(Spec):
-    """Which parameters are tracked while the robot works."""
-
-    noise: Annotated[Length, Field(gt=0)]
-    """Standard deviation of each measured coordinate, with what the model misses."""
-    find: list[str] | None = Field(None, min_length=1)
-    """Parameters of the model. All unless given."""
-    forget: Annotated[Time, Field(gt=0)] = 2.0
-    """Time after which a sample counts for 1/e, for Young's modulus and losses. The other parameters are taken to
-    change 100 times as slowly."""
-    loss: Annotated[Effort | Displacement, Field(gt=0)] | None = None
-    """What an actuator loses of its command, standard deviation: slack of a cable that is told displacements, friction
-    of one that is told forces. None is tracked unless given."""
 
 
 class ControllerSpec(Spec):
@@ -273,6 +259,8 @@ class LoopSpec(Spec):
             return self
         if self.moving is not None or self.real.wall is not None:
             raise ValueError("estimate takes the robot to be at rest and free: leave out moving and real.wall")
+        if any(one.adapt and one.adapt.camera for one in self.controllers.values()):
+            raise ValueError("estimate needs markers in the scene's frame: leave out adapt.camera")
         if self.sensor.noise:
             raise ValueError("estimate has a noise of its own: leave out sensor.noise")
         return self

@@ -52,7 +52,8 @@ def _measuring(
     if spec.adapt is None:
         return built.controller_of(spec, pilot, gains, motion, at)
     model, loop = pilot.model, at.loop
-    if not isinstance(model, Predictor) or not (model.parameters or spec.adapt.loss):
+    camera = spec.adapt.camera
+    if not isinstance(model, Predictor) or not (model.parameters or spec.adapt.loss or camera):
         do = "use a model that was sampled with parameters, or state a loss"
         raise SpecError("the controller's model has no parameters", where="loop.controllers.adapt", do=do)
     tracker = Tracker(
@@ -63,6 +64,7 @@ def _measuring(
         float(spec.adapt.loss or 0.0),
         max(spec.adapt.forget * loop.rate / loop.ticks_a_sample, 2.0),
         pilot.weights > 0,
+        (0.0, 0.0) if camera is None else (camera.shift, camera.turn),
     )
     own = replace(pilot, model=Adapted(model, tracker.used_p))
     return AdaptiveController(own, at.rest_e, tracker, gains, start)
