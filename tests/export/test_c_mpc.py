@@ -1,5 +1,7 @@
 """Predictive control in C against that of Python, tick by tick, and what it says where it has no command."""
 
+import subprocess
+
 import numpy as np
 import pytest
 from export.embedded import needs_compiler
@@ -112,3 +114,15 @@ def test_what_it_cannot_be_is_said(tmp_path):
     flat = {**meta, "form": "force"}
     with pytest.raises(InputError, match="only energy models"):
         write_c_mpc(tmp_path, spec(), flat, arrays, moving)
+
+
+def test_the_example_follows_its_curve(folder):
+    """The condensed robot as plant, noise and a late sample: nearer than the static inverse, which has neither."""
+    both(folder, CASES["forces"])
+    for program in (["make", "-s", "-C", str(folder), "mpc", "CFLAGS=-O1"], [str(folder / "mpc_loop"), "1.1"]):
+        done = subprocess.run(program, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    mean = {said[:14].strip(): float(said.split("mean ")[1].split()[0]) for said in done.stdout.splitlines()[:2]}
+    assert mean["predictive"] < 0.7 * mean["static inverse"]
+    assert ", 0 without a command" in done.stdout and "ticks, state" in done.stdout
+    assert subprocess.run([str(folder / "mpc_loop"), "-1"], capture_output=True).returncode == 2

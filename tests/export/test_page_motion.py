@@ -7,6 +7,7 @@ from export.pages import browser, opened, page_of, until
 
 from cfem.core.errors import InputError
 from cfem.export import page_motion
+from cfem.export.curve import curve_of
 from cfem.export.page_motion import moves
 from cfem.predict.load import build
 
@@ -21,17 +22,22 @@ def runs():
 
 
 @pytest.fixture(scope="module")
-def tab(tmp_path_factory):
+def chromium():
+    with browser() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def tab(chromium, tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "page.html"
     path.write_text(page_of_moving(CHOSEN), encoding="utf-8")
-    with browser() as chromium:
-        one = opened(chromium, path, viewport={"width": 1280, "height": 800})
-        yield one
-        assert one.faults == []
+    one = opened(chromium, path, viewport={"width": 1280, "height": 800})
+    yield one
+    assert one.faults == []
 
 
 def test_commands_are_those_of_python(tab, runs):
-    python = predictive(CHOSEN, page_motion.curve_of(model())[0])
+    python = predictive(CHOSEN, curve_of(model())[0])
     goals = runs.curve[:: len(runs.curve) // 64]
     told = tab.evaluate(
         "([goals, ticks]) => { const m = cfem.robot.moves; m.start(); const out = []; for (let k = 0; k < ticks; k++) "
@@ -68,12 +74,12 @@ def test_the_slider_runs_both_robots_and_stops(tab):
     assert tab.text_content("#laps") == "at rest" and "On the goal" in tab.text_content("#words")
 
 
-def test_a_robot_that_has_not_learned_to_move_has_no_slider(tmp_path):
+def test_a_robot_that_has_not_learned_to_move_has_no_slider(chromium, tmp_path):
     path = tmp_path / "page.html"
     path.write_text(page_of("two cables"), encoding="utf-8")
-    with browser() as chromium:
-        still = opened(chromium, path)
-        assert still.is_hidden("#motion") and still.evaluate("() => !cfem.robot.moves")
+    still = opened(chromium, path)
+    assert still.is_hidden("#motion") and still.evaluate("() => !cfem.robot.moves")
+    still.context.close()
 
 
 def test_room_ends(monkeypatch):

@@ -10,6 +10,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
 from cfem.export.c_constants import controller
+from cfem.export.curve import curve_of
 from cfem.export.spec import CSpec
 from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes, prewarp
@@ -53,6 +54,7 @@ def write_c_mpc(
         body.append(definition + "\n\n")
     write_whole(folder / "cfem_mpc_data.h", "".join([*header, "\n#endif\n"]).encode())
     write_whole(folder / "cfem_mpc_data.c", "".join(body).encode())
+    write_whole(folder / "cfem_mpc_vectors.h", _curve(spec, meta, arrays, moving).encode())
 
 
 def mpc_constants(
@@ -113,6 +115,20 @@ def mpc_constants(
         "level": levels,
     }
     return sizes, numbers, constants
+
+
+def _curve(spec: CSpec, meta: dict, arrays: dict[str, np.ndarray], moving: dict[str, np.ndarray]) -> str:
+    """cfem_mpc_vectors.h: what the example follows, at a quarter of the first natural frequency."""
+    model = MotionModel(build(meta, arrays), moving, meta["motion"]["viscosity"])
+    start, curve = curve_of(model)
+    first = float(natural_modes(model, start, spec.controller.command == "displacement", 1).frequency[0])
+    words = {"CFEM_MPC_CURVE": len(curve), "CFEM_MPC_LAPS": f"{first / 4:.2g}"}
+    parts = [c_text.array(f"cfem_mpc_{name}", one, "double")[1] for name, one in (("start", start), ("curve", curve))]
+    return (
+        "/* What mpc_loop.c follows: by cfem export. */\n"
+        + c_text.defines(words)
+        + "".join(f"static {one}\n" for one in parts)
+    )
 
 
 def _planes(spec: CSpec, n_e: int, rest_e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.model import under_force
 from cfem.core.errors import InputError, NumericalError
 from cfem.export.c_motion import motion_constants
 from cfem.export.c_mpc import mpc_constants
+from cfem.export.curve import curve_of
 from cfem.export.spec import CSpec, FirmwareMpcSpec
 from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes
@@ -23,8 +23,6 @@ ROOM = {
 ROOM |= {"MOVING_TERMS": (1200, "terms of its mass"), "TICKS": (20, "ticks in the horizon")}
 MOST_NA = 8
 COUNTS = ("NQ", "LOSSES", "TERMS", "DEGREE", "MOVING_TERMS", "LOSS_TERMS")
-POINTS = 192  # of the curve
-MIDDLE, SWING = 0.4, 0.2  # of the largest forces
 TICKS_A_PERIOD = 10
 
 
@@ -71,19 +69,3 @@ def moves(meta: dict, predictor: Predictor, moving: dict[str, np.ndarray], spec:
     # half of the first frequency at most: the eight swings twice a lap
     said = {"dt": numbers["DT"], "ticks": sizes["TICKS"], "most": float(f"{first / 2:.2g}")}
     return Moves(block, curve, said)
-
-
-def curve_of(model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
-    """Where the actuators are at its start (n_a,) mm, and where the tips rest (POINTS, n_e) mm while forces go round a
-    figure-eight about their middle."""
-    static, n_a = model.static, model.n_a
-    largest = np.abs(static.domain.lambda_a).max(axis=0)
-    turn = np.pi * (2 * np.arange(n_a) + 1) / (2 * n_a)
-    phase = 2 * np.pi * np.arange(POINTS + 1)[:, None] / POINTS
-    share = MIDDLE + SWING * (np.cos(turn) * np.sin(phase) + np.sin(turn) * np.sin(2 * phase))
-    near, found, start = static.at_displacement(static.domain.nearest(MIDDLE * largest, "force")), [], None
-    for one in share:
-        near = under_force(static, one * largest, near)
-        start = near.delta_a if start is None else start
-        found.append(model.rest_e + near.delta_e)
-    return start, np.array(found[:-1])

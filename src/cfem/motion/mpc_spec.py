@@ -46,7 +46,7 @@ class MpcSpec(Spec):
     moves: PositiveInt | None = None
     """Commands that are planned apart, later ones held for several ticks. As many as the horizon has ticks unless
     given."""
-    smooth: float = Field(1e-3, gt=0)
+    smooth: float = Field(1e-2, gt=0)
     """Cost of a change of command by its full range in one tick, relative to missing the goal by the robot's length."""
     effort: NonNegativeFloat = 1e-10
     """Cost of a command that is its full range away from the first one, likewise."""

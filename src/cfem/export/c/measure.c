@@ -3,28 +3,21 @@
  * timed from when it was due. */
 #if !defined(__arm__)
 #define _POSIX_C_SOURCE 200112L
-#include <time.h>
 #endif
 
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "cfem.h"
 #include "cfem_vectors.h"
+#include "cost.h"
 
 #define TICKS_A_GOAL 20
 #define TICKS (CFEM_VECTORS * TICKS_A_GOAL)
 
 #if defined(__arm__)
-/* MPS2: a timer of 25 MHz that counts down. Under qemu -icount shift=0 an instruction takes 1 ns, so a count is 40 of them. */
-#define UNIT "instructions"
-#define PER_COUNT 40
-#define TIMER ((volatile uint32_t *)0x40000000u)
-static uint64_t now(void) { return (uint64_t)(0xffffffffu - TIMER[1]) * PER_COUNT; }
 static uint64_t wait(void) { return now(); }
-static void start(void) { TIMER[1] = TIMER[2] = 0xffffffffu, TIMER[0] = 1u; }
 
 /* The stack below this program, painted; how much of it was written to since. */
 #define PAINTED 16384
@@ -40,12 +33,6 @@ static int written(void) {
     return (int)(4 * (to - p)) + 256;
 }
 #else
-#define UNIT "ns"
-static uint64_t now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
-}
 static uint64_t period, due; /* ns; 0: as fast as it goes */
 static uint64_t wait(void) {
     if (!period) return now();
@@ -54,7 +41,6 @@ static uint64_t wait(void) {
     while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL)) {}
     return due;
 }
-static void start(void) {}
 static void paint(void) {}
 static int written(void) { return 0; }
 #endif
