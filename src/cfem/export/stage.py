@@ -137,42 +137,10 @@ def work(
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
     report = None
     if "c" in spec.formats:
-        report = write_embedded(folder / FILES["c"], spec.c, meta, arrays, vectors["s"], embedded)
-        sizes["c"] = report["coefficient_bytes"]
-        if has_file(model_folder, MOTION) and not spec.loads:
-            from cfem.export.c_motion import write_c_motion
-
-            moving = read_arrays(model_folder, MOTION)
-            report["motion_bytes"] = write_c_motion(folder / FILES["c"], meta, arrays, moving)
-            if spec.c.mpc is not None:
-                from cfem.export.c_mpc import write_c_mpc
-
-                write_c_mpc(folder / FILES["c"], spec.c, meta, arrays, moving, embedded.pressures)
-        elif spec.c.mpc is not None:
-            what = "predictive control needs a model that has learned to move, and no loads"
-            raise InputError(what, where="c.mpc", do="sample with dynamics: true and train again, or leave `mpc` out")
-        if spec.c.obstacles:
-            from cfem.export.touching import write_touch
-
-            report["contact"] = write_touch(folder / FILES["c"], spec.c, scene, model_folder, vectors["s"])
-            sizes["c contact"] = report["contact"]["bytes"]
-            if report["contact"]["parity"] is not None:
-                parity["c contact"] = report["contact"]["parity"]
-        if report["parity"] is not None:
-            parity["c"] = report["parity"]
-        if spec.c.estimate is not None:
-            parity |= _estimator(folder / FILES["c"], spec, model_folder)
-    if has_skin(model_folder):
-        skin = read_arrays(model_folder, FILE)
-        if spec.loads:
-            skin = loaded_skin(build(meta, arrays), skin, meta["wrench"])
-        parity |= write_skin(folder, spec, meta, arrays, skin, vectors)
-    elif has_file(model_folder, serial_skin.FILE):
-        skins = read_arrays(model_folder, serial_skin.FILE)
-        parity |= write_row_skin(folder, spec, build(meta, arrays), skins, vectors)
-    elif spec.shape:
-        what = "has no skin, and so no shape"
-        raise InputError(what, where=str(spec.model), do="sample it with `skin: {}` in sample.yaml, and train again")
+        report, found, bytes_ = _write_c(folder, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
+        parity |= found
+        sizes |= bytes_
+    parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
         f"{name}: {f'{size(sizes[name])}, ' if name in sizes else ''}largest relative difference from the trained "
@@ -186,6 +154,62 @@ def work(
         headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
     results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
     return {**results, "c": report} if report else results
+
+
+def _write_c(
+    folder: Path,
+    spec: ExportSpec,
+    model_folder: Path,
+    meta: dict,
+    arrays: dict[str, np.ndarray],
+    states: np.ndarray,
+    embedded: Embedding,
+    scene: Path | None,
+) -> tuple[dict[str, Any], dict[str, float], dict[str, int]]:
+    """The controller, and what the spec asks for beside it: motion, predictive control, contact, an estimator. What
+    is reported of it; relative differences from the trained model, where there is a compiler; bytes."""
+    place = folder / FILES["c"]
+    report = write_embedded(place, spec.c, meta, arrays, states, embedded)
+    parity, sizes = {"c": report["parity"]}, {"c": report["coefficient_bytes"]}
+    moves = has_file(model_folder, MOTION) and not spec.loads
+    if moves:
+        from cfem.export.c_motion import write_c_motion
+
+        moving = read_arrays(model_folder, MOTION)
+        report["motion_bytes"] = write_c_motion(place, meta, arrays, moving)
+    if spec.c.mpc is not None:
+        from cfem.export.c_mpc import write_c_mpc
+
+        if not moves:
+            what = "predictive control needs a model that has learned to move, and no loads"
+            raise InputError(what, where="c.mpc", do="sample with dynamics: true and train again, or leave `mpc` out")
+        write_c_mpc(place, spec.c, meta, arrays, moving, embedded.pressures)
+    if spec.c.obstacles:
+        from cfem.export.touching import write_touch
+
+        report["contact"] = write_touch(place, spec.c, scene, model_folder, states)
+        parity["c contact"], sizes["c contact"] = report["contact"]["parity"], report["contact"]["bytes"]
+    if spec.c.estimate is not None:
+        parity |= _estimator(place, spec, model_folder)
+    return report, {name: one for name, one in parity.items() if one is not None}, sizes
+
+
+def _write_shape(
+    folder: Path, spec: ExportSpec, model_folder: Path, meta: dict, arrays: dict, vectors: dict
+) -> dict[str, float]:
+    """The skin in every format, and its relative differences. InputError where one is asked for that is not there."""
+    if has_skin(model_folder):
+        skin = read_arrays(model_folder, FILE)
+        if spec.loads:
+            skin = loaded_skin(build(meta, arrays), skin, meta["wrench"])
+        return write_skin(folder, spec, meta, arrays, skin, vectors)
+    if has_file(model_folder, serial_skin.FILE):
+        skins = read_arrays(model_folder, serial_skin.FILE)
+        return write_row_skin(folder, spec, build(meta, arrays), skins, vectors)
+    if spec.shape:
+        what = "has no skin, and so no shape"
+        raise InputError(what, where=str(spec.model), do="sample it with `skin: {}` in sample.yaml, and train again")
+    return {}
 
 
 def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, float]:
