@@ -48,6 +48,7 @@ LONG = {
     "stiff_flop_stability.py": "make stiff-flop",
     "gym.py": "make soft-finger",
     "loads.py": "minutes of finite elements: see its help",
+    "meeting.py": "minutes of finite elements: see its help",
     "rows.py": "minutes of finite elements: see its help",
     "one_policy.py": "make finger-shapes, and an hour: see its help",
     "page.py": "make pages",

@@ -1,0 +1,139 @@
+"""Soft robots that touch each other, and one that touches itself, against finite elements whose surfaces do the same: a
+table of docs/contact.md.
+
+python benchmarks/meeting.py bars    two bars that bend towards each other
+python benchmarks/meeting.py fork    one body: two bars on a common root
+
+Each makes its own samples, in a folder that it deletes: one to three minutes on one core."""
+
+import argparse
+import shutil
+import tempfile
+import time
+from pathlib import Path
+
+import meshio
+import numpy as np
+import yaml
+
+import cfem
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.meet import Skinned
+from cfem.equilibrium.meet import meet as meet_fe
+from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.predict.load import load_model
+from cfem.predict.meeting import APART, PlacedModel, meet, spacing_of
+from cfem.predict.touchable import Touchable, patches_of, touch_states
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+PIPELINES = Path(__file__).parents[1] / "pipelines"
+OVER = np.array([0.0, 0.0, 16.0])  # mm: of the other bar
+PATCHES = 6.0  # mm
+
+
+def run(specs: Path) -> None:
+    for stage, name in (("mesh", "scene"), ("sample", "sample"), ("train", "train")):
+        cfem.run_stage(stage, specs / f"{name}.yaml")
+
+
+def bar(folder: Path) -> Path:
+    specs = shutil.copytree(PIPELINES / "bar", folder / "pipelines" / "bar")
+    scene = yaml.safe_load((specs / "scene.yaml").read_text())
+    scene["mesh"] = {"size": "5 mm", "element": "hex8"}
+    (specs / "scene.yaml").write_text(yaml.safe_dump(scene))
+    run(specs)
+    return specs
+
+
+def fork(folder: Path) -> Path:
+    """Two bars of 10 x 10 x 60 mm, 6 mm apart, on a root of 10 mm that is held; a cable in each pulls it inwards."""
+    specs = folder / "pipelines" / "fork"
+    specs.mkdir(parents=True)
+    x, y = np.arange(-10.0, 60.1, 5.0), np.arange(-5.0, 5.1, 5.0)
+    z = np.array([-5.0, 0.0, 5.0, 8.0, 11.0, 16.0, 21.0])
+    grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)
+    number, cells = np.arange(grid[..., 0].size).reshape(grid.shape[:3]), []
+    for i, j, k in np.ndindex(len(x) - 1, len(y) - 1, len(z) - 1):
+        if x[i] < 0 or not 5.0 <= z[k] < 11.0:
+            low, high = number[i : i + 2, j : j + 2, k], number[i : i + 2, j : j + 2, k + 1]
+            cells.append([*low[[0, 1, 1, 0], [0, 0, 1, 1]], *high[[0, 1, 1, 0], [0, 0, 1, 1]]])
+    used, cells = np.unique(cells, return_inverse=True)
+    meshio.write(specs / "fork.vtu", meshio.Mesh(grid.reshape(-1, 3)[used], [("hexahedron", cells.reshape(-1, 8))]))
+    scene = yaml.safe_load((PIPELINES / "bar" / "scene.yaml").read_text())
+    scene |= {"name": "fork", "out": "../../data/fork/mesh", "length": "70 mm"}
+    scene |= {"geometry": {"kind": "mesh-file", "path": "fork.vtu"}, "mesh": {"size": "5 mm", "element": "hex8"}}
+    scene["fixed"][0]["point"] = {"mm": [-10, 0, 0]}
+    scene["actuators"] = [
+        {
+            "kind": "cable",
+            "name": name,
+            "pull_point": {"mm": [-10, 0, at]},
+            "points": {"mm": [[15, 0, at], [35, 0, at], [55, 0, at]]},
+            "reach": {"mm": [0, 4]},
+        }
+        for name, at in (("low", 4), ("high", 12))
+    ]
+    scene["effectors"] = [{"name": f"tip-{at}", "point": {"mm": [59, 0, at]}} for at in (0, 16)]
+    sample = yaml.safe_load((PIPELINES / "bar" / "sample.yaml").read_text())
+    sample |= {"mesh": "../../data/fork/mesh", "out": "../../data/fork/samples"}
+    sample["splits"]["train"]["rows"] = 30
+    train = {"dataset": "../../data/fork/samples", "out": "../../models/fork/spectral", "model": {"kind": "spectral"}}
+    for name, spec in (("scene", scene), ("sample", sample), ("train", train)):
+        (specs / f"{name}.yaml").write_text(yaml.safe_dump(spec, sort_keys=False))
+    run(specs)
+    return specs
+
+
+def table(specs: Path, poses: list[tuple], ways: list[list[list[float]]]) -> None:
+    """ways: lists of states, each of delta_a of each robot."""
+    name = specs.name
+    model = load_model(specs.parents[1] / "models" / name / "spectral")
+    robot = build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
+    patches, states = patches_of(model, PATCHES), touch_states(model.domain, robot.rows.n_a)
+    touchable = Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
+    learned = [PlacedModel(touchable, *pose) for pose in poses]
+    truth = [Skinned(robot, model.skin.nodes, model.skin.triangles, patches, *pose) for pose in poses]
+    spacing = spacing_of(patches.rest)
+    print(f"{len(patches)} patches, {spacing:.2g} mm apart")
+    print("actuators, mm | force, FE | learned | tip of the way, FE | off | actuators, of the change | time")
+    for way in ways:
+        found = solved = None
+        for deltas in way:
+            deltas = [np.array(one) for one in deltas]
+            begin = time.process_time()
+            found = meet(learned, deltas, found)
+            spent = time.process_time() - begin
+            actuations = [displacement(one) for one in deltas]
+            solved = meet_fe(truth, actuations, APART * model.length, spacing, solved)
+            if not (found.converged and solved.converged):
+                print(f"{deltas}: learned {found.status.value}; FE {solved.status.value}")
+                break
+            free = [model.at_displacement(one) for one in deltas]
+            pairs = list(zip(found.delta_e, solved.solved, free, found.lambda_a, strict=True))
+            moved = max(np.linalg.norm(one.delta_e - base.delta_e) for _, one, base, _ in pairs)
+            off = max(np.linalg.norm(mine - one.delta_e) for mine, one, _, _ in pairs)
+            change = max(np.abs(one.lambda_a - base.lambda_a).max() for _, one, base, _ in pairs)
+            wrong = max(np.abs(mine - one.lambda_a).max() for _, one, _, mine in pairs)
+            share = f"{100 * wrong / change:.2g} %" if solved.pressed else "-"
+            print(
+                f"{' '.join(str(one.tolist()) for one in deltas)} | {solved.pressed:.5f} N | {found.pressed:.5f} N | "
+                f"{moved:.3f} mm | {off:.3f} mm | {share} | {1e3 * spent:.0f} ms",
+                flush=True,
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("table", choices=("bars", "fork"))
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if given.table == "bars":
+            poses = [(np.eye(3), np.zeros(3)), (np.diag([1.0, -1.0, -1.0]), OVER)]
+            table(bar(Path(folder)), poses, [[[[d], [0.8 * d]] for d in (0.9, 0.95, 1.0, 1.05, 1.1)]])
+        else:
+            table(fork(Path(folder)), [()], [[[[round(d, 2), round(0.9 * d, 3)]] for d in np.arange(1.0, 1.26, 0.05)]])
+
+
+if __name__ == "__main__":
+    main()

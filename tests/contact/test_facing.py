@@ -1,0 +1,65 @@
+"""Patches that face each other: gaps, balance of what they feel, and who never meets."""
+
+import numpy as np
+import pytest
+
+from cfem.condensed.patches import cut
+from cfem.constraint.surface import outer_surface
+from cfem.contact.facing import NEVER, OTHER, OWN, facing, may_meet, patch_normals
+from cfem.mechanics.mesh import boundary_facets
+
+UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
+
+
+def sheets(gap):
+    """A sheet of 5 x 5 patches, 2 mm apart, that faces up, and a point above its middle that faces down."""
+    x, y = np.meshgrid(np.arange(5) * 2.0, np.arange(5) * 2.0)
+    floor = np.column_stack([x.ravel(), y.ravel(), 0.02 * x.ravel()])
+    places = np.vstack([floor, [4.3, 3.6, 0.02 * 4.3 + gap]])
+    normals = np.vstack([np.tile(UP, (25, 1)), DOWN])
+    may = np.full((26, 26), NEVER)
+    may[25, :25] = OTHER
+    return places, normals, may
+
+
+@pytest.mark.parametrize("gap", [0.7, -0.4])
+def test_the_gap_is_that_to_the_plane_through_the_faces(gap):
+    places, normals, may = sheets(gap)
+    found = facing(places, normals, may, 2.0)
+    assert found.points.tolist() == [25] and found.gaps[0] == pytest.approx(gap, abs=1e-12)
+    assert found.relative[0] @ np.ones(26) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_forces_and_moments_balance():
+    places, normals, may = sheets(0.3)
+    found = facing(places, normals, may, 2.0)
+    forces = found.relative[0][:, None] * found.frames[0, 0]
+    assert forces.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert np.cross(places, forces).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_beyond_an_edge_and_behind_a_wall_of_its_own_nothing_is_met():
+    places, normals, may = sheets(0.3)
+    aside = places.copy()
+    aside[25, 0] = 10.5
+    assert not len(facing(aside, normals, may, 2.0).points)
+    deep = np.vstack([places[:25], places[25] - [0, 0, 2.0]])
+    assert facing(deep, normals, may, 2.0).gaps[0] == pytest.approx(-1.7)  # of another body: deep within it
+    assert not len(facing(deep, normals, np.where(may == OTHER, OWN, NEVER), 2.0).points)
+
+
+def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
+    """A row of eight cubes."""
+    X = np.array([[x, y, z] for x in range(9) for y in (0, 1) for z in (0, 1)], float)
+    first = 4 * np.arange(8)[:, None]
+    cells = first + np.array([0, 4, 6, 2, 1, 5, 7, 3])
+    surface = outer_surface(X, boundary_facets(cells))
+    patches = cut(surface.rest, surface.weights, 1.2)
+    who = may_meet([(surface.rest, surface.triangles, patches)] * 2, 4.0)
+    n = len(patches)
+    assert (np.diag(who) == NEVER).all() and (who[:n, n:] == OTHER).all()
+    along = np.abs(patches.rest[:, 0, None] - patches.rest[:, 0])
+    assert (who[:n, :n][along > 6.0] == OWN).all() and (who[:n, :n][along < 1.0] == NEVER).all()
+    normals = patch_normals(surface.rest, surface.triangles, patches.of, n)
+    outward = patches.rest - np.column_stack([patches.rest[:, 0].clip(0.5, 7.5), np.full((n, 2), 0.5)])
+    assert ((normals * outward).sum(axis=1) > 0).all()
