@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.meet import meet as meet_fe
@@ -70,3 +71,9 @@ def test_a_straight_robot_does_not_touch_itself(touchable):
     found = meet([PlacedModel(touchable)], [[2.0]])
     assert found.converged and found.pressed == 0.0
     assert np.array_equal(found.delta_e[0], touchable.model.at_displacement([2.0]).delta_e)
+
+
+def test_robots_that_overlap_at_first_are_refused(touchable):
+    inside = PlacedModel(touchable, OVER[0], np.array([0.0, 0.0, 9.0]))
+    with pytest.raises(InputError, match=r"overlap by 1(\.\d+)? mm where their actuators are at 0"):
+        meet([PlacedModel(touchable), inside], [[0.1], [0.1]])

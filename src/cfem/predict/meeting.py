@@ -12,11 +12,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.contact.facing import Facing, facing, may_meet, patch_normals
+from cfem.core.errors import InputError
 from cfem.predict.touchable import NONE, Held, Touchable
 from cfem.predict.touching import ITERATIONS, MOST, OVERLAP, TOLERANCE, TouchedStatus
 from cfem.predict.touching_round import pressed
 
 APART = 0.3  # of the length: patches of one robot that are nearer along its surface never meet
+INSIDE = 1e-3  # of the length: by how much robots may overlap where they begin
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 
 
@@ -62,17 +64,25 @@ def spacing_of(rest: np.ndarray) -> float:
 def meet(robots: Sequence[PlacedModel], deltas: Sequence[np.ndarray], before: Met | None = None) -> Met:
     """Robots at deltas, (n_a,) mm each; one robot: it meets itself. The way there from the state `before` (none: their
     actuators at 0) is gone in steps, as who is before whom depends on it. Never raises for numerical failure: the state
-    where it ended says why."""
+    where it ended says why. InputError where they overlap at the begin."""
     ends = [np.asarray(one, float) for one in deltas]
     begins = [np.zeros(len(one)) for one in ends] if before is None else before.deltas
     longest = [SHARE * np.abs(one.touchable.model.reach).max(axis=1) for one in robots]
     ways = [np.abs(end - begin) / most for begin, end, most in zip(begins, ends, longest, strict=True)]
     count = max(1, int(np.ceil(max(one.max() for one in ways))))
+    if before is None:
+        _demand_apart(_Meeting(robots, begins))
     for share in np.arange(1, count + 1) / count:
         before = _step(robots, [a + share * (b - a) for a, b in zip(begins, ends, strict=True)], before)
         if not before.converged:
             break
     return before
+
+
+def _demand_apart(rest: "_Meeting") -> None:
+    gap = rest.facing().gaps.min(initial=np.inf)
+    if gap < -INSIDE * rest.length:
+        raise InputError(f"the robots overlap by {-gap:.3g} mm where their actuators are at 0", do="move one of them")
 
 
 def _step(robots: Sequence[PlacedModel], deltas: Sequence[np.ndarray], before: Met | None) -> Met:
@@ -116,7 +126,7 @@ class _Meeting:
     def round(self) -> TouchedStatus | None:
         """None: another one is needed."""
         self.iterations += 1
-        near = self._facing()
+        near = self.facing()
         touching = near.some(np.flatnonzero((near.gaps <= 0) | self.push[near.points].any(axis=1)))
         if not len(touching.points):
             free = not self.forces.any()
@@ -161,7 +171,7 @@ class _Meeting:
             found.append((chosen, forces[chosen]))
         return found
 
-    def _facing(self) -> Facing:
+    def facing(self) -> Facing:
         places, normals = [], []
         for robot, held, (chosen, forces) in zip(self.robots, self.held, self._each(), strict=True):
             of, skin = robot.touchable.patches, robot.touchable.model.skin
@@ -181,7 +191,7 @@ class _Meeting:
         return block_diag(*blocks)
 
     def result(self, status: TouchedStatus) -> Met:
-        near = self._facing()
+        near = self.facing()
         delta_e, lambda_a, rows = [], [], []
         for robot, held, (chosen, forces) in zip(self.robots, self.held, self._each(), strict=True):
             model, base = robot.touchable.model, robot.touchable.model.at_displacement(held.delta)
