@@ -73,7 +73,7 @@ $(SCENES): .venv/all
 
 # Three of the fingers that press the button, on that finger's mesh.
 soft-gripper: .venv/all
-	$(CFEM) run pipelines/$@ pipelines/$@/control-friction.yaml
+	$(CFEM) run pipelines/$@ pipelines/$@/control-friction.yaml pipelines/$@/report-lift.yaml
 
 # Robots of silicone that others built and measured: calibrated, every case predicted by the others, one page.
 REALITY := measured-beam measured-tentacle measured-arm

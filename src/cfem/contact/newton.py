@@ -11,8 +11,10 @@ which points are open, stick and slip."""
 import numpy as np
 
 from cfem.contact.modes import Mode
+from cfem.contact.problem import ContactProblem
 
 ITERATIONS, HALVINGS = 40, 4
+HUGE = 1e9  # of a problem's own units: no force or motion
 PLANE = np.eye(2)
 EXACT = 1e-13  # of the largest force: change of a force in the last step
 
@@ -57,9 +59,64 @@ def newton(
     return None, ITERATIONS
 
 
+def newton_with_object(
+    problem: ContactProblem, mu: float, start: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """lam (m, 3) and xi (k,) of a normalised problem with an object, and how many systems it solved; None where it does
+    not converge. start (3 m,): forces, the smallest that balance the load unless given.
+
+    The unknowns are the forces and the motion of the object, the equations the law as above and its balance."""
+    W, G, m = problem.W, problem.motion, problem.m
+    yields = np.diag(W).reshape(m, 3).max(axis=1)
+    if not (yields > 0).all():
+        return None
+    rate, n = np.repeat(1.0 / yields, 3), 3 * m
+    A = np.hstack([np.eye(n) - rate[:, None] * W, rate[:, None] * G])  # p = A (lam, xi) - r free
+    constant = rate * problem.free
+    if start is None:
+        lam = np.linalg.lstsq(G.T, problem.load, rcond=None)[0]
+        y = np.concatenate([lam, np.linalg.lstsq(G, W @ lam + problem.free, rcond=None)[0]])
+    else:
+        y = np.concatenate([start, np.zeros(problem.k)])
+
+    def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found, D = _projected(A @ y - constant, mu)
+        J = np.zeros((len(y), len(y)))
+        J[:n] = -(D @ A.reshape(m, 3, -1)).reshape(n, -1)
+        J[:n, :n] += np.eye(n)
+        J[n:, :n] = G.T
+        return np.concatenate([y[:n] - found.ravel(), G.T @ y[:n] - problem.load]), J
+
+    F, J = equations(y)
+    for iteration in range(1, ITERATIONS + 1):
+        try:
+            step = np.linalg.solve(J, -F)
+        except np.linalg.LinAlgError:
+            return None
+        size, share = np.abs(F).max(), 1.0
+        for halving in range(HALVINGS + 1):
+            trial = y + share * step
+            if not np.abs(trial).max() < HUGE:
+                return None
+            F, J = equations(trial)
+            if np.abs(F).max() < size or halving == HALVINGS:
+                break
+            share /= 2
+        y, size = trial, np.abs(F).max()
+        if size <= EXACT * max(np.abs(y[:n]).max(), np.abs(constant).max(), np.abs(problem.load).max()):
+            return _clean(y[:n].reshape(m, 3), mu), y[n:], iteration
+    return None
+
+
 def _missing(lam: np.ndarray, A: np.ndarray, constant: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
     """lambda - P(p), and the derivatives (m, 3, 3) of P by p."""
-    p = (A @ lam - constant).reshape(-1, 3)
+    found, D = _projected(A @ lam - constant, mu)
+    return lam - found.ravel(), D
+
+
+def _projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
+    """P (m, 3) of p (3 m,), and its derivatives (m, 3, 3)."""
+    p = p.reshape(-1, 3)
     normal, m = p[:, 0], len(p)
     pressed = normal > 0
     D, found = np.zeros((m, 3, 3)), np.zeros((m, 3))
@@ -74,7 +131,7 @@ def _missing(lam: np.ndarray, A: np.ndarray, constant: np.ndarray, mu: float) ->
         found[:, 1:] = share[:, None] * t
         D[:, 1:, 0] = mu * along
         D[:, 1:, 1:] = share[:, None, None] * (PLANE - along[:, :, None] * along[:, None])
-    return lam - found.ravel(), D
+    return found, D
 
 
 def _clean(lam: np.ndarray, mu: float) -> np.ndarray:

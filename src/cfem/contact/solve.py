@@ -16,7 +16,7 @@ from cfem.contact import sweep
 from cfem.contact.check import Check, check
 from cfem.contact.enumerate import MOST, ContactState, all_modes
 from cfem.contact.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
-from cfem.contact.newton import modes_from, newton
+from cfem.contact.newton import modes_from, newton, newton_with_object
 from cfem.contact.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
@@ -55,9 +55,11 @@ def solve_contact(
     start_modes: Sequence[Mode] | None = None,
     count: bool = False,
     budget: int = BUDGET,
+    start: np.ndarray | None = None,
 ) -> ContactSolution:
     """start_modes: a guess, one a point; by default points within a gap are open and the others stick. count: find
-    every state (at most four points). budget: of the search over more than four points."""
+    every state (at most four points). budget: of the search over more than four points. start: a guess of the forces
+    (3m,) N, for Newton's method on a problem with an object."""
     if count:
         states = all_modes(problem, law)
         tried = len(modes_of(problem, law)) ** problem.m
@@ -71,6 +73,10 @@ def solve_contact(
             return _answer(problem, [state], ContactStatus.SOLVED, tried)
         if _unstable(problem):
             return _answer(problem, [], ContactStatus.UNSTABLE, tried)
+    if problem.m > MOST and problem.k and law == "coulomb" and problem.mu > 0 and problem.cone == "exact":
+        state, tried = _with_object(problem, start)
+        if state is not None:
+            return _answer(problem, [state], ContactStatus.SOLVED, tried)
     state, more = _pivot(problem, law, understood(problem, law, guess))
     tried += more
     if state is not None:
@@ -122,6 +128,20 @@ def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | No
     modes, angles = sweep.guess(problem, law)
     found = solve_mode(problem, law, modes, quick=True, angles=angles)
     return (_state(problem, law, modes, found) if found.valid else None), tried + 1
+
+
+def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[ContactState | None, int]:
+    """Newton's method from the forces that are given, then from the smallest that balance the load."""
+    p, u, tried, mu = problem.normalised, problem.units, 0, problem.mu
+    for guess in ([] if start is None else [start / u.force]) + [None]:
+        found = newton_with_object(p, mu, guess)
+        tried += 1 if found is None else found[2]
+        if found is not None:
+            lam, xi = found[0].ravel() * u.force, found[1] * u.motion
+            account = check(problem, "coulomb", lam, xi)
+            if account.valid():
+                return ContactState(lam, xi, modes_from(found[0], mu), account), tried
+    return None, tried
 
 
 def _from_less_friction(problem: ContactProblem, mu: float) -> tuple[np.ndarray | None, int]:

@@ -65,7 +65,7 @@ def assembled(
     n = 6 if turns else 3
     force = np.zeros(3) if spec.object.force is None else spec.object.force
     held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]))
-    places = [_place(one) for one in spec.robots]
+    places = [place_of(one) for one in spec.robots]
     n_a, count = robot.rows.n_a, len(places)
 
     def holds(models_of: list[Model], n_of: int, origin: np.ndarray) -> list[Hold]:
@@ -109,7 +109,7 @@ def touching(
     force = np.zeros(3) if about.force is None else about.force
     held = Free(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns)
     problem, n_a, count = Problem(robot), robot.rows.n_a, len(spec.robots)
-    fingers = [PlacedRobot(problem, *_place(one)) for one in spec.robots]
+    fingers = [PlacedRobot(problem, *place_of(one)) for one in spec.robots]
     _demand_touch(spec, robot, shape, fingers)
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
@@ -163,7 +163,7 @@ def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[
     return both.reshape(-1, 3), np.arange(72).reshape(12, 6)
 
 
-def _place(one: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
+def place_of(one: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
     turn, shift = np.eye(3), np.zeros(3)
     if one.rotate is not None:
         axis = np.asarray(one.rotate.axis, float)

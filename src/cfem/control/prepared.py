@@ -56,7 +56,7 @@ class Prepared:
 def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Prepared:
     """InputError where a model is not of this robot, SpecError where the spec does not fit it."""
     scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
-    robot, predictors, shift = _robot_and_models(spec, base, scene_and_mesh, models)
+    robot, predictors, shift = robot_and_models(spec, base, scene_and_mesh, models)
     demand_units(spec, robot.actuator_units)
     world = touched = None
     if spec.object:
@@ -66,7 +66,7 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
             world, predictors, touched = touching(spec, alone, predictors)
         plant = touched or fem
     else:
-        _demand_same_rows(robot, predictors, models)
+        demand_same_rows(robot, predictors, models)
         robot, predictors = carrying(spec, robot, predictors, models)
         fem, error = FemPlant(robot) if spec.plant == "fem" else None, _load_error(spec, predictors)
         rest_e = robot.rest_e
@@ -80,7 +80,7 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
     return Prepared(*scene_and_mesh, robot, predictors, plant, fem, touched, world, goals, error)
 
 
-def _robot_and_models(
+def robot_and_models(
     spec: ControlSpec, base: Path, scene_and_mesh: tuple[SceneSpec, Mesh], models: Mapping[str, Path]
 ) -> tuple[Robot, dict[str, Predictor], np.ndarray]:
     """And by how much goals move with the design (n_e,) mm, empty without one."""
@@ -98,7 +98,7 @@ def _load_error(spec: ControlSpec, predictors: Mapping[str, Predictor]) -> float
     return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
 
 
-def _demand_same_rows(robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]) -> None:
+def demand_same_rows(robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]) -> None:
     for name, predictor in predictors.items():
         if predictor.rows != robot.rows:
             what = f"is a model of another robot: it {predictor.rows.difference(robot.rows, 'the scene')}"

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
+from cfem.control.crawling.spec import GaitSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -176,8 +177,8 @@ class ControlSpec(Spec):
     """Whether the same control also runs on FE matrices, for comparison. It takes several FE solves per goal."""
     fe_tolerance: Length = 1e-3
     """Tolerance of that control on FE matrices."""
-    trajectories: dict[Name, TrajectorySpec] = Field(min_length=1)
-    """Goals to follow, by name."""
+    trajectories: dict[Name, TrajectorySpec] = {}
+    """Goals to follow, by name. At least one, or a gait."""
     search: SearchSpec = SearchSpec()
     """How the inverse steps approach a goal."""
     reached: Length = 0.1
@@ -207,6 +208,24 @@ class ControlSpec(Spec):
     """How the robot's surface touches obstacles."""
     loop: LoopSpec | None = None
     """Control over time instead, tick by tick."""
+    gait: GaitSpec | None = None
+    """A crawler instead: `robots` are its legs, whose effectors touch the ground."""
+
+    @model_validator(mode="after")
+    def _trajectories_or_gait(self):
+        if bool(self.trajectories) == (self.gait is not None):
+            raise ValueError("expected trajectories to follow, or a gait")
+        if self.gait:
+            others = {"object": self.object, "obstacles": self.obstacles, "loads": self.loads, "design": self.design}
+            unused = [key for key, value in (others | {"loop": self.loop}).items() if value]
+            if unused or self.plant != "fem" or len(self.models) > 1:
+                raise ValueError(
+                    f"a gait takes one model and plant: fem; leave out {', '.join(unused) or 'the others'}"
+                )
+            unknown = set(self.gait.mirrored) - {one.name for one in self.robots}
+            if unknown:
+                raise ValueError(f"gait.mirrored: {sorted(unknown)} are not among the robots")
+        return self
 
     @model_validator(mode="after")
     def _object_and_fe(self):

@@ -52,6 +52,11 @@ def _work(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: dict[
     from cfem.control.pilots import pilot_of
     from cfem.control.prepared import prepare
 
+    if spec.gait:
+        from cfem.control.crawling.stage import crawl
+
+        return crawl(folder, spec, base, mesh, models)
+
     at = prepare(spec, base, mesh, models)
     if spec.loop:
         from cfem.control.closed_loop_stage import run_controllers

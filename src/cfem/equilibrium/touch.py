@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from cfem.contact.check import Check, check
 from cfem.contact.modes import Mode
 from cfem.contact.problem import ContactProblem, Law
-from cfem.contact.solve import ContactStatus, solve_contact
+from cfem.contact.solve import FEW, ContactStatus, solve_contact
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.held_patch import contact_points, held
 from cfem.equilibrium.newton import Settings
@@ -180,7 +180,7 @@ def touch(
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
             stuck = np.where(sticks, stuck, around.places(at))
             return ended(TouchStatus.CONVERGED, iteration)
-        answer = solve_contact(posed.problem, law, modes or None)
+        answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
             return ended(TouchStatus.NO_MODE, iteration)
         modes, around = answer.modes, around.moved(answer.xi)

@@ -1,0 +1,114 @@
+"""The crawler: legs, learned or finite elements, on one rigid base, and the ground that moves under it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from cfem.contact.obstacle import Plane, tangents
+from cfem.control.crawling.spec import GaitSpec
+from cfem.core.errors import SpecError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.grip import grip
+from cfem.equilibrium.ground import Ground, Pads
+from cfem.equilibrium.touch import Touch, Touching
+from cfem.plant.quasi_static import CONVERGED, carried_out
+
+LONGEST = 1.0  # mm that an actuator goes in one quasi-static step
+INSIDE = 1e-6  # mm
+
+
+@dataclass(frozen=True)
+class Walk:
+    """commands (n, n_a) mm that were carried out; base (n + 1, 3) mm: the base's centre over the ground, at first and
+    after each; turns (n + 1, 3, 3): of the base; least (n,) N: smallest force of an actuator; touches: the states;
+    seconds (n,): each took;
+    status: 'converged', or why it ended."""
+
+    commands: np.ndarray
+    base: np.ndarray
+    turns: np.ndarray
+    least: np.ndarray
+    touches: tuple[Touch, ...]
+    seconds: np.ndarray
+    status: str
+
+    def per_cycle(self, steps: int, direction: np.ndarray) -> float:
+        """mm along `direction` in a cycle of `steps` commands, the mean of all but the first; NaN where it ended."""
+        cycles = (len(self.base) - 1) // steps
+        if self.status != CONVERGED or cycles < 2:
+            return float("nan")
+        return float((self.base[cycles * steps] - self.base[steps]) @ direction) / (cycles - 1)
+
+
+@dataclass(frozen=True)
+class Crawler:
+    """pads: of the base; centre (3,) mm of the base."""
+
+    legs: tuple[Touching, ...]
+    pads: Pads
+    ground: Ground
+    centre: np.ndarray
+
+    def walk(self, commands: np.ndarray, mu: float) -> Walk:
+        """Carries out commands (n, legs n_a) mm from rest, in quasi-static steps."""
+        at, last = np.zeros(commands.shape[1]), None
+        touches, places, turns, least, seconds = [], [self.centre], [np.eye(3)], [], []
+
+        def go(u: np.ndarray) -> str:
+            nonlocal at, last
+            parts = [displacement(part) for part in (*np.split(u, len(self.legs)), np.zeros(0))]
+            found = grip((*self.legs, self.pads), parts, self.ground, "coulomb", mu, last)
+            if found.converged:
+                at, last = u, found
+            return found.status.value
+
+        status = go(at)
+        for command in commands:
+            begin = perf_counter()
+            if status == CONVERGED:
+                status = carried_out(at, command, LONGEST, go)
+            if status != CONVERGED:
+                break
+            touches.append(last)
+            seconds.append(perf_counter() - begin)
+            places.append(last.around.base_at(self.centre[None])[0])
+            turns.append(last.around.R.T)
+            least.append(min(one.lambda_a.min() for one in last.solved[:-1]))
+        done = np.array(commands[: len(touches)])
+        return Walk(done, np.array(places), np.array(turns), np.array(least), tuple(touches), np.array(seconds), status)
+
+
+def crawler_of(gait: GaitSpec, legs: Sequence[Touching], names: Sequence[str]) -> Crawler:
+    """SpecError where the crawler starts inside the ground, or its base does not stand on it."""
+    n = np.asarray(gait.ground.normal, float)
+    n /= np.linalg.norm(n)
+    plane = Plane(R=_standing(n), t=np.array(gait.ground.point))
+    base = gait.base
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+    corners = np.asarray(base.centre) + signs * base.half_size
+    gaps = plane.distance(corners)
+    for name, leg in zip(names, legs, strict=True):
+        deep = -plane.distance(leg.points).min()
+        if deep > INSIDE:
+            do = "move the ground, or turn its normal out of it"
+            raise SpecError(
+                f"the crawler starts inside the ground: '{name}' is {deep:.3g} mm in it", where="gait.ground", do=do
+            )
+    if gaps.min() < -INSIDE:
+        what = f"the crawler starts inside the ground: its base is {-gaps.min():.3g} mm in it"
+        raise SpecError(what, where="gait.ground", do="move the ground, or turn its normal out of it")
+    down = corners[gaps < gaps.min() + INSIDE]
+    if gaps.min() > INSIDE or len(down) < 3:
+        what = f"the base does not stand on the ground: it is {gaps.min():.3g} mm above it on {len(down)} corners"
+        raise SpecError(what, where="gait.ground", do="let one side of the base lie on the ground")
+    weight = np.concatenate([base.weight * n, np.zeros(3)])
+    centre = np.asarray(base.centre, float)
+    ground = Ground(plane, plane.t, weight, mass_at=centre)
+    return Crawler(tuple(legs), Pads(down, base.pads), ground, centre)
+
+
+def _standing(normal: np.ndarray) -> np.ndarray:
+    n, t1, t2 = tangents(normal[None])[0]
+    return np.stack([t1, t2, n], axis=1)

@@ -1,0 +1,67 @@
+"""A gait: the cyclic command of a leg's actuators, s(phi) = mean + amplitude cos(phi - phase), cut to [0, 1], as a
+share of the range that the spec gives. The one is found that carries the crawler farthest in a cycle."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import qmc
+
+PUSHES = 100.0  # mm/N: what a gait costs whose actuators would have to push
+TRIED = 0.5  # of the evaluations: gaits all over; the others improve the best of these
+SIMPLEX = 0.15  # of each range: the first steps of the improvement
+FAILED = 1e3  # mm: what a gait costs that cannot be walked
+
+
+@dataclass(frozen=True)
+class Gait:
+    """mean, amplitude, phase (n_a,): dimensionless, and in turns."""
+
+    mean: np.ndarray
+    amplitude: np.ndarray
+    phase: np.ndarray
+
+    @classmethod
+    def of(cls, shares: np.ndarray) -> "Gait":
+        """From 3 n_a - 1 numbers in [0, 1]; the first phase is 0, as a cycle begins anywhere."""
+        n_a = (len(shares) + 1) // 3
+        mean, amplitude, phase = shares[:n_a], shares[n_a : 2 * n_a], shares[2 * n_a :]
+        return cls(mean, amplitude / 2, np.concatenate([[0.0], phase]))
+
+    def leg(self, steps: int) -> np.ndarray:
+        """(steps, n_a) shares of a cycle."""
+        phi = np.arange(1, steps + 1)[:, None] / steps - self.phase
+        return np.clip(self.mean + self.amplitude * np.cos(2 * np.pi * phi), 0.0, 1.0)
+
+
+def commands_of(
+    gait: Gait, mirrored: Sequence[bool], pulls: tuple[float, float], steps: int, cycles: int
+) -> np.ndarray:
+    """(cycles steps, legs n_a) mm: of all legs, the mirrored ones with their actuators in reverse order."""
+    share = gait.leg(steps)
+    both = np.hstack([share[:, ::-1] if turned else share for turned in mirrored])
+    return np.tile(pulls[0] + (pulls[1] - pulls[0]) * both, (cycles, 1))
+
+
+def best_gait(distance: Callable[[Gait], tuple[float, float]], n_a: int, evaluations: int) -> tuple[Gait, float]:
+    """The gait that goes farthest, and how far (mm a cycle). distance: of a gait, NaN where it cannot be walked, and
+    the smallest force of an actuator (N), where it is below 0."""
+    n = 3 * n_a - 1
+
+    def cost(shares: np.ndarray) -> float:
+        far, least = distance(Gait.of(np.clip(shares, 0.0, 1.0)))
+        return -far - PUSHES * least if np.isfinite(far) else FAILED
+
+    first = max(1, int(TRIED * evaluations))
+    tried = qmc.Halton(n, seed=1).random(first)
+    best = tried[int(np.argmin([cost(shares) for shares in tried]))]
+    options = {"maxfev": max(1, evaluations - first), "initial_simplex": _around(best)}
+    found = minimize(cost, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
+    return Gait.of(np.clip(found.x, 0.0, 1.0)), -float(found.fun)
+
+
+def _around(best: np.ndarray) -> np.ndarray:
+    """(n + 1, n) corners of the first simplex, within [0, 1]."""
+    steps = np.where(best < 0.5, SIMPLEX, -SIMPLEX)
+    return np.vstack([best, best + np.diag(steps)])

@@ -1,0 +1,65 @@
+"""What control.yaml says of a gait: the crawler, the ground under it, and what commands may be."""
+
+from typing import Annotated
+
+from pydantic import Field, PositiveInt, model_validator
+
+from cfem.core.names import Name
+from cfem.core.spec import Spec
+from cfem.core.units import Force, LengthRange, Point
+from cfem.robot.selection import Direction
+
+Friction = Annotated[float, Field(ge=0)]
+
+
+class BaseSpec(Spec):
+    """The rigid base to which the legs are fixed: a box, which the corners of its side at the ground carry."""
+
+    centre: Point
+    """Centre of the box."""
+    half_size: Point
+    """Half of its edges along x, y and z."""
+    weight: Annotated[Force, Field(gt=0)]
+    """Weight of the crawler. It acts at the centre of the box."""
+    pads: Annotated[float, Field(gt=0)] = 1e-2
+    """Compliance in mm/N of the pad at each corner."""
+
+
+class GroundSpec(Spec):
+    """The plane on which the crawler goes."""
+
+    point: Point
+    """A point of it."""
+    normal: Direction
+    """Direction out of the ground, to where the crawler is."""
+    friction: Friction
+    """Coefficient of friction between crawler and ground."""
+
+
+class GaitSpec(Spec):
+    """A cyclic command of all legs that carries the crawler along, found on the first model."""
+
+    base: BaseSpec
+    """What the legs are fixed to."""
+    ground: GroundSpec
+    """Where it goes."""
+    direction: Direction
+    """Where it should go."""
+    mirrored: list[Name] = []
+    """Robots whose actuators get the commands of the others in reverse order, such as legs on the other side."""
+    pulls: LengthRange
+    """Smallest and largest command of an actuator."""
+    steps: PositiveInt = 16
+    """Commands in a cycle."""
+    cycles: Annotated[int, Field(ge=2)] = 3
+    """Cycles that are walked. The first is left out of the distance per cycle."""
+    evaluations: PositiveInt = 150
+    """Gaits that are tried on the model."""
+    frictions: list[Friction] = []
+    """Other coefficients of friction at which model and finite elements walk the same gait."""
+
+    @model_validator(mode="after")
+    def _range(self):
+        if not self.pulls[0] < self.pulls[1]:
+            raise ValueError("pulls: expected a smallest and a larger one")
+        return self

@@ -1,0 +1,140 @@
+"""The `gait:` part of `cfem control`: a gait is found on the learned model, and finite elements walk it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.constraint.contact import ContactPoint
+from cfem.constraint.effector import PointEffector
+from cfem.control.assembled import box_surface, place_of
+from cfem.control.crawling.course import Course, account_of, headline
+from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
+from cfem.control.crawling.spec import GaitSpec
+from cfem.control.prepared import demand_same_rows, robot_and_models
+from cfem.control.spec import ControlSpec
+from cfem.control.summary import summarise
+from cfem.core.errors import InputError
+from cfem.dataset.writer import write_records
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.touch import PlacedRobot
+from cfem.plant.quasi_static import CONVERGED
+from cfem.predict.leg import LearnedLeg
+from cfem.robot.load import load_scene_and_mesh
+
+Place = tuple[np.ndarray, np.ndarray]
+
+
+def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:
+    """Writes trajectories.parquet, a row a command, and states.npz; returns the results."""
+    scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
+    robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
+    demand_same_rows(robot, predictors, models)
+    (name, model), feet = next(iter(predictors.items())), _with_feet(robot)
+    places, names = [place_of(one) for one in spec.robots], [one.name for one in spec.robots]
+    problem, rest = Problem(feet), np.array([one.rest for one in feet.contacts])
+    fe = crawler_of(gait, [PlacedRobot(problem, *place) for place in places], names)
+    learned = crawler_of(gait, [LearnedLeg(model, rest, *place) for place in places], names)
+    on = Course(gait, [one in gait.mirrored for one in names], robot.rows.n_a)
+    best = on.best(learned)
+    walks = {"planned": on.walk(learned, best), "fe": on.walk(fe, best)}
+    far = {key: one.per_cycle(gait.steps, on.direction) for key, one in walks.items()}
+    sweep = [on.at_friction(other, best, learned, fe) for other in gait.frictions]
+    rows = _records(name, walks["planned"], walks["fe"], spec.reached, model)
+    _write(folder / "trajectories.parquet", rows, robot, names, fe.centre)
+    np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], places, robot, gait))
+    account = account_of(walks["fe"])
+    return {
+        "headline": headline(far, sweep, walks, account, gait.ground.friction),
+        "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
+        "per_cycle": far,
+        "frictions": sweep,
+        "contact": account,
+        "trajectories": {"gait": summarise(rows, robot.length)["gait"]},
+        "plant": spec.plant,
+        "discretisation": None,
+        "length": robot.length,
+        "fe_cost": None,
+        "nodes": len(robot.X),
+    }
+
+
+def _with_feet(robot: Robot) -> Robot:
+    """The robot with its effectors for contact points. InputError where one is no point of the body."""
+    if not all(isinstance(one, PointEffector) for one in robot.effectors):
+        what = "a leg touches the ground by effectors, and one of them is no point of its body"
+        raise InputError(what, where="scene", do="leave out effectors that turn or lie outside")
+    contacts = tuple(ContactPoint(one.attachment) for one in robot.effectors)
+    return replace(robot, contacts=contacts, rows=replace(robot.rows, contacts=robot.rows.effectors))
+
+
+def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> list[dict]:
+    """One row a command, as open-loop control has them: the goal is where the plan sees the base."""
+    rows, nan = [], float("nan")
+    for index, u in enumerate(planned.commands):
+        there = index < len(fe.commands)
+        goal, x = planned.base[index + 1], fe.base[index + 1] if there else np.full(3, nan)
+        error = float(np.linalg.norm(x - goal))
+        states = [model.at_displacement(part) for part in np.split(u, len(planned.touches[0].solved) - 1)]
+        rows.append(
+            {
+                "trajectory": "gait",
+                "controller": name,
+                "goal_index": index,
+                "goal": goal,
+                "x_e": x,
+                "error": error,
+                "error_to_fe_based": nan,
+                "delta_a": u,
+                "lambda_a": np.concatenate([one.lambda_a for one in planned.touches[index].solved[:-1]]),
+                "predicted_e": goal - planned.base[0],
+                "predicted_distance": 0.0,
+                "reachable": True,
+                "reached": error < reached,
+                "inside": all(model.inside(one) for one in states),
+                "distance_to_data": max(model.distance(one) for one in states),
+                "status": planned.status,
+                "plant_status": CONVERGED if there else fe.status,
+                "iterations": planned.touches[index].iterations,
+                "queries": planned.touches[index].iterations,
+                "softened": False,
+                "kkt": planned.touches[index].check.largest,
+                "seconds": planned.seconds[index],
+                "step_us": 1e6 * planned.seconds[index],
+            }
+        )
+    return rows
+
+
+def _write(path: Path, rows: list[dict], robot: Robot, names: Sequence[str], centre: np.ndarray) -> None:
+    displacements, forces = zip(*robot.actuator_units, strict=True)
+    legs = len(names)
+    units = dict.fromkeys(("error", "goal", "x_e", "predicted_e"), "mm") | {"step_us": "us", "seconds": "s"}
+    units |= {"delta_a": displacements * legs, "lambda_a": forces * legs}
+    rows_of = [f"base.{axis}" for axis in "xyz"] + [f"{leg}.{name}" for leg in names for name in robot.rows.actuators]
+    meta = {"rows": rows_of, "rest_e": centre.tolist(), "length": robot.length, "units": units}
+    write_records(path, rows, meta)
+
+
+def _pictures(fe: Crawler, walk: Walk, places: Sequence[Place], robot: Robot, gait: GaitSpec) -> dict[str, np.ndarray]:
+    """Shapes of legs and base over the ground, as open-loop control keeps them; base and ground are the last nodes."""
+    mesh, surface = robot.body.mesh, np.unique(robot.facets)
+    box, facets = box_surface(gait.base.centre, gait.base.half_size, mesh.facets.shape[1])
+    local = np.searchsorted(surface, robot.facets)
+    legs = len(places)
+    all_facets = [local + i * len(surface) for i in range(legs)] + [facets + legs * len(surface)]
+
+    def seen(solved: Sequence[Any], index: int) -> np.ndarray:
+        bodies = [
+            (one.state.x if one else mesh.X)[surface] @ turn.T + shift
+            for one, (turn, shift) in zip(solved, places, strict=True)
+        ]
+        points = np.concatenate([*bodies, box])
+        return walk.base[index] + (points - fe.centre) @ walk.turns[index].T
+
+    x = np.array([seen(touch.solved[:-1], i + 1) for i, touch in enumerate(walk.touches)], np.float32)
+    shown = {"X": seen([None] * legs, 0), "facets": np.concatenate(all_facets), "object_points": np.array(len(box))}
+    return shown | {"gait/index": np.arange(len(x)), "gait/x": x}

@@ -1,0 +1,96 @@
+"""A crawler of two hand-made legs: it rows along, rests in balance, and is refused where it cannot stand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cfem.condensed import Condensed, Rows
+from cfem.control.crawling.course import Course, headline
+from cfem.control.crawling.crawler import crawler_of
+from cfem.control.crawling.gait import Gait
+from cfem.core.errors import SpecError
+from cfem.predict.leg import LearnedLeg
+
+ROWS = Rows(("foot.x", "foot.y", "foot.z"), ("sweep", "press"))
+
+
+class Leg:
+    """The foot sweeps along x and comes down along -z, as the two actuators say; it yields by 1 mm/N."""
+
+    def at_displacement(self, a):
+        J = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, -1.0]])
+        W = np.block([[np.eye(3) + J @ J.T, J], [J.T, np.eye(2)]])
+        return Condensed(ROWS, W, np.concatenate([J @ a, a]) - W[:, 3:] @ a, a)
+
+
+def spec(**changes):
+    base = SimpleNamespace(centre=[0.0, 0, 2], half_size=[3.0, 3, 2], weight=1.0, pads=0.01)
+    ground = SimpleNamespace(point=[0.0, 0, 0], normal=[0.0, 0, 1], friction=0.5)
+    whole = {"base": base, "ground": ground, "direction": [1.0, 0, 0], "pulls": (0.0, 1.0), "steps": 8, "cycles": 3}
+    return SimpleNamespace(**(whole | changes))
+
+
+def crawler(about=None):
+    foot = np.array([[0.0, 8.0, 0.5]])
+    legs = [LearnedLeg(Leg(), foot * [1, side, 1], np.eye(3), np.zeros(3)) for side in (1, -1)]
+    return crawler_of(about or spec(), legs, ["one", "other"])
+
+
+def commands(cycles=2, steps=8):
+    """Both legs: press while they sweep back, lift while they sweep forth."""
+    phi = 2 * np.pi * np.arange(1, steps + 1) / steps
+    one = np.column_stack([0.5 + 0.5 * np.cos(phi), 0.45 + 0.35 * np.sin(phi)])
+    return np.tile(np.hstack([one, one]), (cycles, 1))
+
+
+def test_it_rows_itself_along_by_less_than_its_stroke_and_holds_its_course():
+    walk = crawler().walk(commands(3), 0.5)
+    assert walk.status == "converged" and len(walk.commands) == 24
+    far = walk.per_cycle(8, np.array([1.0, 0, 0]))
+    assert 0.05 < far < 1.0
+    np.testing.assert_allclose(walk.base[:, 1], 0.0, atol=1e-6)
+    for touch in walk.touches:
+        assert touch.check.largest <= 1e-8
+        lift = touch.posed.force[::3]
+        assert lift.sum() == pytest.approx(1.0, rel=1e-2)  # the weight; the ground tilts by a little
+
+
+def test_backwards_commands_go_backwards():
+    ahead, back = (
+        crawler().walk(one, 0.5).per_cycle(8, np.array([1.0, 0, 0])) for one in (commands(), commands()[::-1])
+    )
+    assert ahead > 0 > back
+
+
+def test_legs_that_only_sweep_in_the_air_go_nowhere():
+    u = commands()
+    u[:, [1, 3]] = 0.0
+    walk = crawler().walk(u, 0.5)
+    assert abs(walk.per_cycle(8, np.array([1.0, 0, 0]))) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"point": [0.0, 0, 1.0]}, "starts inside the ground: 'one' is 0.5 mm in it"),
+        ({"point": [0.0, 0, 0.3]}, "starts inside the ground: its base is 0.3 mm in it"),
+        ({"point": [0.0, 0, -1.0]}, "does not stand on the ground: it is 1 mm above it"),
+        ({"normal": [0.1, 0, 1.0]}, "starts inside the ground|does not stand on the ground"),
+    ],
+)
+def test_a_crawler_that_does_not_stand_on_the_ground_is_refused(changes, said):
+    ground = SimpleNamespace(**({"point": [0.0, 0, 0], "normal": [0.0, 0, 1], "friction": 0.5} | changes))
+    with pytest.raises(SpecError, match=said):
+        crawler(spec(ground=ground))
+
+
+def test_a_course_walks_a_gait_and_tells_of_it():
+    course = Course(spec(), [False, False], 2)
+    gait = Gait(np.array([0.5, 0.45]), np.array([0.5, 0.35]), np.array([0.0, 0.25]))
+    one = crawler()
+    walks = {name: course.walk(one, gait) for name in ("planned", "fe")}
+    far = {name: walk.per_cycle(8, course.direction) for name, walk in walks.items()}
+    account = {"commands": 24, "points": {"stick": 3}, "law_residual": 1e-9}
+    lines = headline(far, [course.at_friction(0.8, gait, one, one)], walks, account, 0.5)
+    assert "0 % apart, friction 0.5" in lines[0] and lines[1].startswith("friction 0.8: ")
