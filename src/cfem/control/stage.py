@@ -94,7 +94,7 @@ def _open_loop(folder: Path, spec: ControlSpec, base: Path, at: "Prepared") -> d
     if spec.object:
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
-    _write_table(folder / "trajectories.parquet", records, robot)
+    _write_table(folder / "trajectories.parquet", records, at)
     costs = ("solves", "factorizations", "seconds")
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held, met = headline(results, refined, cost), None, None
@@ -164,10 +164,10 @@ def _follow(
     return rows, pictures if shapes else {}
 
 
-def _write_table(path: Path, records: list[dict], robot) -> None:
+def _write_table(path: Path, records: list[dict], at: "Prepared") -> None:
     from cfem.dataset.writer import write_records
 
-    displacements, forces = zip(*robot.actuator_units, strict=True)
+    displacements, forces = zip(*at.robot.actuator_units, strict=True)
     units = {
         "error": "mm",
         "goal": "mm",
@@ -179,5 +179,6 @@ def _write_table(path: Path, records: list[dict], robot) -> None:
         "step_us": "us",
         "seconds": "s",
     }
-    meta = {"rows": list(robot.rows.names), "rest_e": robot.rest_e.tolist(), "length": robot.length, "units": units}
+    rows = (at.world or at.robot).rows.names
+    meta = {"rows": list(rows), "rest_e": at.rest_e.tolist(), "length": at.robot.length, "units": units}
     write_records(path, records, meta)
