@@ -59,7 +59,7 @@ def test_specs_that_somebody_edited_are_kept(tmp_path):
 @pytest.mark.parametrize(
     "words, said",
     [
-        (["x", "--robot", "finger"], "use one of bar, diamond"),
+        (["x", "--robot", "finger"], "use one of bar, crawler, diamond"),
         (["x"], "give --from FILE or --robot NAME"),
         (["x", "--robot", "bar", "--from", "x.step"], "one of the two"),
         (["x", "--robot", "bar", "--young", "1 MPa"], "--young goes with --from"),
