@@ -72,8 +72,8 @@ def prepared(name: str, quick: bool) -> tuple[MovingProblem, MotionModel, Any, P
     mesh_stage.run(folder / "scene.yaml", [], None, QUIET)
     count, states = (10, 2) if quick else (ROWS.get(name, 60), STATES)
     rows = [f"splits.train.rows={count}", f"splits.test.rows={states}"]
-    # of solids the skin's rows make inner motions; a rod has its own
-    plain = ["skin=null"] if scene["mesh"].get("element") == "beam" else []
+    # of solids the skin's rows make inner motions, and loads arcs of the tip; a rod has its own inner motions
+    plain = ["skin=null"] if scene["mesh"].get("element") == "beam" else ["loads=true"]
     sample(folder / "sample.yaml", ["dynamics=true", "third_order=false", *plain, *rows], None, QUIET, workers=1)
     train(folder / "train.yaml", ["learning_curve=[]", "skin=false"], None, QUIET)
     robot = build_robot(*load_scene_and_mesh(folder / "scene.yaml", root / "data" / name / "mesh"))

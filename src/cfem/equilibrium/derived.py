@@ -55,9 +55,10 @@ def derive(
     SingularMatrixError."""
     at, lam, active = result.at, result.lam, problem.robot.rows.active
     by_q = differences(problem, at, lam, wanted.sides) if wanted.sides else None
-    others = by_q.residual if by_q else np.zeros((problem.pattern.n_dof, 0))
-    found = condense(problem, at, lam, result.tangent, cost, others)
-    W = found.condensed.W
+    by_sides = by_q.residual if by_q else np.zeros((problem.pattern.n_dof, 0))
+    pulls = by_sides[:, :0] if wanted.stresses is None else problem.rod_forces(at, wanted.stresses)
+    found = condense(problem, at, lam, result.tangent, cost, np.hstack([by_sides, pulls]))
+    W, moved_by_sides, answers = found.condensed.W, *np.split(found.y, [by_sides.shape[1]], axis=1)
     pushed = None
     if wanted.pushed is not None:
         moved = found.factor.solve(problem.gradients((wanted.pushed,), at.x))
@@ -69,12 +70,13 @@ def derive(
         return derived, False
     moves = Y = dW = dC = None
     if wanted.mass is not None:
-        moves, Y = inertia(problem, wanted.mass, at, found, wanted.stresses, wanted.third_order)
+        stressed = None if wanted.stresses is None else (pulls, answers)
+        moves, Y = inertia(problem, wanted.mass, at, found, stressed, wanted.third_order)
     if wanted.third_order:
         dW, dV = compliance_derivatives(problem, at, lam, found.Z, Y, wanted.mass)
         moves = moves and replace(moves, dV=dV)
     if wanted.loads:
         dC = load_derivatives(problem, at, lam, found.Z, W)
-    slopes = parameter_slopes(problem, at, W, found.Z, by_q, found.y) if by_q else None
+    slopes = parameter_slopes(problem, at, W, found.Z, by_q, moved_by_sides) if by_q else None
     linear = Linear(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W) if wanted.keep else None
     return replace(derived, dW=dW, dC=dC, slopes=slopes, inertia=moves, linear=linear), True

@@ -66,14 +66,14 @@ def inertia(
     mass: sp.csr_array,
     at: Evaluation,
     condensation: Condensation,
-    stresses: np.ndarray | None = None,
+    stressed: tuple[np.ndarray, np.ndarray] | None = None,
     derivatives: bool = False,
 ) -> tuple[Inertia, np.ndarray | None]:
     """Of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing needs it.
-    mass: of `mass_of`; stresses: of `inner.rod_stresses`, for inner motions; derivatives: whether dV will be asked
-    for."""
+    mass: of `mass_of`; stressed: for inner motions, the forces (n_dof, k) of the stresses of `inner.rod_stresses` and
+    A^-1 of them; derivatives: whether dV will be asked for."""
     Z, Y, symmetric = condensation.Z, None, lambda each: (each + each.T) / 2
-    G = None if stresses is None else _answers(problem, at, condensation, stresses)
+    G = None if stressed is None else _answers(problem, at, condensation, *stressed)
     heavy = times_mass(problem, mass, at.x, Z if G is None else np.hstack([Z, G.motions]))
     by_rows = heavy[:, : Z.shape[1]]
     if G is None or derivatives:
@@ -95,12 +95,11 @@ class _Answers:
     quasi: np.ndarray
 
 
-def _answers(problem: Problem, at: Evaluation, condensation: Condensation, stresses: np.ndarray) -> _Answers:
-    """With the factor at hand; stresses: (m, 6, k) of the rod's elements."""
+def _answers(
+    problem: Problem, at: Evaluation, condensation: Condensation, pulls: np.ndarray, G: np.ndarray
+) -> _Answers:
     rows, W = problem.robot.rows, condensation.condensed.W
     X = condensation.Z[:, rows.a] @ np.linalg.inv(W[rows.a, rows.a])
-    pulls = problem.rod_forces(at, stresses)
-    G = refined(problem, condensation.data, condensation.factor, pulls)[0]
     return _Answers(G - X @ (at.H[:, : rows.n_a].T @ G), pulls, X)
 
 
@@ -116,8 +115,9 @@ def _inner(problem: Problem, at: Evaluation, condensation: Condensation, found: 
 
 def times_mass(problem: Problem, mass: sp.csr_array, x: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(n_dof, k): T^T M T of changes q (n_dof, k) of the unknowns."""
-    motions = problem.kinematics.spread(x, q)
-    return problem.kinematics.reduce(x, (mass @ motions.reshape(len(x), -1)).reshape(motions.shape))
+    heavy = np.diff(mass.indptr) > 0  # of the nodes of a rod's section, three
+    motions = problem.kinematics.spread(x, q, heavy)
+    return problem.kinematics.reduce(x, (mass @ motions.reshape(len(x), -1)).reshape(motions.shape), heavy)
 
 
 def loss_forms(problem: Problem, at: Evaluation, q: np.ndarray) -> np.ndarray:

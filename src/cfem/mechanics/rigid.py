@@ -55,8 +55,9 @@ class Kinematics:
     def n_dof(self) -> int:
         return self.pattern.n_dof
 
-    def reduce(self, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-        """T^T of nodal (n, 3) or (n, 3, k) at positions x: (n_dof,) or (n_dof, k)."""
+    def reduce(self, x: np.ndarray, nodal: np.ndarray, only: np.ndarray | None = None) -> np.ndarray:
+        """T^T of nodal (n, 3) or (n, 3, k) at positions x: (n_dof,) or (n_dof, k). only: (n,) nodes of groups beside
+        which nodal is 0."""
         free = self.pattern.free
         if not self.groups:
             return nodal[free].reshape(self.n_dof, *nodal.shape[2:])
@@ -64,27 +65,40 @@ class Kinematics:
         plain = free < len(self.X)
         out[plain] = nodal[free[plain]]
         all_ = self.members
-        _, r = self.arms(x)
-        f = nodal[all_.nodes].reshape(len(r), 3, -1)
-        moment = np.add.reduceat(_cross(r[:, :, None], f), all_.start) / all_.radius[:, None]
-        out[all_.translation] = np.add.reduceat(f, all_.start).reshape(-1, *nodal.shape[1:])
+        nodes, r, _, start = self._chosen(x, only)
+        f = nodal[nodes].reshape(len(r), 3, -1)
+        moment = np.add.reduceat(_cross(r[:, :, None], f), start) / all_.radius[:, None]
+        out[all_.translation] = np.add.reduceat(f, start).reshape(-1, *nodal.shape[1:])
         out[all_.rotation] = moment.reshape(-1, *nodal.shape[1:])
         return out.reshape(self.n_dof, *nodal.shape[2:])
 
-    def spread(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,), (n, 3, k) of k changes (n_dof, k)."""
+    def spread(self, x: np.ndarray, q: np.ndarray, only: np.ndarray | None = None) -> np.ndarray:
+        """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,), (n, 3, k) of k changes (n_dof, k).
+        only: (n,) nodes of groups that are asked for; the others' motion is 0."""
         blocks, free = q.reshape(len(q) // 3, 3, *q.shape[1:]), self.pattern.free
         out = np.zeros((*self.X.shape, *q.shape[1:]))
         plain = free < len(self.X)
         out[free[plain]] = blocks[plain]
         if self.groups:
             all_ = self.members
-            _, r = self.arms(x)
+            nodes, r, owner, _ = self._chosen(x, only)
             by_group = blocks.reshape(len(blocks), 3, -1)
             turn = by_group[all_.rotation] / all_.radius[:, None]
-            moved = by_group[all_.translation][all_.owner] + _cross(turn[all_.owner], r[:, :, None])
-            out[all_.nodes] = moved.reshape(len(r), *out.shape[1:])
+            moved = by_group[all_.translation][owner] + _cross(turn[owner], r[:, :, None])
+            out[nodes] = moved.reshape(len(r), *out.shape[1:])
         return out
+
+    def _chosen(
+        self, x: np.ndarray, only: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes of groups, their arms, owners, and where each group begins: all of them, or those that `only` says."""
+        all_, r = self.members, self.arms(x)[1]
+        if only is None:
+            return all_.nodes, r, all_.owner, all_.start
+        kept = only[all_.nodes]
+        kept[all_.start] = True  # a group without any would have no place of its own
+        owner = all_.owner[kept]
+        return all_.nodes[kept], r[kept], owner, np.searchsorted(owner, np.arange(len(all_.start)))
 
     def move(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Positions (n, 3) after the change q (n_dof,) of the unknowns: rigid groups stay rigid."""
@@ -225,8 +239,11 @@ class Members:
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a x b along the second axis."""
-    pairs = ((1, 2), (2, 0), (0, 1))
-    return np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in pairs], axis=1)
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.multiply(a[:, i], b[:, j], out=out[:, k])
+        out[:, k] -= a[:, j] * b[:, i]
+    return out
 
 
 def make_kinematics(

@@ -48,8 +48,8 @@ def simulate(
     """From `start` to the time `until`, s, in steps of dt. command: time at the end of a step -> what holds then
     (displacements) or during it (forces). unilateral: (n_a,) cables that go slack instead of pushing, and are held
     again where they would be longer than commanded; none unless given. A step that is not found is taken in halves, and
-    `shortened` says so. NumericalError where that does not help, and where the motion grows far beyond the robot, as it
-    may where `left` says that the model knows nothing."""
+    `shortened` says so. NumericalError where that does not help; where the learned energy is unstable after the motion
+    has left the states that it was learned from; and where the motion grows far beyond the robot."""
     run, none = Run(), np.zeros(model.n_a, dtype=bool)
     advance = partial(_advance, model, none if unilateral is None else np.asarray(unilateral, bool))
     _note(run, model, start, none)
@@ -119,6 +119,12 @@ def _note(run: Run, model: MotionModel, motion: Motion, slack: np.ndarray) -> No
     place = model.at(delta_a)
     if run.left is None and not model.static.domain.holds(delta_a, place.pull):
         run.left = motion.t
+    if run.left is not None and not np.linalg.eigvalsh(place.stiff)[0] > 0:
+        raise NumericalError(
+            f"the learned energy pushes the robot away instead of back at {motion.t:g} s, after the motion left the "
+            f"states that it has learned from at {run.left:g} s",
+            do="command less, or sample where it goes",
+        )
     delta_e = place.effectors(motion.q[model.n_a :])
     if not np.abs(delta_e).max() <= _FAR * model.static.length:
         where = "" if run.left is None else f", after it left the states that it has learned from at {run.left:g} s"
