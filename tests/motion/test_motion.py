@@ -15,6 +15,7 @@ from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import solve
+from cfem.motion.altered import Altered
 from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes
 from cfem.motion.payload import Payload
@@ -160,6 +161,24 @@ def test_a_motion_that_leaves_what_was_learned_says_when():
     assert 0.009 <= simulate(model(), start, out, 0.012, 1e-3).left <= 0.012
     with pytest.raises(NumericalError, match=r"left the states|is not found"):
         simulate(model(), start, out, 0.5, 1e-3)
+
+
+class Yielding(Altered):
+    """Whose energy has a maximum beyond what was learned."""
+
+    def at(self, delta_a):
+        place = super().at(delta_a)
+        return place if delta_a[0] < 1.2 * LARGEST else replace(place, stiff=-place.stiff)
+
+
+def test_a_motion_stops_where_the_learned_energy_pushes_away():
+    start = at_rest(model(), np.array([1.0]))
+
+    def out(t):
+        return Command(displacement=np.array([1.0 + 200 * t]))
+
+    with pytest.raises(NumericalError, match=r"pushes the robot away .* left the states .* at 0.01\d s"):
+        simulate(Yielding(model()), start, out, 0.02, 1e-3)
 
 
 def test_bad_input_says_so():

@@ -17,6 +17,7 @@
 #define DEGREES (CFEM_MOTION_DEGREE + 1)
 #define ITERATIONS 30
 #define EXPANSIONS 30
+#define BLOCK 4
 #define TOLERANCE 1e-8
 #define NEAR 1e-4 /* of the half width of the learned box */
 
@@ -45,32 +46,48 @@ static double product(const polynomials *t, const uint8_t *degrees) {
     return phi;
 }
 
+/* out[o] += sum of BLOCK weights times BLOCK rows of coefficients: as many terms at once as share what is read and written of `out`. */
+static void add_block(int count, const double *restrict w, const double *const *c, double *restrict out) {
+    const double *restrict a = c[0], *restrict b = c[1], *restrict d = c[2], *restrict e = c[3];
+    for (int o = 0; o < count; o++) out[o] += w[0] * a[o] + w[1] * b[o] + w[2] * d[o] + w[3] * e[o];
+}
+
 /* out[o] = sum over terms of series[term][from + o] phi(s), o < count. */
 static void sum(int terms, int outputs, int from, int count, const double *series, const uint8_t *degrees, const polynomials *t,
                 double *out) {
     for (int o = 0; o < count; o++) out[o] = 0.0;
-    for (int m = 0; m < terms; m++) {
-        const double phi = product(t, degrees + m * NA), *c = series + m * outputs + from;
-        for (int o = 0; o < count; o++) out[o] += phi * c[o];
+    for (int m = 0; m < terms; m += BLOCK) {
+        const double *c[BLOCK];
+        double w[BLOCK];
+        for (int k = 0; k < BLOCK; k++) {
+            const int term = m + k < terms ? m + k : 0;
+            w[k] = m + k < terms ? product(t, degrees + term * NA) : 0.0, c[k] = series + term * outputs + from;
+        }
+        add_block(count, w, c, out);
     }
 }
 
 /* rows[0]: the root of M; rows[1 + i]: its derivative by coordinate i of the box. */
 static void roots(const polynomials *t, double rows[1 + NA][TRIANGLE]) {
     memset(rows, 0, sizeof(double) * (1 + NA) * TRIANGLE);
-    for (int m = 0; m < CFEM_MOTION_MOVING_TERMS; m++) {
-        const uint8_t *degrees = cfem_motion_moving_degrees[m];
-        const double *c = cfem_motion_moving[m];
-        double after[NA + 1], before = 1.0;
-        after[NA] = 1.0;
-        for (int i = NA - 1; i >= 0; i--) after[i] = after[i + 1] * t->value[i][degrees[i]];
-        for (int o = 0; o < TRIANGLE; o++) rows[0][o] += after[0] * c[o];
-        for (int i = 0; i < NA; i++) {
-            const double by_z = before * t->slope[i][degrees[i]] * after[i + 1];
-            before *= t->value[i][degrees[i]];
-            if (!degrees[i]) continue;
-            for (int o = 0; o < TRIANGLE; o++) rows[1 + i][o] += by_z * c[o];
+    for (int m = 0; m < CFEM_MOTION_MOVING_TERMS; m += BLOCK) {
+        const double *c[BLOCK];
+        double w[1 + NA][BLOCK] = {{0}};
+        for (int k = 0; k < BLOCK; k++) {
+            const int term = m + k < CFEM_MOTION_MOVING_TERMS ? m + k : 0;
+            const uint8_t *degrees = cfem_motion_moving_degrees[term];
+            double after[NA + 1], before = 1.0;
+            c[k] = cfem_motion_moving[term];
+            if (m + k >= CFEM_MOTION_MOVING_TERMS) continue;
+            after[NA] = 1.0;
+            for (int i = NA - 1; i >= 0; i--) after[i] = after[i + 1] * t->value[i][degrees[i]];
+            w[0][k] = after[0];
+            for (int i = 0; i < NA; i++) {
+                w[1 + i][k] = before * t->slope[i][degrees[i]] * after[i + 1];
+                before *= t->value[i][degrees[i]];
+            }
         }
+        for (int i = 0; i <= NA; i++) add_block(TRIANGLE, w[i], c, rows[i]);
     }
 }
 
