@@ -11,8 +11,8 @@ quarter of the first period and in a chirp from a third of the first frequency t
 or growths commanded, from half of the reach by a tenth of it. energy_drift: of the undamped model in 1000 periods of
 100 steps, by the straight line through its energy, over the vibration's own.
 step_us, c_step_us: CPU time of a condensed step in Python and in C, and full_step_over: of a full one over each.
-sampling: CPU time of a state with what dynamics: true adds over one without, and its factorisations. --quick: 20
-periods, 10 training states, 2 others and no tip."""
+sampling: CPU time of a state with what dynamics: true adds over one without, with what loads: true adds to solids too,
+and its factorisations. --quick: 20 periods, 10 training states, 2 others and no tip."""
 
 import ctypes
 import json
@@ -200,7 +200,10 @@ def sampling(problem: MovingProblem, test: Any) -> dict[str, Any]:
         return min(times), found.factorizations
 
     plain, moving = spent(), spent(mass=problem.mass, stresses=stresses)
-    return {"ratio": moving[0] / plain[0], "factorizations": {"without": plain[1], "with": moving[1]}}
+    found = {"ratio": moving[0] / plain[0], "factorizations": {"without": plain[1], "with": moving[1]}}
+    if stresses is None:
+        found["ratio_with_loads"] = spent(mass=problem.mass, loads=True)[0] / plain[0]
+    return found
 
 
 def main(name: str, quick: bool) -> dict[str, Any]:

@@ -1,10 +1,11 @@
 """The condensed model that moves, against the full finite elements that it was learned from."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from motion.learned import LARGEST, dataset, model, problem, states
+from motion.learned import LARGEST, TAU, dataset, model, problem, states
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.dynamics import modes as full_modes
@@ -15,8 +16,9 @@ from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import solve
+from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.altered import Altered
-from cfem.motion.model import MotionModel
+from cfem.motion.model import Loss, MotionModel
 from cfem.motion.modes import natural_modes
 from cfem.motion.payload import Payload
 from cfem.motion.simulate import simulate
@@ -104,6 +106,33 @@ def test_the_tip_moves_as_that_of_the_full_model(kind):
     wanted = full.of("delta_e")
     travel = np.linalg.norm(np.ptp(wanted, axis=0))
     assert np.linalg.norm(tip - wanted, axis=1).max() < 0.02 * travel
+
+
+def test_what_relaxes_is_that_of_the_full_model():
+    """A Prony term of a third of a period: it stiffens and damps the swing after a quick pull."""
+    terms, solved, end, dt = ((0.5, 0.008),), states()[4], 0.04, 5e-4
+    full = MovingProblem(replace(problem().robot, viscosity=(Viscosity(TAU, terms),)))
+    relaxing = copy(model())
+    relaxing.losses = (Loss(TAU, terms),)
+
+    def of(t):
+        return solved.delta_a * (1.25 - 0.25 * np.cos(np.pi * min(t / 0.01, 1.0)))
+
+    run = full_simulate(
+        full,
+        full_at_rest(full, solved.state),
+        lambda t: displacement(of(t)),
+        end,
+        (0.01,),
+        Pace(dt, tolerance=None),
+        Scheme(1.0),
+    )
+    wanted, errors = run.of("delta_e"), []
+    for which in (relaxing, model()):
+        ours = simulate(which, at_rest(which, solved.delta_a), lambda t: Command(displacement=of(t)), end, dt).arrays()
+        tip = np.array([np.interp(run.t, ours["t"], column) for column in ours["delta_e"].T]).T
+        errors.append(np.linalg.norm(tip - wanted, axis=1).max() / np.linalg.norm(np.ptp(wanted, axis=0)))
+    assert errors[0] < 0.02 < 0.1 < errors[1]
 
 
 def test_without_viscosity_the_energy_does_not_drift():

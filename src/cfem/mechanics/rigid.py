@@ -88,9 +88,7 @@ class Kinematics:
             out[nodes] = moved.reshape(len(r), *out.shape[1:])
         return out
 
-    def _chosen(
-        self, x: np.ndarray, only: np.ndarray | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _chosen(self, x: np.ndarray, only: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Nodes of groups, their arms, owners, and where each group begins: all of them, or those that `only` says."""
         all_, r = self.members, self.arms(x)[1]
         if only is None:
