@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.gym.environments import RobotEnv, RobotVectorEnv
+from cfem.gym.tasks import TASKS
 from cfem.predict.load import load_model
 
 
@@ -25,7 +26,7 @@ def main() -> None:
     parser.add_argument("--no-torch", action="store_true")
     given = parser.parse_args()
     model, rates = load_model(given.model), {}
-    for task in ("reach", "follow", "press"):
+    for task in TASKS:
         rates[task] = environment(model, task, given)
         print(f"{task}: {rates[task] / 1e6:.2f} million steps a second in a batch of {given.robots}", flush=True)
     print(f"reach, one robot alone: {alone(model):.0f} steps a second")
