@@ -49,3 +49,10 @@ def test_several_runs_name_those_where_goals_are_missed():
         found.concerns[0] == ("in bad no controller reaches all goals; the best, open, reaches 3 of 4")
         and found.numbers == ()
     )
+
+
+def test_of_controllers_that_reach_all_goals_the_nearest_is_the_best():
+    far = result() | {"error_at_goals": {"mean": 0.4, "max": 0.5}}
+    near = result() | {"error_at_goals": {"mean": 0.01, "max": 0.5}}
+    found = loops_summary({"points": {"curve": {"policy": far, "closed": near}}})
+    assert found.sentence.startswith("Controller closed")

@@ -40,8 +40,8 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
         if estimated:
             charts.append(estimate_chart(f"estimate-{name}-{trajectory}", rows, loaded, said))
     text = (
-        "At each tick the controller takes the last measurement, estimates the state, solves one inverse step and "
-        "sends one command. Errors are distances of the true position from the goal."
+        "At each tick a controller takes the last measurement and sends one command: of an inverse step from the "
+        "estimated state, or of a trained policy. Errors are distances of the true position from the goal."
     )
     section = f"Over time: {name}"
     tables = [loop_table(results), *([estimate_table(results, loaded)] if estimated else [])]

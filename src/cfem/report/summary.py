@@ -89,9 +89,10 @@ def _time(found: Tracking, step_us: np.ndarray) -> Number:
 
 
 def loops_summary(loops: Mapping[str, Mapping[str, Mapping[str, dict]]]) -> Summary:
-    """loops: results of `cfem control` over time, by their names: goals of the best controller of each run."""
+    """loops: results of `cfem control` over time, by their names: goals of the best controller of each run, of several
+    that reach as many the one with the smallest error."""
     runs = [(name, one) for name, trajectories in loops.items() for one in trajectories.values()]
-    best = [(name, *max(one.items(), key=lambda item: _share(item[1]))) for name, one in runs]
+    best = [(name, *max(one.items(), key=lambda item: _merit(item[1]))) for name, one in runs]
     poor = [one for one in best if _share(one[2]) < 1]
     concerns = [
         f"in {name} no controller reaches all goals; the best, {who}, reaches {_goals(one)}" for name, who, one in poor
@@ -115,3 +116,8 @@ def _goals(one: Mapping[str, Any]) -> str:
 
 def _share(one: Mapping[str, Any]) -> float:
     return one["reached"]["mean"] / one["goals"]
+
+
+def _merit(one: Mapping[str, Any]) -> tuple[float, float]:
+    error = one["error_at_goals"]
+    return _share(one), -error["mean"] if error else -np.inf
