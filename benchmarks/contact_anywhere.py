@@ -19,8 +19,9 @@ import numpy as np
 from cfem.condensed.patches import Patches
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
 from cfem.contact.several import Several
+from cfem.core.stage import artefact_content
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.patch_compliance import patch_compliance, with_patches
+from cfem.equilibrium.patch_compliance import with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
 from cfem.export.c_export import write_c
@@ -28,12 +29,14 @@ from cfem.export.c_touch import write_c_touch
 from cfem.export.compiled import compiler
 from cfem.export.compiled_touch import CompiledTouch
 from cfem.export.spec import CSpec
+from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.predict.protocol import Predictor
-from cfem.predict.touchable import Touchable, patches_of, touch_states
+from cfem.predict.touchable import Touchable
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.spec import scene_meaning
 
 
 def placed(kind: str, point: np.ndarray, normal: np.ndarray, depth: float, size: float) -> Obstacle:
@@ -70,18 +73,19 @@ def main() -> None:
     parser.add_argument("--patches", type=float, default=6.0, help="distance of patches, mm")
     parser.add_argument("--mu", type=float, default=0.0)
     given = parser.parse_args()
-    model, robot = load_model(given.model), build_robot(*load_scene_and_mesh(given.scene))
-    patches = patches_of(model, given.patches)
-    begin = time.perf_counter()
-    where = touch_states(model.domain, robot.rows.n_a)
-    own = patch_compliance(robot, model.skin.nodes, patches, where)
-    touchable = Touchable(model, patches, where, own)
-    print(
-        f"{len(patches)} patches, their compliance at {len(where)} states in {time.perf_counter() - begin:.1f} s; "
-        f"{len(model.skin)} modes"
-    )
+    scene, mesh = load_scene_and_mesh(given.scene)
+    model, robot = load_model(given.model), build_robot(scene, mesh)
+    made_of = {
+        "scene": scene_meaning(given.scene),
+        "mesh": artefact_content(given.scene.parent / scene.out),
+        "loads": {},
+    }
+    touchable = touchable_of(model, given.model, robot, made_of, given.patches)
+    patches, own = touchable.patches, touchable.by_fe.own
+    print(f"{len(patches)} patches, their compliance at {len(touchable.by_fe.states)} states; {len(model.skin)} modes")
     size = np.diag(own[0]).reshape(-1, 3).sum(axis=1)
     loose = np.flatnonzero(size > 0.1 * size.max())
+    free = ~touchable.held_still
     rng, forces, tips, seconds = np.random.default_rng(0), [], [], []
     for place in range(given.places):
         states = model.domain.states[:, : model.rows.n_a]
@@ -90,18 +94,13 @@ def main() -> None:
         at, normal = patches.mean(x), outward(model, patches, x, number)
         kind, depth = ("sphere", "plane", "edge")[place % 3], rng.uniform(0.3, 1.5)
         if kind == "plane":  # the foremost patch decides how deep
-            number = int(np.argmax(at @ normal))
+            number = loose[np.argmax(at[loose] @ normal)]
         obstacle = placed(kind, at[number], normal, depth, 8.0)
         if kind == "edge":
             obstacle = moved(obstacle, depth / 4 * np.cross(obstacle.R[:, 0], normal))
-        within = obstacle.distance(at) < 0
-        if size[within].min(initial=np.inf) < 0.1 * size.max():
-            print(f"  {kind:6s} at patch {number}: left out, it would reach where the body is held")
-            continue
-        if -obstacle.distance(at).min() > 1.01 * depth:
-            print(f"  {kind:6s} at patch {number}: left out, other patches would begin deep within it")
-            continue
-        near, steps = np.flatnonzero(obstacle.distance(at) < 1.0), (0.05, 0.5, 1.0)
+        for _ in range(10):  # back, where other patches are deeper in it
+            obstacle = moved(obstacle, max(0.0, -obstacle.distance(at[free]).min() - depth) * normal)
+        near, steps = np.flatnonzero((obstacle.distance(at) < 1.0) & free), (0.05, 0.5, 1.0)
         problem, found, truth = Problem(with_patches(robot, model.skin.nodes, patches, near)), None, None
         for share in steps:
             here = moved(obstacle, (1 - share) * depth * normal)

@@ -17,6 +17,7 @@ from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.skinned import skinned
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.third_order import skin_load_derivatives
 from cfem.mechanics.viscosity import Viscosity
 from cfem.plant.fem_plant import pushed
 
@@ -152,3 +153,27 @@ def test_how_locked_compliance_changes_with_loads_is_that_of_loaded_solves(solve
         step = h * np.eye(3)[k]
         expected = (locked(step) - locked(-step)) / (2 * h)
         np.testing.assert_allclose(D[k], expected, rtol=0, atol=1e-5 * np.abs(D).max())
+
+
+def test_loads_on_a_skin_change_compliance_as_loaded_solves_say(solved):
+    """The third derivative of one energy: by two rows of the skin and an effector, which is pushed here."""
+    problem, state = solved
+    robot = with_skin(problem.robot)
+    rows, wanted = robot.rows, actuation.displacement(state.delta_a)
+    at = solve(Problem(replace(robot, contacts=(), rows=replace(rows, contacts=()))), wanted, slack=False, keep=True)
+    D = skin_load_derivatives(at.linear)
+    assert D.shape == (3, 6, 6)
+    within = D[:, 3:, 3:]
+    np.testing.assert_allclose(within.transpose(1, 0, 2), within, rtol=0, atol=1e-6 * np.abs(within).max())
+
+    def locked(push):
+        loaded = Problem(pushed(robot, push))
+        W = solve(loaded, wanted, settings=EXACT, slack=False).condensed.W
+        s, a = rows.s, rows.a
+        return W[s, s] - W[s, a] @ np.linalg.solve(W[a, a], W[a, s])
+
+    h = 1e-4 / np.abs(np.linalg.eigvalsh(locked(np.zeros(3)))).max()
+    for e in range(3):
+        step = h * np.eye(3)[e]
+        expected = (locked(step) - locked(-step)) / (2 * h)
+        np.testing.assert_allclose(D[:, e, 3:], expected, rtol=0, atol=2e-5 * np.abs(D).max())

@@ -8,7 +8,7 @@ from cfem.contact.obstacle import Plane, Sphere
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.equilibrium.patch_compliance import patch_response
 from cfem.predict.among import Among
 from cfem.predict.load import load_model
 from cfem.predict.touchable import Touchable, patches_of, touch_states
@@ -24,7 +24,7 @@ def touchable(bar):
     model = load_model(bar / "models" / "bar" / "spectral")
     robot = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
     patches, states = patches_of(model, 8.0), touch_states(model.domain, 1)
-    return Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
+    return Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cfem.equilibrium.patch_compliance import PatchResponse
 from cfem.predict import kept_patches
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model
@@ -15,11 +16,13 @@ def asked(bar, tmp_path, monkeypatch):
     """A call, and how often finite elements were solved; what they say is made up."""
     model, solved = load_model(bar / FOLDER), []
 
-    def solve(robot, nodes, patches, states):
+    def solve(robot, skin, patches, states):
         solved.append(len(patches))
-        return np.full((len(states), 3 * len(patches), 3 * len(patches)), float(len(solved)))
+        J, n = len(states), 3 * len(patches)
+        nothing = np.zeros((J, 1, 4, 4))
+        return PatchResponse(states, np.full((J, n, n), float(len(solved))), np.zeros((J, 3, n)), nothing)
 
-    monkeypatch.setattr(kept_patches, "patch_compliance", solve)
+    monkeypatch.setattr(kept_patches, "patch_response", solve)
 
     class Rows:
         n_a = 1
@@ -36,7 +39,7 @@ def asked(bar, tmp_path, monkeypatch):
 def test_it_is_solved_once_for_the_same_robot_and_patches(asked):
     ask, solved = asked
     first, second = ask(scene="one"), ask(scene="one")
-    assert len(solved) == 1 and np.array_equal(first.own, second.own)
+    assert len(solved) == 1 and np.array_equal(first.by_fe.own, second.by_fe.own)
     ask(scene="other")
     ask(scene="one", apart=8.0)
     assert len(solved) == 3
@@ -47,5 +50,5 @@ def test_a_damaged_file_is_solved_again(asked, tmp_path):
     ask()
     (kept,) = tmp_path.glob("patches-*.npz")
     kept.write_bytes(kept.read_bytes()[:100])
-    assert ask().own[0, 0, 0] == 2.0
-    assert ask().own[0, 0, 0] == 2.0 and len(solved) == 2
+    assert ask().by_fe.own[0, 0, 0] == 2.0
+    assert ask().by_fe.own[0, 0, 0] == 2.0 and len(solved) == 2

@@ -8,7 +8,7 @@ import pytest
 from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.patch_compliance import patch_compliance, with_patches
+from cfem.equilibrium.patch_compliance import patch_response, with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
 from cfem.predict.load import load_model
@@ -30,7 +30,7 @@ def touchable(bar, robot):
     model = load_model(bar / "models" / "bar" / "spectral")
     patches = patches_of(model, 8.0)
     states = touch_states(model.domain, 1)
-    return Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
+    return Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
 
 
 def wall(touchable, depth, delta=DELTA):
@@ -128,16 +128,17 @@ def test_patches_cover_the_surface(touchable):
 
 def test_what_does_not_fit_is_refused(touchable):
     with pytest.raises(InputError, match="compliance of"):
-        replace(touchable, own=touchable.own[1:])
+        replace(touchable, by_fe=replace(touchable.by_fe, own=touchable.by_fe.own[1:]))
 
 
 def test_compliance_is_that_of_finite_elements_also_between_their_states(touchable, robot):
     chosen = np.arange(len(touchable.patches))
-    for delta, known in zip(touchable.states, touchable.own, strict=True):  # as many states as terms
+    for delta, known in zip(touchable.by_fe.states, touchable.by_fe.own, strict=True):  # as many states as terms
         found = touchable.held(delta).compliance(chosen)
         assert np.abs(found - known).max() < 1e-3 * np.abs(known).max()
-    between = touchable.states.mean(axis=0)
-    truth = patch_compliance(robot, touchable.model.skin.nodes, touchable.patches, between[None])[0]
+    between = touchable.by_fe.states.mean(axis=0)
+    skin = touchable.model.skin
+    truth = patch_response(robot, skin.watched, touchable.patches, between[None]).own[0]
     assert np.abs(touchable.held(between).compliance(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
 
 

@@ -1,12 +1,14 @@
 """How patches of a body's surface yield to forces: rows of contact, and what the modes of a skin, or the pose of a
 rigid patch, leave of them."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cfem.condensed.patches import Patches
 from cfem.condensed.pose import Patch
+from cfem.condensed.skin import Skin
 from cfem.constraint.attachment import Attachment
 from cfem.constraint.contact import ContactPoint
 from cfem.core.errors import NumericalError
@@ -14,7 +16,10 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.held_patch import held
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.skinned import skinned
+from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.third_order import skin_load_derivatives
 
 
 def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.ndarray) -> Robot:
@@ -29,26 +34,42 @@ def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.n
     return replace(robot, contacts=tuple(points), rows=replace(robot.rows, contacts=names))
 
 
-def patch_compliance(robot: Robot, nodes: np.ndarray, patches: Patches, states: np.ndarray) -> np.ndarray:
-    """(J, 3 N, 3 N) mm/N: how the patches yield to forces on them, actuators held at states (J, n_a) mm.
+@dataclass(frozen=True)
+class PatchResponse:
+    """How patches of the surface yield to forces on them, actuators held. At states (J, n_a) mm: own (J, 3 N, 3 N)
+    mm/N the patches, tip (J, n_e, 3 N) mm/N the effectors; bent (J, k, n_e + k, n_e + k) mm/N^2: how the compliance of
+    effectors and rows of the skin changes with loads on the latter."""
 
-    One equilibrium and one block of right-hand sides a state. NumericalError where there is no equilibrium."""
-    touched = with_patches(robot, nodes, patches, np.arange(len(patches)))
-    plain, problem, rows = Problem(robot), Problem(touched), touched.rows
-    found, start = np.empty((len(states), rows.n_c, rows.n_c)), None
+    states: np.ndarray
+    own: np.ndarray
+    tip: np.ndarray
+    bent: np.ndarray
+
+
+def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarray) -> PatchResponse:
+    """One equilibrium and one block of right-hand sides a state, no further factorisation for what is bent.
+    NumericalError where there is no equilibrium."""
+    touched = with_patches(robot, skin.nodes, patches, np.arange(len(patches)))
+    shown, problem, rows = Problem(skinned(robot, skin)), Problem(touched), touched.rows
+    own, tip = np.empty((len(states), rows.n_c, rows.n_c)), np.empty((len(states), rows.n_e, rows.n_c))
+    start, bent = None, []
     for j, delta in enumerate(states):
-        moved = solve(plain, displacement(delta), base=start, slack=False)
-        if not moved.converged:
-            raise NumericalError(f"patches of the surface: {moved.status.value}")
+        moved = _solved(shown, delta, base=start, keep=True)
         start = moved.state
+        bent.append(skin_load_derivatives(moved.linear))
         lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
-        held = solve(problem, displacement(delta), start=replace(start, lam=lam), slack=False)
-        if not held.converged:
-            raise NumericalError(f"patches of the surface: {held.status.value}")
-        W = held.condensed.W
+        W = _solved(problem, delta, start=replace(start, lam=lam)).condensed.W
         across = W[rows.c, rows.a]
         G = np.linalg.solve(W[rows.a, rows.a], across.T).T
-        found[j] = W[rows.c, rows.c] - G @ across.T
+        own[j] = W[rows.c, rows.c] - G @ across.T
+        tip[j] = W[rows.e, rows.c] - W[rows.e, rows.a] @ G.T
+    return PatchResponse(states, own, tip, np.stack(bent))
+
+
+def _solved(problem: Problem, delta: np.ndarray, **how: Any) -> Equilibrium:
+    found = solve(problem, displacement(delta), slack=False, **how)
+    if not found.converged:
+        raise NumericalError(f"patches of the surface: {found.status.value}")
     return found
 
 

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Linear
 from cfem.mechanics.turning import change_of_work, levers
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,
@@ -83,6 +84,25 @@ def load_derivatives(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.nd
         D[k] += (ahead - behind) / (2 * h)
         D[:, k] += (turned - turned_back) / (2 * h)
     return sum(D.transpose(order) for order in permutations(range(3))) / 6
+
+
+def skin_load_derivatives(at: Linear) -> np.ndarray:
+    """(n_s, n_e + n_s, n_e + n_s) mm/N^2: how the compliance of effectors and skin, actuators held, changes with a load
+    on each row of the skin; at: what a solve without contacts has kept."""
+    rows = at.problem.robot.rows
+    seen, a, change = slice(0, rows.a.start), rows.a, SkinRowsChange(at.problem, at.at)
+    K = np.linalg.inv(at.W[a, a])
+    G, found, turning = at.W[seen, a] @ K, [], None
+    if change.levers is not None:  # of rigid groups: the load's own curvature joins A
+        turning = np.stack([change.change(z, at.Z) for z in at.Z.T], axis=1)
+    for number, k in enumerate(range(rows.s.start, rows.s.stop)):
+        taken = -K @ at.W[a, k]  # the actuators take up forces so that they stay
+        dW = derivative_along(at.problem, at.at, at.lam, at.Z, taken, at.Z[:, k] + at.Z[:, a] @ taken, skin=change)
+        if turning is not None:
+            dW += (turning[number] + turning[number].T) / 2
+        across = dW[seen, a] @ G.T
+        found.append(dW[seen, seen] - across - across.T + G @ dW[a, a] @ G.T)
+    return np.stack(found)
 
 
 def derivative_along(

@@ -81,7 +81,7 @@ class CompiledTouch:
             )
 
         self._states, self._body, self._before = (State(), State()), Body, None
-        self._room = (real * (60000 + 100 * (n + k) + (n_e + k) * k))()
+        self._room = (real * (70000 + 100 * (n + k) + (n_e + k) * k * (k + 1)))()
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
             out = Path(place) / "libtouch.so"
             sources = [str((folder / name).resolve()) for name in (*compiled.CORE, *c_touch.CORE)]

@@ -58,7 +58,7 @@ class Among:
     @cached_property
     def stiffnesses(self) -> np.ndarray:
         """(N,) N/mm: of each patch to a force on it, of any direction; infinite where the body is held."""
-        mean = np.diagonal(self.touchable.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).mean(axis=1)
+        mean = np.diagonal(self.touchable.by_fe.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).mean(axis=1)
         return 1.0 / np.maximum(mean, 1e-12 * mean.max())
 
     @cached_property

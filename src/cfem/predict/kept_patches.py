@@ -8,19 +8,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cfem.condensed.patches import Patches
 from cfem.core.errors import DiskError, InputError
 from cfem.core.files import confined, content_sha256, write_npz
 from cfem.core.progress import doing
-from cfem.core.reading import read_npz, take
-from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.core.reading import read_npz
+from cfem.equilibrium.patch_compliance import PatchResponse, patch_response
 from cfem.equilibrium.robot import Robot
 from cfem.predict.protocol import Predictor
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 
-VERSION = 1  # raised when the same inputs yield otherwise
+VERSION = 2  # raised when the same inputs yield otherwise
 
 
 def touchable_of(
@@ -28,27 +25,27 @@ def touchable_of(
 ) -> Touchable:
     """A model, of `folder`, that may be touched at patches about `apart` mm from each other. made_of: plain data from
     which the robot was made. Finite elements are solved where nothing is kept."""
-    patches, nodes = patches_of(model, apart), model.skin.nodes
+    patches, own = patches_of(model, apart), model.skin
     states = touch_states(model.domain, robot.rows.n_a)
-    asked = {"nodes": nodes, "of": patches.of, "shares": patches.shares, "states": states}
+    asked = {"nodes": own.nodes, "of": patches.of, "shares": patches.shares, "states": states, "modes": own.modes}
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
     path = folder.parent / f"patches-{key}.npz"
-    own = _kept(path, patches, states)
-    if own is None:
+    found = _kept(path)
+    if found is None:
         doing(f"solving how {len(patches)} patches of the surface yield, at {len(states)} states")
-        own = patch_compliance(robot, nodes, patches, states)
+        found = patch_response(robot, own.watched, patches, states)
         with suppress(OSError, DiskError), confined(path.parent):  # else it is solved again next time
-            write_npz(path, {"own": own})
-    return Touchable(model, patches, states, own)
+            write_npz(path, vars(found))
+    return Touchable(model, patches, found)
 
 
-def _kept(path: Path, patches: Patches, states: np.ndarray) -> np.ndarray | None:
-    """(J, 3 N, 3 N) mm/N, None where there is no file, or a damaged one."""
+def _kept(path: Path) -> PatchResponse | None:
+    """None where there is no file, or a damaged one."""
     if not path.is_file():
         return None
-    n = 3 * len(patches)
     try:
-        own = take(read_npz(path), "own", (len(states), n, n))
+        arrays = read_npz(path)
     except InputError:
         return None
-    return own if np.isfinite(own).all() else None
+    names = PatchResponse.__dataclass_fields__
+    return PatchResponse(**{name: arrays[name] for name in names}) if names.keys() == arrays.keys() else None

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.condensed.skin import PREFIX
+from cfem.condensed.skin import PREFIX, Skin
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.predict.chebyshev import Basis
@@ -53,6 +53,11 @@ class LearnedSkin:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def watched(self) -> Skin:
+        """Its rows, for finite elements to watch."""
+        return Skin(self.nodes, self.rest, self.triangles, self.weights, self.modes, np.zeros((1, 2)))
 
     def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., n_a), (..., n_q) -> (..., k) mm from rest."""

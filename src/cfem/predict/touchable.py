@@ -18,29 +18,31 @@ from scipy.linalg import qr
 
 from cfem.condensed.patches import Patches, cut
 from cfem.core.errors import InputError
+from cfem.equilibrium.patch_compliance import PatchResponse
 from cfem.predict.chebyshev import basis
 from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
 
+STILL = 1e-9  # of the largest compliance: a patch that is held has less
+TRUSTED = 0.3  # largest share of the motion by forces that is of second order
 TERMS = 10  # of the polynomial through L: of degree two where that has no more
 NONE = np.zeros(0)
 
 
 @dataclass(frozen=True)
 class Touchable:
-    """A model with a skin, its patches, and their compliance `own` (J, 3 N, 3 N) mm/N, actuators held at `states`
-    (J, n_a) mm, by finite elements (`cfem.equilibrium.patch_compliance`); `touch_states` says where."""
+    """A model with a skin, its patches, and how they yield by finite elements (`cfem.equilibrium.patch_compliance`);
+    `touch_states` says where."""
 
     model: Predictor
     patches: Patches
-    states: np.ndarray
-    own: np.ndarray
+    by_fe: PatchResponse
 
     def __post_init__(self) -> None:
         if self.model.form != "displacement" or self.model.parameters:
             raise InputError("contact anywhere needs a model of form displacement without parameters")
-        J, n = len(self.states), 3 * len(self.patches)
-        if self.own.shape != (J, n, n) or not np.isfinite(self.own).all():
+        J, n, own = len(self.by_fe.states), 3 * len(self.patches), self.by_fe.own
+        if own.shape != (J, n, n) or not np.isfinite(own).all():
             raise InputError(f"expected the finite compliance of {n // 3} patches at {J} states")
 
     @cached_property
@@ -52,6 +54,12 @@ class Touchable:
     def flat(self) -> np.ndarray:
         """(3 N, k) the same."""
         return self.U.reshape(-1, self.U.shape[-1])
+
+    @cached_property
+    def held_still(self) -> np.ndarray:
+        """(N,) bool: patches that no force moves, as the body is held there. They touch nothing."""
+        yields = np.diagonal(self.by_fe.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).max(axis=1)
+        return yields <= STILL * yields.max()
 
     @cached_property
     def spread(self) -> tuple[np.ndarray, np.ndarray]:
@@ -77,21 +85,51 @@ class Touchable:
     @cached_property
     def degrees(self) -> np.ndarray:
         """Of the series of L."""
-        return degrees(self.model.rows.n_a)[: len(self.states)]
+        return degrees(self.model.rows.n_a)[: len(self.by_fe.states)]
 
     @cached_property
     def local(self) -> np.ndarray:
         """(terms, N, N, 3, 3) mm/N, series of L, rounded to single precision, as C has them: far below their error."""
-        model, N = self.model, len(self.patches)
-        left = np.empty((len(self.states), N, N, 3, 3))
-        for j, (delta, own) in enumerate(zip(self.states, self.own, strict=True)):
-            C = model.skin.compliance(delta, NONE)[1]
+        return self._left[0].astype(np.float32).astype(float)
+
+    @cached_property
+    def local_tip(self) -> np.ndarray:
+        """(terms, n_e, N, 3) mm/N, series of what the modes leave of the effectors' compliance, seen in the patches."""
+        return self._left[1]
+
+    @cached_property
+    def _left(self) -> tuple[np.ndarray, np.ndarray]:
+        model, N, J = self.model, len(self.patches), len(self.by_fe.states)
+        left, tip = np.empty((J, N, N, 3, 3)), np.empty((J, model.rows.n_e, N, 3))
+        for j, (delta, own, to_tip) in enumerate(zip(self.by_fe.states, self.by_fe.own, self.by_fe.tip, strict=True)):
+            C_es, C = model.skin.compliance(delta, NONE)
             apart = (own - self.flat @ C @ self.flat.T).reshape(N, 3, N, 3).swapaxes(1, 2)
             R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
             left[j] = np.einsum("pba,pqbc,qcd->pqad", R, apart, R, optimize=True)
-        at = basis(self._box(self.states), self.degrees)
-        series = np.linalg.lstsq(at, left.reshape(len(left), -1), rcond=None)[0].reshape(-1, N, N, 3, 3)
-        return ((series + series.transpose(0, 2, 1, 4, 3)) / 2).astype(np.float32).astype(float)
+            tip[j] = ((to_tip - C_es @ self.flat.T).reshape(-1, N, 1, 3) @ R)[:, :, 0]
+        series = np.tensordot(self._inverse, left, axes=1)
+        return (series + series.transpose(0, 2, 1, 4, 3)) / 2, np.tensordot(self._inverse, tip, axes=1)
+
+    @cached_property
+    def bent(self) -> np.ndarray:
+        """(terms, k, n_e + k, n_e + k) mm/N^2, series of how the compliance of effectors and rows changes with loads on
+        the modes."""
+        return np.tensordot(self._inverse, self.by_fe.bent, axes=1)
+
+    @cached_property
+    def bent_slopes(self) -> np.ndarray:
+        """(n_a, terms, k, k, k) mm/N^2 a mm: of its rows, derivatives by delta_a."""
+        from cfem.predict.series import input_derivatives
+
+        (low, high), k = self.model.domain.delta_a, len(self.model.skin)
+        by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
+        flat = self.bent[:, :, -k:, -k:].reshape(len(self.degrees), -1)
+        return np.stack([(one @ flat).reshape(-1, k, k, k) for one in by_delta])
+
+    @cached_property
+    def _inverse(self) -> np.ndarray:
+        """(terms, J): series from values at the states."""
+        return np.linalg.pinv(basis(self._box(self.by_fe.states), self.degrees))
 
     def _box(self, delta: np.ndarray) -> np.ndarray:
         low, high = self.model.domain.delta_a
@@ -99,21 +137,36 @@ class Touchable:
 
     def held(self, delta_a: np.ndarray) -> "Held":
         """The robot without forces on it, actuators held at delta_a (n_a,) mm."""
-        skin = self.model.skin
-        at = basis(self._box(delta_a), self.degrees)
-        return Held(self, delta_a, skin.rows(delta_a, NONE), *skin.compliance(delta_a, NONE), at)
+        return Held(self, delta_a)
 
 
 class Held:
     """The robot at one delta_a. rows (k,) mm of the skin and free (N, 3) mm places of the patches, without forces;
-    C_es (n_e, k), C_ss (k, k) mm/N."""
+    C_es (n_e, k), C_ss (k, k) mm/N, and D (k, n_e + k, n_e + k) mm/N^2 their change with loads on the modes:
 
-    def __init__(
-        self, of: Touchable, delta: np.ndarray, rows: np.ndarray, C_es: np.ndarray, C_ss: np.ndarray, at: np.ndarray
-    ):
-        self.of, self.delta, self.rows, self.C_es, self.C_ss, self._at = of, delta, rows, C_es, C_ss, at
-        self.free = of.patches.rest + (of.flat @ rows).reshape(-1, 3)
-        self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
+        rows = rows_0 + C_ss w + D_ss[w, w] / 2"""
+
+    def __init__(self, of: Touchable, delta: np.ndarray):
+        skin, box = of.model.skin, of._box(delta)
+        self.of, self.delta, self.rows = of, delta, skin.rows(delta, NONE)
+        self.C_es, self.C_ss = skin.compliance(delta, NONE)
+        self._at, self._share = basis(box, of.degrees), 1.0
+        self.D = np.tensordot(self._at, of.bent, axes=1)
+        self.free = of.patches.rest + (of.flat @ self.rows).reshape(-1, 3)
+        self._known: tuple[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None
+
+    def trust(self, w: np.ndarray) -> None:
+        """Takes no more of D from here on than that under a load w (k,) N the rows' motion by it is a TRUSTED share of
+        that without it."""
+        first, more = np.linalg.norm(self.C_ss @ w), np.linalg.norm(self._change(w)[-len(w) :] @ w) / 2
+        self._share = TRUSTED * first / more if more > TRUSTED * first else 1.0
+
+    def second(self, w: np.ndarray) -> np.ndarray:
+        """(n_e + k, k) mm/N: change of C_es and C_ss under a load w (k,) N."""
+        return self._share * self._change(w)
+
+    def _change(self, w: np.ndarray) -> np.ndarray:
+        return np.tensordot(w, self.D, axes=1)[:, -len(w) :]
 
     def work(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Patches (c,), (c, 3) N -> (k,) N: the load on the modes."""
@@ -123,16 +176,42 @@ class Held:
         """(N, 3) mm under forces (c, 3) N on chosen patches."""
         if not len(chosen):
             return self.free
-        found = self.free + (self.of.flat @ (self.C_ss @ self.work(chosen, forces))).reshape(-1, 3)
-        found[chosen] += (self._parts(chosen)[0] @ forces.ravel()).reshape(-1, 3)
+        found = self.free + (self.of.flat @ (self.moved(self.work(chosen, forces)) - self.rows)).reshape(-1, 3)
+        found[chosen] += (self._parts(chosen)[1] @ forces.ravel()).reshape(-1, 3)
         return found
 
-    def compliance(self, chosen: np.ndarray) -> np.ndarray:
-        """(3 c, 3 c) mm/N of the places of chosen patches, positive semidefinite."""
-        return self._parts(chosen)[1]
+    def moved(self, w: np.ndarray) -> np.ndarray:
+        """(k,) mm of the skin under a load w (k,) N."""
+        return self.rows + (self.C_ss + self.second(w)[-len(w) :] / 2) @ w
 
-    def _parts(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(3 c, 3 c) mm/N what the modes leave, and all."""
+    def tip(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        """(n_e,) mm that the effectors move under forces (c, 3) N on chosen patches."""
+        w = self.work(chosen, forces)
+        found = (self.C_es + self.second(w)[: len(self.C_es)] / 2) @ w
+        own = (forces[:, None] @ self.of.turns(self.rows, chosen))[:, 0]
+        return found + np.tensordot(np.tensordot(self._at, self.of.local_tip[:, :, chosen], axes=1), own, axes=2)
+
+    def relief(self, w: np.ndarray) -> np.ndarray:
+        """(n_a,) N by which a load w (k,) N on the modes helps the actuators to stay."""
+        skin = self.of.model.skin
+        found = w @ skin.gradient(self.delta, NONE) + skin.compliance_work(self.delta, NONE, w) / 2
+        return found + self._share * np.tensordot(self.of.bent_slopes @ w @ w @ w, self._at, axes=1) / 6
+
+    def compliance(self, chosen: np.ndarray, forces: np.ndarray | None = None) -> np.ndarray:
+        """(3 c, 3 c) mm/N of the places of chosen patches under forces (c, 3) N on them, positive semidefinite."""
+        U, _, total = self._parts(chosen)
+        if forces is None or not forces.any():
+            return total
+        w = self.work(chosen, forces)
+        bent = total + U @ self.second(w)[-len(w) :] @ U.T
+        try:
+            np.linalg.cholesky(bent)
+        except np.linalg.LinAlgError:
+            return total
+        return bent
+
+    def _parts(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(3 c, k) modes of the patches, (3 c, 3 c) mm/N what they leave of the compliance without forces, and all."""
         key = chosen.tobytes()
         if self._known is None or self._known[0] != key:
             n, U = 3 * len(chosen), self.of.U[chosen].reshape(3 * len(chosen), -1)
@@ -142,8 +221,8 @@ class Held:
             except np.linalg.LinAlgError:
                 sizes, axes = np.linalg.eigh(smooth + local)
                 local = (axes * np.maximum(sizes, 0.0)) @ axes.T - smooth
-            self._known = key, local, smooth + local
-        return self._known[1], self._known[2]
+            self._known = key, (U, local, smooth + local)
+        return self._known[1]
 
     def _local(self, chosen: np.ndarray, n: int) -> np.ndarray:
         R = self.of.turns(self.rows, chosen)

@@ -18,11 +18,12 @@ from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
 from cfem.contact.several import Several
-from cfem.predict.touchable import NONE, Held, Touchable
+from cfem.predict.touchable import Held, Touchable
 from cfem.predict.touching_round import pressed, turned
 
 ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
+TRUSTING = 3  # rounds in which it is asked how much of the second order in the forces can be taken
 MOST = 30  # patches that may touch at once
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
 
@@ -103,8 +104,10 @@ class _Step:
             if mu:  # what did not touch slides from where it was
                 self.stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
                 self._sticks[before.patches] = [mode is Mode.STICK for mode in before.modes]
+        held.trust(held.work(self.chosen, self.forces))
         self.places = held.places(self.chosen, self.forces)
         self.distance, self.which = around.nearest(self.places)
+        self.distance[held.of.held_still] = np.inf
 
     def round(self) -> TouchedStatus | None:
         """None: another one is needed."""
@@ -117,7 +120,7 @@ class _Step:
         self.forces, self.modes = last[chosen], ()
         if not 0 < len(chosen) <= MOST:
             return TouchedStatus.MANY if len(chosen) else TouchedStatus.CONVERGED
-        local = self._law(self.held.compliance(chosen), self.which[chosen], self.places[chosen])
+        local = self._law(self.held.compliance(chosen, self.forces), self.which[chosen], self.places[chosen])
         if local is None:
             return TouchedStatus.NO_MODE
         return TouchedStatus.CONVERGED if self._moved(*local) else None
@@ -154,6 +157,8 @@ class _Step:
         sticks = np.array([mode is Mode.STICK for mode in self.modes], dtype=bool)
         self._sticks[:] = False
         self._sticks[chosen[sticks]] = True
+        if self.iterations <= TRUSTING:  # beyond, the same for all rounds, so that Newton's method ends soon
+            self.held.trust(self.held.work(chosen, forces))
         before, self.forces, self.places = self.places, forces, self.held.places(chosen, forces)
         if mu:  # a patch that touches for the first time sticks where it came
             fresh = chosen[np.isnan(self.stuck[chosen, 0])]
@@ -198,9 +203,7 @@ class _Step:
         meets = self.forces.any(axis=1) | (self.distance[self.chosen] <= 0)
         held, chosen, forces = self.held, self.chosen[meets], self.forces[meets]
         model, w = held.of.model, held.work(chosen, forces)
-        base, helped = model.at_displacement(held.delta), 0.0
-        if forces.any():
-            helped = w @ model.skin.gradient(held.delta, NONE) + model.skin.compliance_work(held.delta, NONE, w) / 2
+        base = model.at_displacement(held.delta)
         return Touched(
             status,
             chosen,
@@ -211,9 +214,9 @@ class _Step:
             self.distance[chosen],
             self.which[chosen],
             tuple(mode for mode, one in zip(self.modes, meets, strict=False) if one),
-            base.delta_e + held.C_es @ w,
-            base.lambda_a - helped,
-            held.rows + held.C_ss @ w,
+            base.delta_e + (held.tip(chosen, forces) if forces.any() else 0.0),
+            base.lambda_a - (held.relief(w) if forces.any() else 0.0),
+            held.moved(w),
             self.stuck,
             self.iterations,
         )

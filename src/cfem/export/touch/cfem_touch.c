@@ -7,7 +7,7 @@
 #define N CFEM_PATCHES
 #define MOST CFEM_TOUCH_MOST
 
-enum { ITERATIONS = 60 };
+enum { ITERATIONS = 60, TRUSTING = 3 };
 static const double TOLERANCE = 1e-9, OVERLAP = 1e-6; /* of the length */
 
 typedef struct {
@@ -24,7 +24,7 @@ typedef struct {
 static void look(step *at, int p) {
     cfem_touch_room *const room = at->room;
     room->distance[p] = HUGE_VAL, room->which[p] = 0;
-    for (int o = 0; o < at->obstacle_count; o++) {
+    for (int o = 0; o < at->obstacle_count && !cfem_patch_held[p]; o++) { /* what is held still touches nothing */
         const double distance = cfem_obstacle_distance(&at->obstacles[o], at->now->place[p]);
         if (distance < room->distance[p]) room->distance[p] = distance, room->which[p] = o;
     }
@@ -170,6 +170,7 @@ static int settled(step *at, double (*before)[3]) {
     double farthest = 0.0, there[MOST][3], change[CFEM_TOUCH_ROWS], nearest = HUGE_VAL, beyond = -HUGE_VAL, largest = 0.0;
     name_modes(at);
     for (int i = 0; i < 3 * N; i++) before[i / 3][i % 3] = now->place[i / 3][i % 3];
+    if (now->iterations <= TRUSTING) cfem_touch_trust(m, now->patch, now->force, room);
     cfem_touch_places(m, now->patch, now->force, room, now->place);
     for (int i = 0; i < 3 * N; i++) {
         const double moved = fabs(now->place[i / 3][i % 3] - before[i / 3][i % 3]);
@@ -210,7 +211,7 @@ static int settled(step *at, double (*before)[3]) {
     if (!(nearest >= -OVERLAP * CFEM_PATCH_LENGTH) || beyond > TOLERANCE * largest) return 0;
     for (int i = 0; i < n; i++) {
         const double gap = i % 3 == 0 && at->local[i / 3][0] > 0.0 ? fabs(room->distance[now->patch[i / 3]]) : 0.0;
-        if (!(fabs(cfem_dot(n, room->yields + i * n, change)) <= TOLERANCE * CFEM_PATCH_LENGTH) ||
+        if (!(fabs(cfem_dot(n, room->total + i * n, change)) <= TOLERANCE * CFEM_PATCH_LENGTH) ||
             !(gap <= TOLERANCE * CFEM_PATCH_LENGTH))
             return 0;
     }
@@ -225,6 +226,7 @@ static unsigned rounds(step *at) {
         if (choose(at)) return CFEM_TOUCH_MANY;
         if (!now->count) return CFEM_TOUCH_CONVERGED;
         if (cfem_touch_compliance(now->count, now->patch, at->room)) return CFEM_TOUCH_NO_MODEL;
+        cfem_touch_bent(now->count, now->patch, now->force, at->room);
         if (obey(at)) return CFEM_TOUCH_NO_STATE;
         if (settled(at, before)) return CFEM_TOUCH_CONVERGED;
     }
@@ -282,6 +284,7 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
     }
     now->count = before ? before->count : 0;
     if (now->count && cfem_touch_compliance(now->count, now->patch, room)) return now->status = CFEM_TOUCH_NO_MODEL;
+    cfem_touch_trust(now->count, now->patch, now->force, room);
     cfem_touch_places(now->count, now->patch, now->force, room, now->place);
     for (int p = 0; p < N; p++) look(&at, p);
     now->status = rounds(&at);

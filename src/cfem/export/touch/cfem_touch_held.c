@@ -1,5 +1,5 @@
-/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q, rows = s_0 + C_ss w, w_k = sum_p u_kp . f_p;
- * see cfem.predict.touchable. */
+/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q, rows = s_0 + C_ss w + D_ss[w, w] / 2,
+ * w_k = sum_p u_kp . f_p; see cfem.predict.touchable. */
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 
@@ -8,6 +8,7 @@
 #define NE CFEM_NE
 #define PACKED (NE * K + K * (K + 1) / 2)
 #define SWEEPS 60
+static const double TRUSTED = 0.3; /* largest share of the motion by forces that is of second order */
 
 typedef struct {
     double value[NA][CFEM_PATCH_DEGREE + 2], slope[NA][CFEM_PATCH_DEGREE + 2];
@@ -32,6 +33,22 @@ static double product(const polynomials *t, const uint8_t *degrees, int slope_of
     return found;
 }
 
+static double in_box(double delta, int i) {
+    return 2.0 * (delta - cfem_patch_box[0][i]) / (cfem_patch_box[1][i] - cfem_patch_box[0][i]) - 1.0;
+}
+
+/* Of the polynomial of degree 2 at most of what the modes leave; or its derivative by delta_a, number slope_of. */
+static double local_term(const double *delta_a, int term, int slope_of) {
+    double found = 1.0;
+    for (int i = 0; i < NA; i++) {
+        const int degree = cfem_patch_local_degrees[term][i];
+        const double z = in_box(delta_a[i], i), by = 2.0 / (cfem_patch_box[1][i] - cfem_patch_box[0][i]);
+        const double value[] = {1.0, z, 2.0 * z * z - 1.0}, slope[] = {0.0, by, 4.0 * z * by};
+        found *= (i == slope_of ? slope : value)[degree];
+    }
+    return found;
+}
+
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     polynomials t;
     cfem_condensed m;
@@ -53,14 +70,11 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
         for (int k = 0; k < K; k++) room->C_es[e][k] = packed[e * K + k];
     for (int i = 0, at = NE * K; i < K; i++)
         for (int j = i; j < K; j++, at++) room->C_ss[i][j] = room->C_ss[j][i] = packed[at];
-    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
-        double value = 1.0;
-        for (int i = 0; i < NA; i++) {
-            const double low = cfem_patch_box[0][i], z = 2.0 * (delta_a[i] - low) / (cfem_patch_box[1][i] - low) - 1.0;
-            const int degree = cfem_patch_local_degrees[l][i]; /* 2 at most */
-            value *= degree == 0 ? 1.0 : degree == 1 ? z : 2.0 * z * z - 1.0;
-        }
-        room->terms[l] = value;
+    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) room->terms[l] = local_term(delta_a, l, -1);
+    for (int i = 0; i < K * (NE + K) * K; i++) {
+        double sum = 0.0;
+        for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) sum += room->terms[l] * (&cfem_patch_bent[l][0][0][0])[i];
+        (&room->D[0][0][0])[i] = sum;
     }
     for (int p = 0; p < CFEM_PATCHES; p++)
         for (int a = 0; a < 3; a++) room->free[p][a] = cfem_patch_rest[p][a] + cfem_dot(K, cfem_patch_modes[p][a], room->rows);
@@ -159,17 +173,17 @@ int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
                     const double left = i == j ? (turned[3 * a + b] + turned[3 * b + a]) / 2.0 : turned[3 * a + b];
                     const double smooth = cfem_dot(K, by[a], cfem_patch_modes[q][b]);
                     room->left[one] = room->left[other] = left;
-                    room->yields[one] = room->yields[other] = smooth + left;
+                    room->total[one] = room->total[other] = smooth + left;
                     finite += smooth + left;
                 }
         }
     }
     if (!cfem_finite(finite)) return 1;
-    for (int i = 0; i < n * n; i++) room->W[i] = room->yields[i];
+    for (int i = 0; i < n * n; i++) room->W[i] = room->total[i];
     if (!cfem_definite(n, room->W)) {
-        for (int i = 0; i < n * n; i++) room->left[i] -= room->yields[i];
-        without_negative(n, room->yields, room->W, size);
-        for (int i = 0; i < n * n; i++) room->left[i] += room->yields[i];
+        for (int i = 0; i < n * n; i++) room->left[i] -= room->total[i];
+        without_negative(n, room->total, room->W, size);
+        for (int i = 0; i < n * n; i++) room->left[i] += room->total[i];
     }
     return 0;
 }
@@ -182,10 +196,51 @@ static void work(int count, const int *patch, double (*force)[3], double *w) {
             for (int k = 0; k < K; k++) w[k] += cfem_patch_modes[patch[i]][a][k] * force[i][a];
 }
 
-void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]) {
-    double w[K], moved[K];
+/* (NE + K, K) change of C_es and C_ss under w. */
+static void second(const double *w, double share, const cfem_touch_room *room, double (*change)[K]) {
+    for (int r = 0; r < NE + K; r++)
+        for (int l = 0; l < K; l++) change[r][l] = 0.0;
+    for (int k = 0; k < K; k++)
+        for (int r = 0; r < NE + K; r++)
+            for (int l = 0; l < K; l++) change[r][l] += share * w[k] * room->D[k][r][l];
+}
+
+void cfem_touch_trust(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+    double w[K], change[NE + K][K], first = 0.0, more = 0.0;
     work(count, patch, force, w);
-    for (int k = 0; k < K; k++) moved[k] = cfem_dot(K, room->C_ss[k], w);
+    second(w, 1.0, room, change);
+    for (int r = 0; r < K; r++) {
+        const double one = cfem_dot(K, room->C_ss[r], w), two = cfem_dot(K, change[NE + r], w) / 2.0;
+        first += one * one, more += two * two;
+    }
+    first = TRUSTED * sqrt(first), more = sqrt(more);
+    room->share = more > first ? first / more : 1.0;
+}
+
+void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+    const int n = 3 * count;
+    double w[K], change[NE + K][K], by[3][K];
+    work(count, patch, force, w);
+    second(w, room->share, room, change);
+    for (int i = 0; i < count; i++) {
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < K; k++) by[a][k] = cfem_dot(K, change[NE + k], cfem_patch_modes[patch[i]][a]);
+        for (int j = 0; j < count; j++)
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) {
+                    const int at = (3 * i + a) * n + 3 * j + b;
+                    room->W[at] = room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
+                }
+    }
+    if (cfem_definite(n, room->W)) return;
+    for (int i = 0; i < n * n; i++) room->yields[i] = room->total[i];
+}
+
+void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]) {
+    double w[K], moved[K], change[NE + K][K];
+    work(count, patch, force, w);
+    second(w, room->share, room, change);
+    for (int k = 0; k < K; k++) moved[k] = cfem_dot(K, room->C_ss[k], w) + cfem_dot(K, change[NE + k], w) / 2.0;
     for (int p = 0; p < CFEM_PATCHES; p++)
         for (int a = 0; a < 3; a++)
             place[p][a] = room->free[p][a] + (count ? cfem_dot(K, cfem_patch_modes[p][a], moved) : 0.0);
@@ -193,14 +248,30 @@ void cfem_touch_places(int count, const int *patch, double (*force)[3], const cf
         place[patch[i / 3]][i % 3] += cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]);
 }
 
+/* delta_e under forces on patches. */
+static void move_tip(cfem_touched *now, const cfem_touch_room *room, const double *w, double (*change)[K]) {
+    for (int e = 0; e < NE; e++) now->delta_e[e] += cfem_dot(K, room->C_es[e], w) + cfem_dot(K, change[e], w) / 2.0;
+    for (int i = 0; i < now->count; i++) {
+        double R[3][3], own[3] = {0.0};
+        rotation(now->patch[i], room->rows, R);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) own[a] += R[b][a] * now->force[i][b];
+        for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
+            for (int e = 0; e < NE; e++)
+                now->delta_e[e] += room->terms[l] * cfem_dot(3, cfem_patch_local_tip[now->patch[i]][l][e], own);
+    }
+}
+
 void cfem_touch_loaded(cfem_touched *now, const cfem_touch_room *room) {
-    double w[K], slope[NA] = {0.0};
+    double w[K], slope[NA] = {0.0}, change[NE + K][K];
     polynomials t;
     work(now->count, now->patch, now->force, w);
-    for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + cfem_dot(K, room->C_ss[k], w);
-    for (int e = 0; e < NE; e++) now->delta_e[e] += cfem_dot(K, room->C_es[e], w);
+    second(w, room->share, room, change);
+    for (int k = 0; k < K; k++)
+        now->rows[k] = room->rows[k] + cfem_dot(K, room->C_ss[k], w) + cfem_dot(K, change[NE + k], w) / 2.0;
     if (!now->count) return;
-    /* lambda = grad (Psi - w . s_0 - w . C_ss w / 2) */
+    move_tip(now, room, w, change);
+    /* lambda = grad (Psi - w . s_0 - w . C_ss w / 2 - D_ss[w, w, w] / 6) */
     evaluate(room->s, &t);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
         const double load = cfem_dot(K, cfem_patch_series[l], w);
@@ -212,6 +283,12 @@ void cfem_touch_loaded(cfem_touched *now, const cfem_touch_room *room) {
         for (int i = 0; i < K; i++)
             for (int j = i; j < K; j++) load += (i == j ? 0.5 : 1.0) * w[i] * w[j] * *C++;
         for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_compliance_degrees[l], i);
+    }
+    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
+        double third = 0.0;
+        for (int k = 0; k < K; k++)
+            for (int r = 0; r < K; r++) third += w[k] * w[r] * cfem_dot(K, cfem_patch_bent[l][k][NE + r], w);
+        for (int j = 0; j < NA; j++) now->lambda_a[j] -= room->share * third / 6.0 * local_term(room->s, l, j);
     }
     for (int j = 0; j < NA; j++)
         for (int i = 0; i < NA; i++) now->lambda_a[j] -= cfem_patch_to_box[i][j] * slope[i];
