@@ -85,22 +85,25 @@ def main() -> None:
     print(f"{len(patches)} patches, their compliance at {len(touchable.by_fe.states)} states; {len(model.skin)} modes")
     size = np.diag(own[0]).reshape(-1, 3).sum(axis=1)
     loose = np.flatnonzero(size > 0.1 * size.max())
-    free = ~touchable.held_still
-    rng, forces, tips, seconds = np.random.default_rng(0), [], [], []
-    for place in range(given.places):
+    rng, forces, tips, seconds, failed = np.random.default_rng(0), [], [], [], 0
+    place = -1
+    while len(forces) + failed < given.places:
+        place += 1
         states = model.domain.states[:, : model.rows.n_a]
         delta = states[rng.integers(len(states))]
         x, number = model.shape(delta), rng.choice(loose)
         at, normal = patches.mean(x), outward(model, patches, x, number)
         kind, depth = ("sphere", "plane", "edge")[place % 3], rng.uniform(0.3, 1.5)
         if kind == "plane":  # the foremost patch decides how deep
-            number = loose[np.argmax(at[loose] @ normal)]
+            number = int(np.argmax(at @ normal))
         obstacle = placed(kind, at[number], normal, depth, 8.0)
         if kind == "edge":
             obstacle = moved(obstacle, depth / 4 * np.cross(obstacle.R[:, 0], normal))
         for _ in range(10):  # back, where other patches are deeper in it
-            obstacle = moved(obstacle, max(0.0, -obstacle.distance(at[free]).min() - depth) * normal)
-        near, steps = np.flatnonzero((obstacle.distance(at) < 1.0) & free), (0.05, 0.5, 1.0)
+            obstacle = moved(obstacle, max(0.0, -obstacle.distance(at).min() - depth) * normal)
+        if size[obstacle.distance(at) < 0].min(initial=np.inf) < 0.1 * size.max():
+            continue  # it would reach where the body is held, and hardly gives way: another place
+        near, steps = np.flatnonzero((obstacle.distance(at) < 1.0) & ~touchable.held_still), (0.05, 0.5, 1.0)
         problem, found, truth = Problem(with_patches(robot, model.skin.nodes, patches, near)), None, None
         for share in steps:
             here = moved(obstacle, (1 - share) * depth * normal)
@@ -109,6 +112,7 @@ def main() -> None:
             seconds.append(time.process_time() - begin)
             truth = press(problem, displacement(delta), [here] * len(near), mu=given.mu, before=truth)
         if not (found.converged and truth.converged):
+            failed += 1
             print(f"  {kind:6s} at patch {number}: {found.status.value}; finite elements: {truth.status.value}")
             continue
         solved, mine = truth.solved[0], np.zeros((len(patches), 3))

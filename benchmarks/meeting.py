@@ -20,7 +20,7 @@ import cfem
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.meet import meet as meet_fe
-from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.equilibrium.patch_compliance import patch_response
 from cfem.predict.load import load_model
 from cfem.predict.meeting import APART, PlacedModel, meet, spacing_of
 from cfem.predict.touchable import Touchable, patches_of, touch_states
@@ -91,7 +91,7 @@ def table(specs: Path, poses: list[tuple], ways: list[list[list[float]]]) -> Non
     model = load_model(specs.parents[1] / "models" / name / "spectral")
     robot = build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
     patches, states = patches_of(model, PATCHES), touch_states(model.domain, robot.rows.n_a)
-    touchable = Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
+    touchable = Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
     learned = [PlacedModel(touchable, *pose) for pose in poses]
     truth = [Skinned(robot, model.skin.nodes, model.skin.triangles, patches, *pose) for pose in poses]
     spacing = spacing_of(patches.rest)

@@ -112,7 +112,7 @@ def test_nonsense_ends_with_a_status(compiled, touchable):
     assert compiled([np.nan], [mid]).status == BAD_INPUT
     assert compiled([1.0], [mid], -0.1).status == BAD_INPUT
     swallowed = compiled([1.0], [mid], 0.5)
-    assert swallowed.status and np.isfinite(swallowed.forces).all()
+    assert swallowed.iterations <= 60 and np.isfinite(swallowed.forces).all()
     free = compiled([1.0], [])
     assert free.status == 0 and not len(free.patches)
     np.testing.assert_allclose(free.delta_e, touchable.model.at_displacement([1.0]).delta_e, atol=1e-10)

@@ -7,7 +7,7 @@ from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.meet import meet as meet_fe
-from cfem.equilibrium.patch_compliance import patch_compliance
+from cfem.equilibrium.patch_compliance import patch_response
 from cfem.predict.load import load_model
 from cfem.predict.meeting import APART, PlacedModel, meet, spacing_of
 from cfem.predict.touchable import Touchable, patches_of, touch_states
@@ -27,7 +27,7 @@ def robot(bar):
 def touchable(bar, robot):
     model = load_model(bar / "models" / "bar" / "spectral")
     patches, states = patches_of(model, 6.0), touch_states(model.domain, 1)
-    return Touchable(model, patches, states, patch_compliance(robot, model.skin.nodes, patches, states))
+    return Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
 
 
 @pytest.fixture(scope="module")

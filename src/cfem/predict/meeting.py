@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 
 from cfem.contact.facing import Facing, facing, may_meet, patch_normals
 from cfem.core.errors import InputError
-from cfem.predict.touchable import NONE, Held, Touchable
+from cfem.predict.touchable import Held, Touchable
 from cfem.predict.touching import ITERATIONS, MOST, OVERLAP, TOLERANCE, TouchedStatus
 from cfem.predict.touching_round import pressed
 
@@ -175,7 +175,7 @@ class _Meeting:
         places, normals = [], []
         for robot, held, (chosen, forces) in zip(self.robots, self.held, self._each(), strict=True):
             of, skin = robot.touchable.patches, robot.touchable.model.skin
-            rows = held.rows + held.C_ss @ held.work(chosen, forces) if len(chosen) else held.rows
+            rows = held.moved(held.work(chosen, forces)) if len(chosen) else held.rows
             places.append(held.places(chosen, forces) @ robot.R.T + robot.t)
             normals.append(patch_normals(skin.surface(rows), skin.triangles, of.of, len(of)) @ robot.R.T)
         self.places = places
@@ -187,19 +187,19 @@ class _Meeting:
         for robot, held, own in zip(self.robots, self.held, self.own, strict=True):
             mine = chosen[(chosen >= own.start) & (chosen < own.stop)] - own.start
             turn = np.kron(np.eye(len(mine)), robot.R)
-            blocks.append(turn @ held.compliance(mine) @ turn.T if len(mine) else np.zeros((0, 0)))
+            forces = self.forces[mine + own.start] @ robot.R
+            blocks.append(turn @ held.compliance(mine, forces) @ turn.T if len(mine) else np.zeros((0, 0)))
         return block_diag(*blocks)
 
     def result(self, status: TouchedStatus) -> Met:
         near = self.facing()
         delta_e, lambda_a, rows = [], [], []
         for robot, held, (chosen, forces) in zip(self.robots, self.held, self._each(), strict=True):
-            model, base = robot.touchable.model, robot.touchable.model.at_displacement(held.delta)
-            w = held.work(chosen, forces) if len(chosen) else np.zeros(len(held.rows))
-            helped = w @ model.skin.gradient(held.delta, NONE) + model.skin.compliance_work(held.delta, NONE, w) / 2
-            delta_e.append(base.delta_e + held.C_es @ w)
-            lambda_a.append(base.lambda_a - helped)
-            rows.append(held.rows + held.C_ss @ w)
+            base, touched = robot.touchable.model.at_displacement(held.delta), len(chosen) > 0
+            w = held.work(chosen, forces) if touched else np.zeros(len(held.rows))
+            delta_e.append(base.delta_e + (held.tip(chosen, forces) if touched else 0.0))
+            lambda_a.append(base.lambda_a - (held.relief(w) if touched else 0.0))
+            rows.append(held.moved(w))
         size = float(np.linalg.norm(self.push, axis=1).sum())
         forces = [self.forces[own].copy() for own in self.own]
         gap = float(near.gaps.min(initial=np.inf))

@@ -113,7 +113,7 @@ class _Step:
         """None: another one is needed."""
         self.iterations += 1
         touching = self.distance <= 0
-        touching[self.chosen[self.forces.any(axis=1)]] = True
+        touching[self.chosen] = True  # also those that have opened: only of the chosen are places quite known
         last = np.zeros_like(self.places)
         last[self.chosen] = self.forces
         self.chosen = chosen = np.flatnonzero(touching)

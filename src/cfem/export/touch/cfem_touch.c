@@ -34,14 +34,15 @@ static int touches(const cfem_touched *now, int i) {
     return now->force[i][0] != 0.0 || now->force[i][1] != 0.0 || now->force[i][2] != 0.0;
 }
 
-/* The patches of this round: those that are within an obstacle or carry a force, in ascending order. 0, or 1 for too many. */
+/* The patches of this round: those that are within an obstacle or were chosen before, as only of the chosen places are quite known;
+ * in ascending order. 0, or 1 for too many. */
 static int choose(step *at) {
     cfem_touched *const now = at->now;
     int patch[MOST], count = 0;
     double force[MOST][3];
     for (int p = 0, i = 0; p < N; p++) {
         const int known = i < now->count && now->patch[i] == p;
-        if (at->room->distance[p] <= 0.0 || (known && touches(now, i))) {
+        if (at->room->distance[p] <= 0.0 || known) {
             if (count == MOST) return 1;
             patch[count] = p;
             for (int a = 0; a < 3; a++) force[count][a] = known ? now->force[i][a] : 0.0;
