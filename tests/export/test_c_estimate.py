@@ -11,7 +11,7 @@ import cfem
 from cfem.core.errors import InputError
 from cfem.export.c_estimate import filter_of, moving_frames, status_of, write_c_estimate
 from cfem.export.compiled import STANDARD, compiler, run
-from cfem.export.compiled_estimate import CompiledEstimator, estimate_parity
+from cfem.export.compiled_estimate import SOURCES, CompiledEstimator, estimate_parity
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.load import load_model
 from cfem.predict.markers import markers_near
@@ -119,12 +119,12 @@ def test_the_folder_s_own_test_passes_and_its_arrays_do_not_grow(both):
     """No heap; static memory is none, but for the caller's own filter."""
     _, _, folder = both
     strict = ["-Wall", "-Wextra", "-Werror", "-O1"]
-    program = ["-o", "estimate", "estimate.c", "cfem_estimate.c", "cfem_estimate_data.c", "-lm"]
+    program = ["-o", "estimate", "estimate.c", *SOURCES, "-lm"]
     run([compiler(), *STANDARD, *strict, *program], folder)
     said = run(["./estimate"], folder)
     assert "60 frames, 0 failed" in said
-    run([compiler(), *STANDARD, *strict, "-c", "cfem_estimate.c"], folder)
-    symbols = run([tool("nm"), "cfem_estimate.o"], folder)
+    run([compiler(), *STANDARD, *strict, "-c", *SOURCES[:2]], folder)
+    symbols = run([tool("nm"), *(name.replace(".c", ".o") for name in SOURCES[:2])], folder)
     assert not re.search(r" [bBdDC] ", symbols) and "malloc" not in symbols
 
 
