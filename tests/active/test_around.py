@@ -58,16 +58,23 @@ def test_a_model_of_them_is_trained_and_the_dataset_is_current(known, bar):
     assert results["samples"] == 13
     assert len(cfem.load_model(folder / "model").skin) > 0
     again = cfem.run_stage("sample", folder / "sample.yaml", overrides=around, workers=1)
-    assert again["status"] == "up to date" and read_manifest(folder / "base-around")["inputs"].keys() >= {
-        "task",
-        "base",
-    }
+    assert again["status"] == "up to date"
+    assert read_manifest(folder / "base-around")["inputs"].keys() == {"mesh", "base"}
+
+
+def test_a_task_that_runs_again_leaves_the_dataset_and_its_models_current(known, bar):
+    folder, around, _ = known
+    (folder / "task" / "manifest.json").write_text("{}")
+    dataset = [f"dataset={folder / 'base-around'}"]
+    train = bar / "pipelines" / "bar" / "train.yaml"
+    assert cfem.run_stage("train", train, overrides=dataset, out=folder / "again")["status"] == "done"
+    assert cfem.run_stage("sample", folder / "sample.yaml", overrides=around)["status"] == "up to date"
 
 
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("around={task: .}", "holds no manifest.json"),
+        ("around={task: .}", "neither loop.parquet"),
         ("until.error=1 mm", "around does not go with"),
         ("around.add=0", "must be at least 1"),
     ],

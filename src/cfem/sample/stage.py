@@ -99,14 +99,15 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
         name="simulate-sample",
         version=VERSION,
         spec=spec,
-        inputs={"mesh": spec_path.parent / spec.mesh} | ({"task": around.task, "base": around.base} if around else {}),
+        inputs={"mesh": spec_path.parent / spec.mesh} | ({"base": around.base} if around else {}),
         out=out or beside,
         # parameters: by their values, not by their spelling
         paths=("scene", "mesh", "out", "parameters", "around"),
         precious=True,
         extra={"scene": scene_meaning(scene), "parameters": to_json(scene_parameters(spec.parameters, scene))}
         | ({"inertia": INERTIA} if spec.dynamics else {})
-        | ({"around": [around.add, around.judges]} if around else {}),
+        # the task is a run of a model that this dataset makes better: it may change without making the dataset stale
+        | ({"around": [around.add, around.judges, spec.around.task.as_posix()]} if around else {}),
         spec_path=spec_path,
         overrides=overrides,
     )
