@@ -16,6 +16,7 @@ from cfem.core.errors import InputError, NumericalError
 
 _ROUNDS = 6  # of scatter and fit in turns
 _SETTLED = 0.02
+_MARGIN = 0.01  # of its range, by which each unknown starts inside
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,9 @@ def _at_scatter(rig: Rig, cases: Cases, scatter: Scatter, moved: np.ndarray, at:
         except NumericalError:
             return np.full(int(mask.sum()) + len(u), 1e3)  # no equilibrium there: the search turns back
 
-    inside = np.clip(at, bounds[:, 0] + 1e-9, bounds[:, 1] - 1e-9)
+    # at an end of its range a number would cut the steps of all others short
+    margin = np.where(np.isfinite(bounds[:, 1]), _MARGIN * (bounds[:, 1] - bounds[:, 0]), 0.0)
+    inside = np.clip(at, bounds[:, 0] + margin, bounds[:, 1] - margin)
     evaluate(inside, False)  # a failure at the start is told
     found = least_squares(
         residuals, inside, lambda u: evaluate(u, True)[1], bounds=bounds.T, x_scale="jac", xtol=1e-6, ftol=1e-8
