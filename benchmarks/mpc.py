@@ -7,10 +7,15 @@ noise of 0.1 mm and a delay of a tick, stands for the robot; forces swing betwee
 model knows. Prints JSON: milliseconds of CPU time of a tick (median, 99th percentile) and of its parts (medians), and
 for each solver of the same programs, once with open bounds and once where bounds of force and rate hold: milliseconds
 (median), constraints that hold (mean), and the largest difference from the exact solution as a share of the largest
-command. Solvers other than cfem's and OSQP are taken where installed: pip install daqp piqp clarabel."""
+command. Solvers other than cfem's and OSQP are taken where installed: pip install daqp piqp clarabel.
+
+Where there is a C compiler the same ticks run in C (-O2) too: "c", milliseconds, and c_apart: the largest difference of
+a command as a share of the largest; c_bytes: of the controller's state. Instructions of an emulated
+Cortex-M7: `make emulate` in the folder of `cfem export` (docs/embedded.md)."""
 
 import argparse
 import json
+import tempfile
 import time
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,16 +24,23 @@ import numpy as np
 import scipy.sparse as sp
 
 import cfem.control.moving.horizon as horizon
+import cfem.export.c_mpc as c_mpc
 from cfem.condensed.model import under_force
 from cfem.control.moving.clocked import Clocked
 from cfem.control.moving.horizon import Bounds, Cost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
 from cfem.control.qp import QpSolution, solve_qp
+from cfem.export.c_export import write_c
+from cfem.export.c_motion import write_c_motion
+from cfem.export.compiled import compiler
+from cfem.export.compiled_mpc import CompiledMpc
+from cfem.export.spec import CSpec
 from cfem.motion.altered import Altered
 from cfem.motion.load import load_motion
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
+from cfem.predict.load import read_arrays, read_model
 
 TICKS = 150
 
@@ -45,8 +57,34 @@ def spent(watch: dict[str, list[float]], name: str, function):
     return timed
 
 
-def fly(model, ticks: int, rate: float, moves: int | None, tight: bool) -> tuple[dict[str, list[float]], list[tuple]]:
-    """CPU seconds of the parts of TICKS ticks, and their programs."""
+def in_c(
+    place: Path, folder: Path, bounds: Bounds, cost: Cost, about: np.ndarray, ticks: int, rate: float, moves: int | None
+):
+    """The controller in C with these numbers; it begins at about (n_a,) mm."""
+    meta, arrays = read_model(folder)
+    moving = read_arrays(folder, "motion.npz")
+    names = ["mm" if unit == "mm" else "mm^3" for unit, _ in load_motion(folder).static.actuator_units]
+    start = {"start": {names[0]: about.tolist()}}
+    spec = CSpec(
+        controller={"command": "force", **start}, mpc={"ticks": f"{rate} Hz", "horizon": ticks, "moves": moves}
+    )
+    sizes, numbers, constants = c_mpc.mpc_constants(spec, meta, arrays, moving)
+    constants |= {"smooth": cost.smooth, "effort": cost.effort, "command": bounds.command, "rate": bounds.rate}
+    constants["course"] = np.ascontiguousarray(bounds.course)
+    made, c_mpc.mpc_constants = c_mpc.mpc_constants, lambda *_: (sizes, numbers, constants)
+    write_c(place, meta, arrays, spec, about[None])
+    write_c_motion(place, meta, arrays, moving)
+    c_mpc.write_c_mpc(place, spec, meta, arrays, moving)
+    c_mpc.mpc_constants = made
+    controller = CompiledMpc(place)
+    controller.reset(about)
+    return controller
+
+
+def fly(
+    model, ticks: int, rate: float, moves: int | None, tight: bool, folder: Path
+) -> tuple[dict[str, list[float]], list[tuple], dict[str, float]]:
+    """CPU seconds of the parts of TICKS ticks, their programs, and what the same ticks are in C."""
     static, largest = model.static, model.static.domain.lambda_a[1]
     t = np.arange(TICKS + ticks) / rate
     share = 0.5 + 0.1 * (np.sin(2 * np.pi * 4 * t)[:, None] + np.sin(2 * np.pi * 2 * t)[:, None] * [1, -1])
@@ -57,7 +95,7 @@ def fly(model, ticks: int, rate: float, moves: int | None, tight: bool) -> tuple
         near = under_force(static, one * largest, near)
         goals.append(model.rest_e + near.delta_e)
     size = static.length / largest
-    cost = Cost(np.ones(len(model.rest_e)), np.sqrt(1e-3) * size, 1e-5 * size)
+    cost = Cost(np.ones(len(model.rest_e)), np.sqrt(1e-2) * size, (1e-3 if len(largest) > 3 else 1e-5) * size)
     high, speed = (0.58, 0.02) if tight else (1.0, np.inf)
     bounds = Bounds(np.stack([0 * largest, high * largest], 1), speed * largest, static.domain.delta_a.T)
     mpc = Mpc(
@@ -70,7 +108,7 @@ def fly(model, ticks: int, rate: float, moves: int | None, tight: bool) -> tuple
     body = MovingModelPlant(Altered(model, 1.1, 1.2), 1 / rate, 4)
     body.settle(start.lambda_a, "force")
     plant = ImperfectPlant(body, Imperfection(0.1, 1.0, 1), 0)
-    watch = {name: [] for name in ("observer", "linearisation", "program", "tick")}
+    watch = {name: [] for name in ("observer", "linearisation", "program", "tick", "c")}
     programs: list[tuple] = []
 
     def noted(*args) -> QpSolution:
@@ -86,11 +124,20 @@ def fly(model, ticks: int, rate: float, moves: int | None, tight: bool) -> tuple
     mpc._clocked.linear = lambda guess, material, every=1: (
         spent(watch, "linearisation", linear)(guess, material, every) if every > 1 else linear(guess, material, every)
     )
-    tick, measured = spent(watch, "tick", mpc.tick), None
-    for k in range(TICKS):
-        measured = plant.step(tick(goals[k], measured, goals[k:]).u, "force")
+    tick, measured, c = spent(watch, "tick", mpc.tick), None, {}
+    with tempfile.TemporaryDirectory() as place:
+        fast = in_c(Path(place), folder, bounds, cost, start.delta_a, ticks, rate, moves) if compiler() else None
+        c_tick, apart = None if fast is None else spent(watch, "c", fast.step), 0.0
+        for k in range(TICKS):
+            sample = () if measured is None else (measured.x_e, measured.t)
+            u = tick(goals[k], measured, goals[k:]).u
+            if c_tick:
+                apart = max(apart, float(np.abs(c_tick(goals[k : k + ticks], *sample).u - u).max() / largest.max()))
+            measured = plant.step(u, "force")
+        if fast:
+            c = {"c_apart": apart, "c_bytes": fast.bytes}
     horizon.solve_qp = solve_qp
-    return watch, programs
+    return watch, programs, c
 
 
 def by_daqp(H, f, A, low, high, box):
@@ -159,9 +206,10 @@ def main() -> None:
     model = load_motion(options.model)
     out = {"n_a": model.n_a, "n_q": model.n_q, "horizon": options.horizon}
     for name, tight in (("open", False), ("bounded", True)):
-        watch, programs = fly(model, options.horizon, options.rate, options.moves, tight)
-        ms = {part: 1e3 * float(np.median(values)) for part, values in watch.items()}
-        out[name] = {"ms": ms | {"tick_p99": 1e3 * float(np.percentile(watch["tick"], 99))}}
+        watch, programs, c = fly(model, options.horizon, options.rate, options.moves, tight, options.model)
+        ms = {part: 1e3 * float(np.median(values)) for part, values in watch.items() if values}
+        ms |= {f"{part}_p99": 1e3 * float(np.percentile(watch[part], 99)) for part in ("tick", "c") if watch[part]}
+        out[name] = {"ms": ms, **c}
         out[name]["solvers"] = compared(programs)
     print(json.dumps(out, indent=1))
 
