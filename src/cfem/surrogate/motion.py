@@ -15,7 +15,9 @@ from cfem.surrogate.inner_motions import inner_motions
 from cfem.surrogate.observations import Observations
 from cfem.surrogate.spectral import Series, fit_quantity
 
-ENOUGH = 4.6e-3  # held-out error below which the shorter series is taken: a step in time evaluates all terms
+# Held-out error below which the shorter series is taken, as a step in time evaluates all terms. At 4.5e-3 the worst
+# of 120 frequencies of a trunk was wrong by 1.6 %, at 4.2e-3 by 0.7 %.
+ENOUGH = 4.2e-3
 
 
 def fit_motion(
