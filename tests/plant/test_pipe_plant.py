@@ -181,3 +181,28 @@ def test_the_period_is_kept_and_lateness_counted(tmp_path, monkeypatch, takes, s
             plant.step(np.ones(1))
         plant._ask = ask
     assert clock.slept == pytest.approx(slept) and plant.late == late
+
+
+def test_a_device_may_see_markers_instead_of_the_effectors(tmp_path):
+    """Of those that are named in hello; null or left out where it sees none."""
+    text = """
+        say({"t": m["t"], "markers": {"top": [1, 2, 3], "side": None}, "delta_a": [0.5]})
+    """
+    with script(tmp_path, text, markers=("top", "side", "end")) as plant:
+        found = plant.step(np.zeros(1))
+    assert found.status == "converged" and np.isnan(found.x_e).all() and found.delta_a == [0.5]
+    np.testing.assert_array_equal(found.markers, [[1, 2, 3], [np.nan] * 3, [np.nan] * 3])
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ('"markers": {"tip": [1, 2, 3]}', "expected an object of some of top, side"),
+        ('"markers": {"top": [1, 2]}', "expected 3 finite numbers or null"),
+        ('"x_e": [0, 0]', "expected an object of some of top, side"),
+    ],
+)
+def test_markers_that_are_none_get_one_sentence(tmp_path, answer, said):
+    device = script(tmp_path, f'say({{"t": m["t"], {answer}}})', markers=("top", "side"))
+    with device as plant, pytest.raises(InputError, match=said):
+        plant.step(np.zeros(1))
