@@ -5,7 +5,7 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.facing import NEVER, OTHER, OWN, facing, may_meet, patch_normals
+from cfem.contact.facing import NEVER, OTHER, OWN, along, facing, may_meet, patch_normals
 from cfem.mechanics.mesh import boundary_facets
 
 UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
@@ -55,11 +55,11 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     cells = first + np.array([0, 4, 6, 2, 1, 5, 7, 3])
     surface = outer_surface(X, boundary_facets(cells))
     patches = cut(surface.rest, surface.weights, 1.2)
-    who = may_meet([(surface.rest, surface.triangles, patches)] * 2, 4.0)
+    who = may_meet([along(surface.rest, surface.triangles, patches)] * 2, 4.0)
     n = len(patches)
     assert (np.diag(who) == NEVER).all() and (who[:n, n:] == OTHER).all()
-    along = np.abs(patches.rest[:, 0, None] - patches.rest[:, 0])
-    assert (who[:n, :n][along > 6.0] == OWN).all() and (who[:n, :n][along < 1.0] == NEVER).all()
+    far = np.abs(patches.rest[:, 0, None] - patches.rest[:, 0])
+    assert (who[:n, :n][far > 6.0] == OWN).all() and (who[:n, :n][far < 1.0] == NEVER).all()
     normals = patch_normals(surface.rest, surface.triangles, patches.of, n)
     outward = patches.rest - np.column_stack([patches.rest[:, 0].clip(0.5, 7.5), np.full((n, 2), 0.5)])
     assert ((normals * outward).sum(axis=1) > 0).all()

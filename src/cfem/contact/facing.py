@@ -96,15 +96,15 @@ def patch_normals(surface: np.ndarray, triangles: np.ndarray, of: np.ndarray, co
     return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
 
 
-def may_meet(surfaces: Sequence[tuple[np.ndarray, np.ndarray, Patches]], apart: float) -> np.ndarray:
+def may_meet(alongs: Sequence[np.ndarray], apart: float) -> np.ndarray:
     """(N, N) of the patches of all bodies: OTHER, of another body; OWN, of its own and more than `apart` mm away along
-    the surface; NEVER. Of each body its surface at rest (m, 3) mm, its triangles (t, 3) and its patches."""
-    own = [np.where(_along(*one) > apart, OWN, NEVER) - OTHER for one in surfaces]
+    the surface; NEVER. Of each body the distances `along` its surface."""
+    own = [np.where(one > apart, OWN, NEVER) - OTHER for one in alongs]
     return block_diag(*own) + OTHER
 
 
-def _along(rest: np.ndarray, triangles: np.ndarray, patches: Patches) -> np.ndarray:
-    """(N, N) mm between patches along edges of the surface."""
+def along(rest: np.ndarray, triangles: np.ndarray, patches: Patches) -> np.ndarray:
+    """(N, N) mm between patches along edges of the surface at rest (m, 3) mm, triangles (t, 3)."""
     edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(np.diff(rest[edges], axis=1)[:, 0], axis=1)
     graph = csr_array((lengths, edges.T), shape=(len(rest), len(rest)))

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.condensed.patches import Patches
-from cfem.contact.facing import Facing, facing, may_meet, patch_normals
+from cfem.contact.facing import Facing, along, facing, may_meet, patch_normals
 from cfem.contact.problem import ContactProblem
 from cfem.contact.solve import ContactStatus, solve_contact
 from cfem.equilibrium.actuation import Actuation
@@ -85,7 +85,8 @@ class _Meeting:
         self.robots, self.actuators, self.spacing, self.apart = robots, actuators, spacing, apart
         counts = [len(one.patches) for one in robots]
         self.ends = np.cumsum([0, *counts])
-        self.may_meet = may_meet([(one.robot.X[one.nodes], one.triangles, one.patches) for one in robots], apart)
+        alongs = [along(one.robot.X[one.nodes], one.triangles, one.patches) for one in robots]
+        self.may_meet = may_meet(alongs, apart)
         settings = Settings(tolerance=1e-11)
         each = zip(robots, actuators, strict=True)
         self.solved = [solve(Problem(one.robot), at, settings=settings) for one, at in each]

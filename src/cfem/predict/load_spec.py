@@ -47,6 +47,6 @@ def forces_of(loads: Mapping[str, LoadSpec], masses: Mapping[str, float]) -> dic
             raise SpecError(
                 f"'{name}' has no mass that gravity could act on",
                 where=f"loads.{name}",
-                do="state a mass, or name an effector with `at: centre-of-mass`",
+                do="state a mass, or give the scene an effector with `at: centre-of-mass` and sample it",
             )
     return found

@@ -68,7 +68,8 @@ def loaded(model: Predictor, wrench: np.ndarray) -> Predictor:
     if error > TRUSTED * model.length:
         share = np.sqrt(TRUSTED * model.length / error)
         raise InputError(
-            f"the loads move the effectors so far that the model would be wrong by about {error:.2g} mm",
+            f"the loads move the effectors so far that the model would be wrong by about {error:.2g} mm, "
+            f"and {TRUSTED * model.length:.2g} mm are allowed ({100 * TRUSTED:g} % of the length)",
             do=f"take at most {share:.0%} of them, or give them to the scene and sample it",
         )
     if found is None:

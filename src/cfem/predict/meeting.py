@@ -95,19 +95,6 @@ def _step(robots: Sequence[PlacedModel], deltas: Sequence[np.ndarray], before: M
     return step.result(status)
 
 
-def _who_may(bodies: Sequence[Touchable]) -> np.ndarray:
-    """(N, N) as `may_meet`; kept, as it is that of the robots at rest."""
-    key = tuple(id(one) for one in bodies)
-    if key not in _KNOWN:
-        surfaces = [(one.model.skin.rest, one.model.skin.triangles, one.patches) for one in bodies]
-        _KNOWN.clear()
-        _KNOWN[key] = bodies, may_meet(surfaces, APART * bodies[0].model.length)
-    return _KNOWN[key][1]
-
-
-_KNOWN: dict[tuple[int, ...], tuple[Sequence[Touchable], np.ndarray]] = {}
-
-
 class _Meeting:
     """Rounds of one state. Of all patches of all robots: forces (N, 3) N, push (N, 3) N those as points."""
 
@@ -118,7 +105,7 @@ class _Meeting:
         ends = np.cumsum([0, *counts])
         self.own = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.length = robots[0].touchable.model.length
-        self.may_meet = _who_may(tuple(one.touchable for one in robots))
+        self.may_meet = may_meet([one.touchable.along for one in robots], APART * self.length)
         self.spacing = max(spacing_of(one.touchable.patches.rest) for one in robots)
         self.forces, self.push = np.zeros((ends[-1], 3)), np.zeros((ends[-1], 3))
         self._touching: frozenset[int] = frozenset()

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from cfem.condensed.patches import Patches, cut
+from cfem.contact.facing import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.patch_compliance import PatchResponse
 from cfem.predict.chebyshev import basis
@@ -130,6 +131,11 @@ class Touchable:
     def _inverse(self) -> np.ndarray:
         """(terms, J): series from values at the states."""
         return np.linalg.pinv(basis(self._box(self.by_fe.states), self.degrees))
+
+    @cached_property
+    def along(self) -> np.ndarray:
+        """(N, N) mm between patches along the surface at rest."""
+        return along(self.model.skin.rest, self.model.skin.triangles, self.patches)
 
     def _box(self, delta: np.ndarray) -> np.ndarray:
         low, high = self.model.domain.delta_a

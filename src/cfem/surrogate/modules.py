@@ -25,7 +25,7 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
     elif meta["kind"] == "serial":
         if meta.get("wrench") is not None:
             what = "modules in a row under loads find their equilibrium by an iteration, which graphs do not have"
-            raise InputError(what, where="loads", do="export `arrays` or `c`")
+            raise InputError(what, where="loads", do="export `arrays`")
         models = [module_of(card, module_arrays(arrays, i)) for i, card in enumerate(meta["modules"])]
         model = Serial(models, build(meta, arrays))
     else:
