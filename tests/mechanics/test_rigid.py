@@ -95,3 +95,14 @@ def test_a_turned_rest_shape_is_found_again():
     x = kinematics.X.copy()
     x[group.nodes] = turn.apply(x[group.nodes]) + [1.0, 2.0, 3.0]
     np.testing.assert_allclose(kinematics.hold(x)[group.nodes], x[group.nodes], atol=1e-13)
+
+
+def test_only_the_nodes_that_count_are_asked():
+    """Forces on some nodes of a rigid end, and the motion of these."""
+    _, kinematics = parts()
+    x, rng = kinematics.X, np.random.default_rng(0)
+    some = np.zeros(len(x), dtype=bool)
+    some[kinematics.groups[0].nodes[1::2]] = True
+    q, nodal = rng.normal(size=(kinematics.n_dof, 4)), rng.normal(size=(len(x), 3, 4)) * some[:, None, None]
+    np.testing.assert_allclose(kinematics.spread(x, q, some)[some], kinematics.spread(x, q)[some])
+    np.testing.assert_allclose(kinematics.reduce(x, nodal, some), kinematics.reduce(x, nodal), atol=1e-12)

@@ -56,8 +56,7 @@ class Kinematics:
         return self.pattern.n_dof
 
     def reduce(self, x: np.ndarray, nodal: np.ndarray, only: np.ndarray | None = None) -> np.ndarray:
-        """T^T of nodal (n, 3) or (n, 3, k) at positions x: (n_dof,) or (n_dof, k). only: (n,) nodes of groups beside
-        which nodal is 0."""
+        """T^T of nodal (n, 3) or (n, 3, k) at positions x: (n_dof,) or (n_dof, k). only: (n,) nodes that count."""
         free = self.pattern.free
         if not self.groups:
             return nodal[free].reshape(self.n_dof, *nodal.shape[2:])
@@ -73,8 +72,8 @@ class Kinematics:
         return out.reshape(self.n_dof, *nodal.shape[2:])
 
     def spread(self, x: np.ndarray, q: np.ndarray, only: np.ndarray | None = None) -> np.ndarray:
-        """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,), (n, 3, k) of k changes (n_dof, k).
-        only: (n,) nodes of groups that are asked for; the others' motion is 0."""
+        """T q: nodal motion (n, 3) to first order in the unknowns q (n_dof,), (n, 3, k) of k changes (n_dof, k). only:
+        (n,) nodes of groups that are asked for."""
         blocks, free = q.reshape(len(q) // 3, 3, *q.shape[1:]), self.pattern.free
         out = np.zeros((*self.X.shape, *q.shape[1:]))
         plain = free < len(self.X)
