@@ -9,7 +9,7 @@ import pytest
 from export.embedded import export, needs_compiler, network, serial, spectral, tool
 from surrogate.stored import train_folder
 
-from cfem.core.errors import SpecError
+from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
 from cfem.export.compiled import CORE, CORTEX_M7
 from cfem.export.stage import run
@@ -125,3 +125,5 @@ def test_the_command_exports_and_reports(tmp_path):
         assert manifest["results"]["parity"]["c"] < 1e-5 and report["bytes"]["here"]["static_ram"] == 0
     with pytest.raises(SpecError, match=r"c\.controller\.observer"):
         run(tmp_path / "export.yaml", ["c.controller.observer=guess"], None, Options())
+    with pytest.raises(InputError, match="learned to move"):
+        run(tmp_path / "export.yaml", ["formats=[c]", "c.mpc.ticks=50 Hz"], None, Options())
