@@ -278,12 +278,12 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
         now->holds[p] = before && mu > 0.0; /* what did not touch slides from where it was */
         for (int a = 0; a < 3 && before; a++) now->stuck[p][a] = (before->holds[p] ? before->stuck : before->place)[p][a];
     }
-    for (int i = 0; before && i < before->count; i++) {
+    now->count = before && count ? before->count : 0; /* without obstacles there is nothing to hold on to */
+    for (int i = 0; i < now->count; i++) {
         now->patch[i] = before->patch[i];
         for (int a = 0; a < 3; a++) now->force[i][a] = before->force[i][a];
         at.stuck_before[before->patch[i]] = mu > 0.0 && before->mode[i] == CFEM_TOUCH_STICK;
     }
-    now->count = before ? before->count : 0;
     if (now->count && cfem_touch_compliance(now->count, now->patch, room)) return now->status = CFEM_TOUCH_NO_MODEL;
     cfem_touch_trust(now->count, now->patch, now->force, room);
     cfem_touch_places(now->count, now->patch, now->force, room, now->place);
