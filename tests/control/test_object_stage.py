@@ -139,6 +139,8 @@ def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
         account["margin_planned"], rel=0.05
     )
     assert account["holds"] > 1
+    meta = json.loads(pq.read_table(turning / "touched" / "trajectories.parquet").schema.metadata[b"cfem"])
+    assert meta["rows"] == ["object.x", "object.y", "object.z", "robot.grip", "cable"] and len(meta["rest_e"]) == 4
     assert any(line.startswith("grip: the margin to slip is") for line in results["headline"])
     assert any(line.startswith("contact: 2 of 2 commands carried out") for line in results["headline"])
 
