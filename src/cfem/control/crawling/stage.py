@@ -53,7 +53,7 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
         "per_cycle": far,
         "frictions": sweep,
         "contact": account,
-        "trajectories": {"gait": summarise(rows, robot.length)["gait"]},
+        "trajectories": {"gait": summarise(rows, robot.length)},
         "plant": spec.plant,
         "discretisation": None,
         "length": robot.length,
