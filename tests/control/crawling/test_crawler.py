@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Condensed, Rows
-from cfem.control.crawling.course import Course, headline
+from cfem.control.crawling.course import Course, headline, judged
 from cfem.control.crawling.crawler import crawler_of
 from cfem.control.crawling.gait import Gait
 from cfem.core.errors import SpecError
@@ -94,3 +94,11 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     account = {"commands": 24, "points": {"stick": 3}, "law_residual": 1e-9}
     lines = headline(far, [course.at_friction(0.8, gait, one, one)], walks, account, 0.5)
     assert "0 % apart, friction 0.5" in lines[0] and lines[1].startswith("friction 0.8: ")
+
+
+@pytest.mark.parametrize(
+    ("fe", "said"), [(1.9, None), (-0.1, "finite elements go -0.1 mm"), (np.nan, "finite elements do not finish")]
+)
+def test_a_plan_that_finite_elements_do_not_walk_is_called_poor(fe, said):
+    found = judged({"planned": 2.0, "fe": fe})
+    assert (said is None and not found) or said in found[0]["what"]

@@ -12,9 +12,11 @@ from cfem.control.crawling.crawler import Crawler, Walk
 from cfem.control.crawling.gait import Gait, best_gait, commands_of
 from cfem.control.crawling.spec import GaitSpec
 from cfem.core.errors import NumericalError
+from cfem.core.judgement import poor
 from cfem.core.progress import doing, progress
 from cfem.plant.quasi_static import CONVERGED
 
+APART = 0.2  # of the planned distance a cycle: a plan that is wrong by more says nothing
 FEW = 2  # cycles that judge a gait, and that are walked at other coefficients of friction
 
 
@@ -68,6 +70,15 @@ def account_of(walk: Walk) -> dict[str, Any]:
     points = Counter(mode.value for touch in walk.touches for mode in touch.modes)
     worst = max((touch.check.largest for touch in walk.touches), default=float("nan"))
     return {"commands": len(walk.commands), "points": dict(points), "law_residual": worst, "status": walk.status}
+
+
+def judged(far: Mapping[str, float]) -> list[dict[str, Any]]:
+    """Whether finite elements go as far as the plan: nobody should trust it otherwise."""
+    planned, fe = far["planned"], far["fe"]
+    if abs(fe - planned) <= APART * abs(planned):
+        return []
+    found = "do not finish the gait" if np.isnan(fe) else f"go {fe:.2g} mm a cycle"
+    return [poor(f"the plan of the gait does not hold: it goes {planned:.2g} mm a cycle, finite elements {found}")]
 
 
 def headline(

@@ -10,13 +10,14 @@ import numpy as np
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import PointEffector
 from cfem.control.assembled import box_surface, place_of
-from cfem.control.crawling.course import Course, account_of, headline
+from cfem.control.crawling.course import Course, account_of, headline, judged
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.spec import GaitSpec
 from cfem.control.prepared import demand_same_rows, robot_and_models
 from cfem.control.spec import ControlSpec
 from cfem.control.summary import summarise
 from cfem.core.errors import InputError
+from cfem.core.judgement import KEY
 from cfem.dataset.writer import write_records
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
@@ -48,6 +49,7 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], places, robot, gait))
     account = account_of(walks["fe"])
     return {
+        KEY: judged(far),
         "headline": headline(far, sweep, walks, account, gait.ground.friction),
         "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
         "per_cycle": far,
