@@ -57,11 +57,10 @@ def grip(
     law: Law = "coulomb",
     mu: float = 0.0,
     before: Touch | None = None,
-    tolerance: float = 1e-8,
 ) -> Touch:
     """Quasi-static step of the fingers to `actuators`, one for each, from the state `before` (none: at rest, every
-    point that touches the object sticks where it is); the object begins where it was then. tolerance: see `touch`.
-    Never raises for numerical failure."""
+    point that touches the object sticks where it is); the object begins where it was then. Never raises for numerical
+    failure."""
     if before is not None:
         held = replace(held, R=before.around.R, x=before.around.x)
-    return touch(fingers, actuators, held, before, law, mu, tolerance=tolerance)
+    return touch(fingers, actuators, held, before, law, mu)

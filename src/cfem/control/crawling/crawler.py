@@ -17,7 +17,6 @@ from cfem.plant.quasi_static import CONVERGED, carried_out
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step
 INSIDE = 1e-6  # mm
-TOLERANCE = 1e-6  # of law and balance, relative
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Crawler:
         def go(u: np.ndarray) -> str:
             nonlocal at, last
             parts = [displacement(part) for part in (*np.split(u, len(self.legs)), np.zeros(0))]
-            found = grip((*self.legs, self.pads), parts, self.ground, "coulomb", mu, last, TOLERANCE)
+            found = grip((*self.legs, self.pads), parts, self.ground, "coulomb", mu, last)
             if found.converged:
                 at, last = u, found
             return found.status.value
