@@ -13,6 +13,7 @@ from pathlib import Path
 from statistics import mean
 
 from cfem.cases.outcome import shown
+from cfem.core.judgement import sentences
 from cfem.report.page import Section, Summary, page
 from cfem.report.tables import Table, number
 
@@ -45,27 +46,28 @@ def main() -> int:
     for robot in robots:
         folder, title = Path("data") / robot, TITLES.get(robot, robot)
         result = json.loads((folder / "calibrated" / "calibration.json").read_text(encoding="utf-8"))
-        lines.append(f"{title}: {outcome(result)}")
+        doubts = [f"{one}." for one in sentences(result)]
+        lines.append(" ".join([f"{title}: {outcome(result)}.", *doubts]))
         parts = []
         if (folder / "calibrated" / "shapes.png").exists():
             caption = "Each case as the calibration by the other cases predicts it, with 95 % intervals of the markers."
             parts.append(Picture(folder / "calibrated" / "shapes.png", caption))
         parts += [errors(result), parameters(result), models(result)]
         untold = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in result["untold"]]
-        text = " ".join([f"{outcome(result)[0].upper()}{outcome(result)[1:]}.", *untold])
+        text = " ".join([*doubts, f"{outcome(result)[0].upper()}{outcome(result)[1:]}.", *untold])
         sections.append(Section(title, text, tuple(parts)))
         other = folder / "predicted" / "prediction.json"
         if other.exists():
             predicted = json.loads(other.read_text(encoding="utf-8"))
             if "mean_mm" in predicted and not predicted["in_fit"]:
-                said = (
-                    f"Error {predicted['mean_mm']:.1f} mm, mean over markers; "
+                said = " ".join(f"{one}." for one in sentences(predicted)) + (
+                    f" Error {predicted['mean_mm']:.1f} mm, mean over markers; "
                     f"{100 * predicted['coordinates_within']:.0f} % of coordinates within their 95 % intervals."
                 )
                 picture = Picture(folder / "predicted" / "shapes.png", "Predicted")
                 sections.append(Section(f"{title}: cases that were not in the fit", said, (picture,)))
     out.mkdir(parents=True, exist_ok=True)
-    text = page("Measured robots", Summary(". ".join(lines) + "."), None, None, sections)
+    text = page("Measured robots", Summary(" ".join(lines)), None, None, sections)
     text = text.replace("<details id", "<details open id")
     (out / "report.html").write_text(text, encoding="utf-8")
     print(f"{out / 'report.html'}: {len(robots)} robots")
