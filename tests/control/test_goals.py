@@ -7,7 +7,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from cfem.control.goals import goals_of
-from cfem.control.spec import GoalsSpec, TrajectorySpec
+from cfem.control.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 
 TRAJECTORY = TypeAdapter(TrajectorySpec)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cfem.control.spec import ArcSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
 from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
+from cfem.control.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 from cfem.core.progress import progress
 from cfem.equilibrium.robot import Robot

@@ -3,93 +3,20 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+from pydantic import Field, PositiveInt, model_validator
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.control.crawling.spec import GaitSpec
+from cfem.control.trajectory_spec import TrajectorySpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, ForceVector, Length, LengthMatrix, LengthVector, Point
+from cfem.core.units import ForceVector, Length, Point
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.robot.geometry import Turn
 
 FE_BASED = "fe-based"  # name of the controller that has FE matrices for its model
-
-
-class ArcSpec(Spec):
-    """Goals on an arc of a circle, whether the robot can reach them or not."""
-
-    kind: Literal["arc"]
-    """An arc of a circle."""
-    centre: LengthVector
-    """Centre of the circle."""
-    radius: Length
-    """Radius of the circle."""
-    start: Angle
-    """Angle of the first goal."""
-    end: Angle
-    """Angle of the last goal."""
-    plane: Literal["xy", "yz", "zx"]
-    """Plane of the circle."""
-    goals: PositiveInt
-    """Number of goals on the arc."""
-    from_rest: NonNegativeInt = 0
-    """Number of goals before the arc, on the straight line from where the effector rests."""
-
-
-class HalfSphereSpec(Spec):
-    """Goals on a spiral over the upper half of a sphere, from its top down to its equator, whether the robot can reach
-    them or not."""
-
-    kind: Literal["half-sphere"]
-    """A spiral over a half sphere."""
-    centre: LengthVector
-    """Centre of the sphere."""
-    radius: Length
-    """Radius of the sphere."""
-    turns: float = 3.0
-    """Turns about the z axis."""
-    goals: PositiveInt
-    """Number of goals."""
-
-
-class GoalsSpec(Spec):
-    """Goals one by one."""
-
-    kind: Literal["goals"]
-    """Stated goals."""
-    points: LengthMatrix
-    """Goals of the effectors, one row per goal."""
-
-
-class ImageSpec(Spec):
-    """The image by FE of a closed curve of pulls, so that every goal is reachable. With two actuators the curve is an
-    ellipse in [0, 1]^2."""
-
-    kind: Literal["image"]
-    """A curve that the robot can reach."""
-    centre: list[float]
-    """Centre of the curve: one share of a full pull per actuator."""
-    radii: list[float]
-    """Radii of the curve: one share of a full pull per actuator."""
-    goals: PositiveInt
-    """Number of goals."""
-    shape: Literal["ellipse", "figure-eight"] = "ellipse"
-    """ellipse: each pull follows the one before by a quarter turn. figure-eight: all swing together twice while they
-    swing against each other once."""
-
-    @model_validator(mode="after")
-    def _inside_the_cube(self):
-        if len(self.centre) != len(self.radii):
-            raise ValueError("centre and radii need one number per actuator")
-        if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in zip(self.centre, self.radii, strict=True)):
-            raise ValueError("the curve leaves the range [0, 1] of the shares of reach")
-        return self
-
-
-TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]
 
 
 class SearchSpec(Spec):
