@@ -13,6 +13,6 @@ def test_how_an_object_is_held_is_stated_where_it_was_solved_for():
 
 
 def test_how_an_object_is_touched_comes_beside_it():
-    touched = SimpleNamespace(account=lambda: {"commands": 2}, sentence=lambda: "2 of 2 commands carried out")
+    touched = SimpleNamespace(account=lambda: {"commands": 2})
     held, lines = _account(SimpleNamespace(solves=0), touched)
-    assert held == {"commands": 2} and lines == ["2 of 2 commands carried out"]
+    assert held == {"commands": 2} and lines == []

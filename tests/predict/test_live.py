@@ -21,7 +21,8 @@ from pathlib import Path
 from cfem.core.files import replace_folder
 target, *sources = map(Path, sys.argv[1:])
 begin, swaps = time.monotonic(), 0
-while time.monotonic() - begin < 2.5:
+while time.monotonic() - begin < 4.0:
+    time.sleep(0.08 * (swaps % 3))  # once at once, then later than a busy reader takes
     new = target.with_name(".new")
     shutil.copytree(sources[swaps % 2], new)
     replace_folder(new, target)

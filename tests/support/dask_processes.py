@@ -62,7 +62,7 @@ def dask_processes(folder: Path, **config: str):
         processes.end()
 
 
-def wait_for(condition, seconds=30.0):
+def wait_for(condition, seconds=90.0):  # a process on a busy machine starts slowly
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited in vain"

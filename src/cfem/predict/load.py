@@ -50,7 +50,7 @@ def stamp(folder: Path) -> tuple[int, int] | None:
         found = (folder / MANIFEST).stat()
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns
+    return found.st_ino, found.st_ctime_ns  # a number is used again, and copies keep their mtime
 
 
 def _load(folder: Path, runtime: Runtime) -> Predictor:
