@@ -133,20 +133,23 @@ def main() -> None:
             f"{name}: median {np.median(values):.3g} {unit}, largest {values.max():.3g} {unit} of {len(values)} places"
         )
     print(f"step with one obstacle: median {1e3 * np.median(seconds):.2f} ms")
+    ten_pads(given.model, touchable, rng.choice(loose, 10, replace=False), given.mu)
+
+
+def ten_pads(folder: Path, touchable: Touchable, where: np.ndarray, mu: float) -> None:
+    """Prints what a step costs where ten patches are pressed at once."""
+    model, patches = touchable.model, touchable.patches
     delta = model.domain.states[0, : model.rows.n_a]
     x = model.shape(delta)
-    pads = [
-        placed("pad", patches.mean(x)[one], outward(model, patches, x, one), 0.3, 0.0)
-        for one in rng.choice(loose, 10, replace=False)
-    ]
+    pads = [placed("pad", patches.mean(x)[one], outward(model, patches, x, one), 0.3, 0.0) for one in where]
     together, count, before = Several(tuple(pads)), 50, None
     begin = time.process_time()
     for step in range(count):
-        before = touch_step(touchable, delta * (1 + 1e-4 * step), together, mu=given.mu, before=before)
+        before = touch_step(touchable, delta * (1 + 1e-4 * step), together, mu=mu, before=before)
     spent = 1e3 * (time.process_time() - begin) / count
     print(f"step with ten pads, {np.sum(before.forces.any(axis=1))} pressed: mean {spent:.2f} ms")
     if compiler():
-        print(f"the same in C: {1e6 * in_c(given.model, touchable, delta, pads, given.mu):.0f} us")
+        print(f"the same in C: {1e6 * in_c(folder, touchable, delta, pads, mu):.0f} us")
 
 
 def in_c(folder: Path, touchable: Touchable, delta: np.ndarray, obstacles: list[Obstacle], mu: float) -> float:
