@@ -6,7 +6,7 @@ the overstress one of the stress there (viscosity.py). What is left is an equili
     R(x, lambda) = f_int(x) + f_viscous(x) + M (c (x - y) + h) - f_ext - sum_j lambda_j grad delta_j(x) = 0
 
 so that equilibrium's Newton, its held displacements and its rigid frames serve unchanged. Inertia acts on nodes, whose
-positions a rigid group binds: T^T M T and the turning of the inertial forces follow from rigid.py."""
+positions a rigid group binds: T^T M T and the turning of the inertial forces follow from kinematics.py."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -173,6 +173,6 @@ class _Places:
             raise AssertionError(f"{(~there).sum()} masses couple unknowns that the stiffness does not")
         data = np.zeros(len(self._keys))
         np.add.at(data, place, found.data)
-        if not kinematics.groups:
+        if kinematics.groups is None:
             self._constant = data
         return data

@@ -7,7 +7,7 @@ from cfem.dynamics.scheme import Motion
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import State
 from cfem.mechanics import viscosity as viscous
-from cfem.mechanics.rigid import Kinematics
+from cfem.mechanics.kinematics import Kinematics
 
 
 def at_rest(problem: MovingProblem, state: State, t: float = 0.0) -> Motion:
@@ -45,11 +45,13 @@ def _memory(problem: MovingProblem, x: np.ndarray) -> viscous.Memory | None:
 def _centripetal(kinematics: Kinematics, x: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(n, 3) mm/s^2: omega x (omega x r) of the nodes of rigid groups."""
     out = np.zeros_like(x)
-    for group in kinematics.groups:
-        r, relative = x[group.nodes] - x[group.nodes].mean(axis=0), v[group.nodes] - v[group.nodes].mean(axis=0)
-        inertia = (r**2).sum() * np.eye(3) - r.T @ r
-        omega = np.linalg.solve(inertia, np.cross(r, relative).sum(axis=0))
-        out[group.nodes] = np.cross(omega, np.cross(omega, r))
+    groups = kinematics.groups
+    if groups is not None:
+        r, relative = groups.arms(x)[1], groups.arms(v)[1]
+        inertia = groups.sums((r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None])
+        moment = groups.sums(np.cross(r, relative))
+        omega = np.linalg.solve(inertia, moment[:, :, None])[groups.owner, :, 0]
+        out[groups.nodes] = np.cross(omega, np.cross(omega, r))
     return out
 
 

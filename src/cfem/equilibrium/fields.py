@@ -17,8 +17,9 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.problem import Problem
+from cfem.mechanics.further_stress import add_stress
 from cfem.mechanics.material.law import response
-from cfem.mechanics.solid import Response, Solid, add_stress
+from cfem.mechanics.solid import Response, Solid
 
 # Laws whose pressure is a pressure: theta depends on J alone, and is left out of the deviator.
 _BY_VOLUME = ("neo-hookean", "neo-hookean-log", "mooney-rivlin", "ogden", "yeoh")

@@ -27,7 +27,7 @@ from cfem.mechanics.body import (
     without,
 )
 from cfem.mechanics.factorization import analyze
-from cfem.mechanics.rigid import NO_JOINTS, make_kinematics
+from cfem.mechanics.kinematics import NO_JOINTS, make_kinematics
 
 
 class Problem:

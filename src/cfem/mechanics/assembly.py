@@ -33,6 +33,12 @@ class Pattern:
     def nnz(self) -> int:
         return len(self.indices)
 
+    def blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of every nodal block: its nodes of the row a (m,) and of the column b (m,), and its slot (m, 3)."""
+        column = np.repeat(np.arange(len(self.free)), np.diff(self.indptr)[::3] // 3)
+        slot = _slots_of_blocks(self.indptr, column, np.arange(len(column)) - np.searchsorted(column, column))
+        return self.free[self.indices[slot[:, 0]] // 3], self.free[column], slot
+
 
 def make_pattern(n_nodes: int, groups: Sequence[np.ndarray], fixed: np.ndarray) -> Pattern:
     """Couples the nodes in every row of every group (g, k): the cells, and the cliques of constraints whose curvature
@@ -51,9 +57,8 @@ def make_pattern(n_nodes: int, groups: Sequence[np.ndarray], fixed: np.ndarray) 
     # columns 3c, 3c+1, 3c+2 hold 3, 2, 1 entries of the diagonal block and 3 of each block below it
     lengths = np.where(blocks[:, None] > 0, (3 * (blocks - 1))[:, None] + np.array([3, 2, 1]), 0)
     indptr = np.concatenate([[0], np.cumsum(lengths.ravel())])
-    starts = indptr[:-1].reshape(-1, 3)
-    place = np.arange(len(keys)) - first[column]  # 0 for the diagonal block
-    slot = starts[column] + np.where(place[:, None] == 0, -np.arange(3), 3 * place[:, None] - np.arange(3))
+    place = np.arange(len(keys)) - first[column]
+    slot = _slots_of_blocks(indptr, column, place)
     indices = np.empty(indptr[-1], dtype=np.int64)
     for j in range(3):
         for i in range(3):
@@ -61,6 +66,12 @@ def make_pattern(n_nodes: int, groups: Sequence[np.ndarray], fixed: np.ndarray) 
             indices[slot[wanted, j] + i] = 3 * row[wanted] + i
     slots = tuple(_slots(group, len(free), keys, slot) for group in numbered)
     return Pattern(free, number[:-1], indptr, indices, slots)
+
+
+def _slots_of_blocks(indptr: np.ndarray, column: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """(m, 3) slots of blocks (m,) by their node column and their place in it, 0 for the diagonal block."""
+    starts = indptr[:-1].reshape(-1, 3)[column]
+    return starts + np.where(place[:, None] == 0, -np.arange(3), 3 * place[:, None] - np.arange(3))
 
 
 def _keys(groups: np.ndarray, n: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 Its strains are quadratic in energy, E = 1/2 e^T (C / h) e with e of rod.py and C = diag(E A, G A, G A, G J, E I_y,
 E I_z); where its sections may contract and are of rubber, its fibres stiffen and soften as fibres.py has it. Unknowns
-of a section are those of its rigid group (rigid.py): translation, and rotation vector times radius of gyration."""
+of a section are those of its rigid group (rigid_groups.py): translation, rotation vector times radius of gyration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ its axes d_y, d_z, and these are linear in its nodes' positions and along each e
     T = 1/2 int rho (A |dc/dt|^2 + I |dd_y/dt|^2 + I |dd_z/dt|^2) ds
 
 holds translation, rotary inertia and 2 I about the axis (Simo and Vu-Quoc, CMAME 66, 1988), and is constant in nodes.
-Rigid groups need nothing else: their nodes move rigidly (rigid.py)."""
+Rigid groups need nothing else: their nodes move rigidly (rigid_groups.py)."""
 
 import numpy as np
 import scipy.sparse as sp

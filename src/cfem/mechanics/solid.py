@@ -11,7 +11,7 @@ Newton on (x, p) then needs no more iterations at nu = 0.499 than at 0.3 (Simo, 
 Bubbles (incompatible modes, element.py) are eliminated at once: their amplitudes alpha minimise the element's energy
 at given x, so that energy, force and tangent depend on x alone."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,9 +58,7 @@ class Solid:
     @property
     def shear(self) -> float:
         """MPa: shear modulus at rest."""
-        C = np.empty((1, 9, 9))
-        self.law.curvature(np.zeros((1, 3, 3)), self.parameters, np.zeros(1), C)
-        return float(C[0, 1, 1])
+        return float(curvature(self, np.zeros((1, 3, 3)), np.zeros(1))[0, 1, 1])
 
 
 @dataclass(frozen=True)
@@ -126,13 +124,11 @@ def tangent(
 
     lag: (m q, 3, 3) MPa of `stress_lag`, added to the stress that the geometric part is made of.
     Returns dtheta (m, n_nodes, 3) mm^2, the gradient of theta_mean V; empty without element pressures."""
-    C = _curvature(solid, at)
+    C = curvature(solid, at.D, at.point_pressure)
     if lag is not None:
-        blocks = C.reshape(-1, 3, 3, 3, 3)
-        for i in range(3):
-            blocks[:, i, :, i, :] += lag
+        add_geometric(C, lag)
     if solid.element.bubbles:
-        add_blocks(_condensed(_point_stiffness(solid, C, at.g), solid.element.n_nodes), slots, data)
+        add_blocks(_condensed(point_stiffness(solid, C, at.g), solid.element.n_nodes), slots, data)
         return np.zeros((0, solid.element.n_nodes, 3))
     mixed = solid.element.pressure
     dtheta = np.zeros((*solid.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
@@ -143,76 +139,15 @@ def tangent(
 def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
     """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm, from strains: faster than by A, and
     exact to rounding of the strains' work, where the entries of A cancel in a motion that is almost rigid."""
-    C = _curvature(solid, at)
+    C = curvature(solid, at.D, at.point_pressure)
     if solid.element.bubbles:
-        K = _condensed(_point_stiffness(solid, C, at.g), solid.element.n_nodes)
+        K = _condensed(point_stiffness(solid, C, at.g), solid.element.n_nodes)
         mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
         return np.einsum("mik,mil->kl", mine, K @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
     add = add_form_of_few if motions.shape[2] <= _FEW else add_form
     add(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
-
-
-def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> None:
-    """Adds to `force` (n, 3) N that of a further first Piola-Kirchhoff stress P (m q, 3, 3) MPa. Bubbles follow the
-    positions as elasticity has settled them."""
-    count, none = solid.element.n_nodes, np.zeros(len(P))
-    if not solid.element.bubbles:
-        scatter_force(P, P, none, solid.gradients, solid.weights, solid.cells, force)
-        return
-    weighted = P.reshape(*solid.weights.shape, 3, 3) * solid.weights[:, :, None, None]
-    on_all = np.einsum("mqab,mqkb->mka", weighted, solid.gradients, optimize=True).reshape(len(solid.cells), -1)
-    on_nodes = on_all[:, : 3 * count] + np.einsum("mbn,mb->mn", _slaved(solid, at), on_all[:, 3 * count :])
-    np.add.at(force, solid.cells, on_nodes.reshape(*solid.cells.shape, 3))
-
-
-def add_stress_stiffness(
-    solid: Solid, at: Response, share: float, B: np.ndarray, slots: np.ndarray, data: np.ndarray
-) -> None:
-    """Adds to `data` (slots as in `tangent`) the stiffness of the stress P = share d psi_rest / dF + F B, B (m q, 3, 3)
-    MPa symmetric; with bubbles but for what their own change of slope adds."""
-    C = _stress_curvature(solid, at, share, B)
-    if solid.element.bubbles:
-        add_blocks(_slaved_stiffness(solid, at, C), slots, data)
-        return
-    scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
-
-
-def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions: np.ndarray) -> np.ndarray:
-    """(k, k) N mm: of motions (n, 3, k) mm in the stiffness that `add_stress_stiffness` adds."""
-    C = _stress_curvature(solid, at, share, B)
-    if solid.element.bubbles:
-        mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
-        return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, at, C) @ mine)
-    form = np.zeros((motions.shape[2], motions.shape[2]))
-    add_form(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
-    return form
-
-
-def _stress_curvature(solid: Solid, at: Response, share: float, B: np.ndarray) -> np.ndarray:
-    """(m q, 9, 9) MPa: d/dF of share d psi_rest / dF + F B."""
-    C = np.empty((len(at.D), 9, 9))
-    solid.law.curvature(at.D, solid.parameters, np.zeros(len(at.D)), C)
-    C *= share
-    blocks = C.reshape(-1, 3, 3, 3, 3)
-    for i in range(3):
-        blocks[:, i, :, i, :] += B
-    return C
-
-
-def _slaved_stiffness(solid: Solid, at: Response, C: np.ndarray) -> np.ndarray:
-    """(m, 3 n_nodes, 3 n_nodes) of a stress with that curvature, the bubbles following the nodes."""
-    K, slaved = _point_stiffness(replace(solid, bulk=0.0), C, at.g), _slaved(solid, at)
-    n = 3 * solid.element.n_nodes
-    both = K[:, :n, n:] @ slaved
-    return K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
-
-
-def _slaved(solid: Solid, at: Response) -> np.ndarray:
-    """(m, 3 bubbles, 3 n_nodes): how the bubbles' amplitudes follow the nodes."""
-    K, n = _point_stiffness(solid, _curvature(solid, at), at.g), 3 * solid.element.n_nodes
-    return -np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
 
 
 def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
@@ -226,7 +161,9 @@ def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
     S = _second_stress(before)
     mixed = 0.0 if solid.element.pressure else solid.bulk * (before.g * dD).sum(axis=(1, 2))
     dp = (now.point_pressure - before.point_pressure) if solid.element.pressure else mixed
-    dP = (_curvature(solid, before) @ dD.reshape(-1, 9, 1)).reshape(-1, 3, 3) + dp[:, None, None] * before.g
+    dP = (curvature(solid, D, before.point_pressure) @ dD.reshape(-1, 9, 1)).reshape(-1, 3, 3) + dp[
+        :, None, None
+    ] * before.g
     predicted = S + np.linalg.solve(np.eye(3) + D, dP - dD @ S)
     return (predicted + predicted.transpose(0, 2, 1)) / 2 - _second_stress(now)
 
@@ -236,10 +173,19 @@ def _second_stress(at: Response) -> np.ndarray:
     return np.linalg.solve(np.eye(3) + at.D, at.P + at.point_pressure[:, None, None] * at.g)
 
 
-def _curvature(solid: Solid, at: Response) -> np.ndarray:
-    C = np.empty((len(at.D), 9, 9))
-    solid.law.curvature(at.D, solid.parameters, at.point_pressure, C)
+def curvature(solid: Solid, D: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """(k, 9, 9) MPa: d/dF of d psi_rest / dF + p d theta / dF at displacement gradients D (k, 3, 3), at constant
+    pressure p (k,) MPa."""
+    C = np.empty((len(D), 9, 9))
+    solid.law.curvature(D, solid.parameters, pressure, C)
     return C
+
+
+def add_geometric(C: np.ndarray, S: np.ndarray) -> None:
+    """Adds to C (k, 9, 9), d P / dF, what the symmetric second Piola-Kirchhoff stress S (k, 3, 3) of P = F S gives."""
+    blocks = C.reshape(-1, 3, 3, 3, 3)
+    for i in range(3):
+        blocks[:, i, :, i, :] += S
 
 
 def _law_response(solid: Solid, D: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -265,10 +211,8 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
         S = ((P + pressure[:, None, None] * g) * solid.weights.reshape(-1, 1, 1)).reshape(m, q, 3, 3)
         rest = np.einsum("mqab,mqkb->mka", S, modes)
         size = np.linalg.norm(rest, axis=(1, 2))
-        stress = (
-            np.abs(S).sum(axis=(1, 2, 3)) + (solid.shear + solid.bulk) * solid.volumes
-        )  # or what rounding of F makes
-        floor = 1e-14 * stress * np.abs(modes).max(axis=(1, 2, 3))
+        rounding = (solid.shear + solid.bulk) * solid.volumes  # of F
+        floor = 1e-14 * (np.abs(S).sum(axis=(1, 2, 3)) + rounding) * np.abs(modes).max(axis=(1, 2, 3))
         better = (size < before) | (size <= floor)
         if (size <= floor).all():
             return True
@@ -277,9 +221,7 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
         stuck = part < 2.0**-6  # rounding, or no equilibrium
         if stuck.any():
             break
-        C = np.empty((len(D), 9, 9))
-        solid.law.curvature(D, solid.parameters, pressure, C)
-        K = _point_stiffness(solid, C, g, first=solid.element.n_nodes)
+        K = point_stiffness(solid, curvature(solid, D, pressure), g, first=solid.element.n_nodes)
         if not np.isfinite(K).all():
             return False
         new = -np.linalg.solve(K + 1e-300 * np.eye(K.shape[1]), rest.reshape(m, -1, 1)).reshape(alpha.shape)
@@ -287,7 +229,7 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
     return bool((before <= 1e3 * floor).all())
 
 
-def _point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0) -> np.ndarray:
+def point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0) -> np.ndarray:
     """(m, 3 n, 3 n) element stiffness of the shape functions from `first` on, bubbles included."""
     m, q = solid.weights.shape
     dN = solid.gradients[:, :, first:]

@@ -5,17 +5,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from cfem.mechanics.rigid import Kinematics
+from cfem.mechanics.kinematics import Kinematics
 
 
 def levers(kinematics: Kinematics, x: np.ndarray, nodes: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """(k, g, 3, 3) N mm: L of each rigid group, r the arms from its mean at positions x (n, 3), of k sets of forces
     (k, m, 3) on nodes (m,)."""
-    groups = kinematics.members
+    groups = kinematics.groups
     place = np.full(len(x), -1)
     place[nodes] = np.arange(len(nodes))
     mine = np.flatnonzero(place[groups.nodes] >= 0)
-    arms, own = kinematics.arms(x)[1][mine], forces.transpose(1, 0, 2)[place[groups.nodes[mine]]].reshape(len(mine), -1)
+    arms, own = groups.arms(x)[1][mine], forces.transpose(1, 0, 2)[place[groups.nodes[mine]]].reshape(len(mine), -1)
     ends = np.searchsorted(groups.owner[mine], np.arange(len(groups.start) + 1))
     found = np.stack([arms[a:b].T @ own[a:b] for a, b in pairwise(ends)])
     outer = np.ascontiguousarray(found.reshape(len(found), 3, len(forces), 3).transpose(2, 0, 1, 3))
@@ -25,7 +25,7 @@ def levers(kinematics: Kinematics, x: np.ndarray, nodes: np.ndarray, forces: np.
 def change_of_work(kinematics: Kinematics, levers: np.ndarray, motion: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(k, c) N mm: derivative of the work of forces with these `levers` on changes q (n_dof, c) of the unknowns, along
     the motion (n_dof,): the sum of t . L w over the groups, which turn by w and t."""
-    groups = kinematics.members
+    groups = kinematics.groups
     w = motion.reshape(-1, 3)[groups.rotation] / groups.radius
     t = q.reshape(-1, 3, q.shape[1])[groups.rotation] / groups.radius[:, None]
     return (levers @ w[:, :, None]).reshape(len(levers), -1) @ t.reshape(-1, t.shape[2])

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.mechanics import beam as rod
-from cfem.mechanics import solid as region
 from cfem.mechanics.body import Body, Response
+from cfem.mechanics.further_stress import add_stress, add_stress_stiffness, stress_form
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def solid_force(body: Body, at: Response, over: Overstress) -> np.ndarray:
     for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
         if part is not None and each.min_J > 0:
             a, B = part
-            region.add_stress(solid, each, a * each.P + (np.eye(3) + each.D) @ B, force)
+            add_stress(solid, each, a * each.P + (np.eye(3) + each.D) @ B, force)
     return force
 
 
@@ -135,7 +135,7 @@ def add_solid_stiffness(body: Body, at: Response, over: Overstress, slots: np.nd
     """Adds d force / dx of the solids' overstress to the lower triangle `data`, slots as in body.tangent."""
     for (solid, place), each, part in zip(body.parts(), at.solids, over.parts, strict=False):
         if part is not None:
-            region.add_stress_stiffness(solid, each, *part, slots[place], data)
+            add_stress_stiffness(solid, each, *part, slots[place], data)
 
 
 def solid_form(body: Body, at: Response, over: Overstress, motions: np.ndarray) -> np.ndarray:
@@ -143,7 +143,7 @@ def solid_form(body: Body, at: Response, over: Overstress, motions: np.ndarray) 
     form = np.zeros((motions.shape[2], motions.shape[2]))
     for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
         if part is not None:
-            form += region.stress_form(solid, each, *part, motions)
+            form += stress_form(solid, each, *part, motions)
     return form
 
 

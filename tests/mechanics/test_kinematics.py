@@ -7,7 +7,7 @@ from support.blocks import box_body
 
 from cfem.mechanics.assembly import make_pattern, symmetric_product
 from cfem.mechanics.body import response, tangent, tangent_form, without
-from cfem.mechanics.rigid import make_kinematics
+from cfem.mechanics.kinematics import make_kinematics
 
 
 def parts(element="tet10p0"):
@@ -48,9 +48,9 @@ def test_spread_is_the_derivative_of_move_and_reduce_its_transpose():
 def test_rigid_groups_stay_rigid_and_hold_restores_them():
     _, kinematics = parts()
     x = moved(kinematics, size=0.3)
-    for group in kinematics.groups:
-        apart = np.linalg.norm(x[group.nodes] - x[group.nodes[0]], axis=1)
-        at_rest = np.linalg.norm(kinematics.X[group.nodes] - kinematics.X[group.nodes[0]], axis=1)
+    for nodes in np.split(kinematics.groups.nodes, kinematics.groups.start[1:]):
+        apart = np.linalg.norm(x[nodes] - x[nodes[0]], axis=1)
+        at_rest = np.linalg.norm(kinematics.X[nodes] - kinematics.X[nodes[0]], axis=1)
         np.testing.assert_allclose(apart, at_rest, atol=1e-14)
     np.testing.assert_allclose(kinematics.hold(x), x, atol=1e-14)
     bent = kinematics.hold(x + 0.01 * np.random.default_rng(2).standard_normal(x.shape))
@@ -91,10 +91,10 @@ def test_without_groups_nothing_is_added():
 def test_a_turned_rest_shape_is_found_again():
     _, kinematics = parts()
     turn = Rotation.from_rotvec([0.3, 2.0, -0.5])
-    group = kinematics.groups[0]
+    nodes = kinematics.groups.nodes[kinematics.groups.owner == 0]
     x = kinematics.X.copy()
-    x[group.nodes] = turn.apply(x[group.nodes]) + [1.0, 2.0, 3.0]
-    np.testing.assert_allclose(kinematics.hold(x)[group.nodes], x[group.nodes], atol=1e-13)
+    x[nodes] = turn.apply(x[nodes]) + [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(kinematics.hold(x)[nodes], x[nodes], atol=1e-13)
 
 
 def test_only_the_nodes_that_count_are_asked():
@@ -102,7 +102,7 @@ def test_only_the_nodes_that_count_are_asked():
     _, kinematics = parts()
     x, rng = kinematics.X, np.random.default_rng(0)
     some = np.zeros(len(x), dtype=bool)
-    some[kinematics.groups[0].nodes[1::2]] = True
+    some[kinematics.groups.nodes[kinematics.groups.owner == 0][1::2]] = True
     q, nodal = rng.normal(size=(kinematics.n_dof, 4)), rng.normal(size=(len(x), 3, 4)) * some[:, None, None]
     np.testing.assert_allclose(kinematics.spread(x, q, some)[some], kinematics.spread(x, q)[some])
     np.testing.assert_allclose(kinematics.reduce(x, nodal, some), kinematics.reduce(x, nodal), atol=1e-12)

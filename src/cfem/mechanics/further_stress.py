@@ -1,0 +1,67 @@
+"""A stress in a solid beside the elastic one, as of viscosity: its force on the nodes, and its stiffness.
+
+Where elements have bubbles, these follow the positions as elasticity has settled them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.mechanics.assembly import add_blocks
+from cfem.mechanics.solid import Response, Solid, add_geometric, curvature, point_stiffness
+from cfem.mechanics.solid_kernels import add_form, scatter_force, scatter_stiffness
+
+
+def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> None:
+    """Adds to `force` (n, 3) N that of a further first Piola-Kirchhoff stress P (m q, 3, 3) MPa."""
+    count, none = solid.element.n_nodes, np.zeros(len(P))
+    if not solid.element.bubbles:
+        scatter_force(P, P, none, solid.gradients, solid.weights, solid.cells, force)
+        return
+    weighted = P.reshape(*solid.weights.shape, 3, 3) * solid.weights[:, :, None, None]
+    on_all = np.einsum("mqab,mqkb->mka", weighted, solid.gradients, optimize=True).reshape(len(solid.cells), -1)
+    on_nodes = on_all[:, : 3 * count] + np.einsum("mbn,mb->mn", _slaved(solid, at), on_all[:, 3 * count :])
+    np.add.at(force, solid.cells, on_nodes.reshape(*solid.cells.shape, 3))
+
+
+def add_stress_stiffness(
+    solid: Solid, at: Response, share: float, B: np.ndarray, slots: np.ndarray, data: np.ndarray
+) -> None:
+    """Adds to `data` (slots as in `tangent`) the stiffness of the stress P = share d psi_rest / dF + F B, B (m q, 3, 3)
+    MPa symmetric; with bubbles but for what their own change of slope adds."""
+    C = _stress_curvature(solid, at, share, B)
+    if solid.element.bubbles:
+        add_blocks(_slaved_stiffness(solid, at, C), slots, data)
+        return
+    scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
+
+
+def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(k, k) N mm: of motions (n, 3, k) mm in the stiffness that `add_stress_stiffness` adds."""
+    C = _stress_curvature(solid, at, share, B)
+    if solid.element.bubbles:
+        mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
+        return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, at, C) @ mine)
+    form = np.zeros((motions.shape[2], motions.shape[2]))
+    add_form(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
+    return form
+
+
+def _stress_curvature(solid: Solid, at: Response, share: float, B: np.ndarray) -> np.ndarray:
+    """(m q, 9, 9) MPa: d/dF of share d psi_rest / dF + F B."""
+    C = share * curvature(solid, at.D, np.zeros(len(at.D)))
+    add_geometric(C, B)
+    return C
+
+
+def _slaved_stiffness(solid: Solid, at: Response, C: np.ndarray) -> np.ndarray:
+    """(m, 3 n_nodes, 3 n_nodes) of a stress with that curvature, the bubbles following the nodes."""
+    K, slaved = point_stiffness(replace(solid, bulk=0.0), C, at.g), _slaved(solid, at)
+    n = 3 * solid.element.n_nodes
+    both = K[:, :n, n:] @ slaved
+    return K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
+
+
+def _slaved(solid: Solid, at: Response) -> np.ndarray:
+    """(m, 3 bubbles, 3 n_nodes): how the bubbles' amplitudes follow the nodes."""
+    K, n = point_stiffness(solid, curvature(solid, at.D, at.point_pressure), at.g), 3 * solid.element.n_nodes
+    return -np.linalg.solve(K[:, n:, n:], K[:, n:, :n])
