@@ -9,6 +9,7 @@ P has a derivative on each piece, so that Newton's method ends within a few line
 which points are open, stick and slip."""
 
 import numpy as np
+from scipy.optimize import nnls
 
 from cfem.contact.modes import Mode
 from cfem.contact.problem import ContactProblem
@@ -25,13 +26,11 @@ def newton(
     """(m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
     (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.problem`; mu: of friction; start (m, 3) N: forces, zero unless
     given."""
-    m = len(free) // 3
-    yields = np.diag(W).reshape(m, 3).max(axis=1)
-    if not (np.isfinite(W).all() and (yields > 0).all()):
+    m, equation = len(free) // 3, scaled(W, free)
+    if equation is None:
         return None, 0
-    rate = np.repeat(1.0 / yields, 3)
-    A = np.eye(3 * m) - rate[:, None] * W  # p = A lambda - r free
-    A_blocks, constant = A.reshape(m, 3, 3 * m), rate * free
+    A, constant = equation
+    A_blocks = A.reshape(m, 3, 3 * m)
     lam = np.zeros(3 * m) if start is None else np.asarray(start, float).ravel()
     F, D = _missing(lam, A, constant, mu)
     size = np.abs(F).max()
@@ -59,6 +58,30 @@ def newton(
     return None, ITERATIONS
 
 
+def scaled(W: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """A and c of p = A lambda - c, None where a point does not yield."""
+    yields = np.diag(W).reshape(-1, 3).max(axis=1)
+    if not (np.isfinite(W).all() and (yields > 0).all()):
+        return None
+    rate = np.repeat(1.0 / yields, 3)
+    return np.eye(len(W)) - rate[:, None] * W, rate * free
+
+
+def normal_forces(W: np.ndarray, free: np.ndarray) -> np.ndarray | None:
+    """(m, 3) N without friction: where Newton's method fails, those that minimise lambda . W_nn lambda / 2 + lambda .
+    free_n over lambda >= 0 (Lawson and Hanson, *Solving Least Squares Problems*, 1974, chapter 23). None where W is not
+    positive definite."""
+    found, _ = newton(W, free, 0.0)
+    if found is None:
+        try:
+            root = np.linalg.cholesky(W[::3, ::3]).T
+        except np.linalg.LinAlgError:
+            return None
+        found = np.zeros((len(free) // 3, 3))
+        found[:, 0] = nnls(root, -np.linalg.solve(root.T, free[::3]))[0]
+    return found
+
+
 def newton_with_object(
     problem: ContactProblem, mu: float, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
@@ -80,7 +103,7 @@ def newton_with_object(
         y = np.concatenate([start, np.zeros(problem.k)])
 
     def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found, D = _projected(A @ y - constant, mu)
+        found, D = projected(A @ y - constant, mu)
         J = np.zeros((len(y), len(y)))
         J[:n] = -(D @ A.reshape(m, 3, -1)).reshape(n, -1)
         J[:n, :n] += np.eye(n)
@@ -110,11 +133,11 @@ def newton_with_object(
 
 def _missing(lam: np.ndarray, A: np.ndarray, constant: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
     """lambda - P(p), and the derivatives (m, 3, 3) of P by p."""
-    found, D = _projected(A @ lam - constant, mu)
+    found, D = projected(A @ lam - constant, mu)
     return lam - found.ravel(), D
 
 
-def _projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
+def projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
     """P (m, 3) of p (3 m,), and its derivatives (m, 3, 3)."""
     p = p.reshape(-1, 3)
     normal, m = p[:, 0], len(p)
@@ -132,6 +155,15 @@ def _projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
         D[:, 1:, 0] = mu * along
         D[:, 1:, 1:] = share[:, None, None] * (PLANE - along[:, :, None] * along[:, None])
     return found, D
+
+
+def by_friction(p: np.ndarray, mu: float) -> np.ndarray:
+    """(3 m,) derivative of P by mu."""
+    p, found = p.reshape(-1, 3), np.zeros((len(p) // 3, 3))
+    length = np.hypot(p[:, 1], p[:, 2])
+    slips = (p[:, 0] > 0) & (length > mu * p[:, 0])
+    found[slips, 1:] = (p[slips, 0] / length[slips])[:, None] * p[slips, 1:]
+    return found.ravel()
 
 
 def _clean(lam: np.ndarray, mu: float) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""One valid state of the contacts: of many points by Newton's method (`cfem.contact.newton`); else by pivoting from a
-guess, from a better guess (`cfem.contact.sweep`), then search.
+"""One valid state of the contacts: of many points by Newton's method (`cfem.contact.newton`) or by following them along
+growing friction (`cfem.contact.path`); else by pivoting from a guess, then search.
 
 Pivoting changes the mode of every violated point, or, where that leads back, of the worst alone; this nearly
 always ends within a few systems, though nothing promises it (friction makes the problem neither symmetric nor
@@ -12,11 +12,11 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from cfem.contact import sweep
 from cfem.contact.check import Check, check
 from cfem.contact.enumerate import MOST, ContactState, all_modes
 from cfem.contact.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
 from cfem.contact.newton import modes_from, newton, newton_with_object
+from cfem.contact.path import along_friction
 from cfem.contact.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
@@ -107,27 +107,26 @@ def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: Mo
 
 
 def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | None) -> tuple[ContactState | None, int]:
-    """Of a problem without object: the modes that are given, Newton's method, then the modes that sweeps come to."""
+    """Of a problem without object: the modes that are given, Newton's method, then the way along growing friction."""
     tried = 0
     if start_modes:
         modes = understood(problem, law, start_modes)
         found, tried = solve_mode(problem, law, modes, quick=True), 1
         if found.valid:
             return _state(problem, law, modes, found), tried
-    mu = problem.mu if law == "coulomb" else 0.0
-    if mu == 0 or problem.cone == "exact":
-        force, systems = _from_less_friction(problem, mu)
-        tried += systems
-        if force is not None:
-            lam, none = force.ravel(), np.zeros(0)
-            account = check(problem, law, lam, none)
-            if account.valid():
-                return ContactState(lam, none, understood(problem, law, modes_from(force, mu)), account), tried
-    if _unstable(problem):  # sweeps diverge
+    if law == "coulomb" and problem.mu > 0 and problem.cone != "exact":
         return None, tried
-    modes, angles = sweep.guess(problem, law)
-    found = solve_mode(problem, law, modes, quick=True, angles=angles)
-    return (_state(problem, law, modes, found) if found.valid else None), tried + 1
+    mu = problem.mu if law == "coulomb" else 0.0
+    force, systems = newton(problem.W, problem.free, mu)
+    if force is None:
+        force, more = along_friction(problem.W, problem.free, mu)
+        systems += more
+    if force is not None:
+        lam, none = force.ravel(), np.zeros(0)
+        account = check(problem, law, lam, none)
+        if account.valid():
+            return ContactState(lam, none, understood(problem, law, modes_from(force, mu)), account), tried + systems
+    return None, tried + systems
 
 
 def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[ContactState | None, int]:
@@ -142,22 +141,6 @@ def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[Con
             if account.valid():
                 return ContactState(lam, xi, modes_from(found[0], mu), account), tried
     return None, tried
-
-
-def _from_less_friction(problem: ContactProblem, mu: float) -> tuple[np.ndarray | None, int]:
-    """Newton's method, from no force or, where that fails, along growing friction: ever finer steps."""
-    force, total = newton(problem.W, problem.free, mu)
-    for steps in (4, 16, 64) if mu > 0 and force is None else ():
-        start, systems = newton(problem.W, problem.free, 0.0)
-        total += systems
-        for share in np.arange(1, steps + 1) / steps:
-            if start is None:
-                break
-            start, systems = newton(problem.W, problem.free, share * mu, start)
-            total += systems
-        if start is not None:
-            return start, total
-    return force, total
 
 
 def _unstable(problem: ContactProblem) -> bool:
