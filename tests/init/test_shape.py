@@ -1,10 +1,14 @@
 """Files as bodies: sizes in mm whatever their unit, and one clear error for what is no body."""
 
+from pathlib import Path
+
 import pytest
 from init.bodies import write_cells, write_stl
 
 from cfem.core.errors import InputError
-from cfem.init.shape import make_shape, natural_unit, read_source
+from cfem.init.shape import geometry, make_shape, natural_unit, read_source
+from cfem.robot.meshing import corner_mesh
+from cfem.robot.spec import Meshing
 
 
 def test_a_closed_surface_becomes_a_coarse_mesh(tmp_path):
@@ -13,8 +17,17 @@ def test_a_closed_surface_becomes_a_coarse_mesh(tmp_path):
     assert source.volume == pytest.approx(6e-6) and source.area == pytest.approx(2.6e-3)
     assert natural_unit(source) == "m" and not source.has_unit
     shape = make_shape(source, 1000.0, 1000)
-    assert shape.extent == pytest.approx([60, 10, 10]) and shape.volume == pytest.approx(6000)
+    assert shape.extent == pytest.approx([60, 10, 10]) and shape.mesh.volumes.sum() == pytest.approx(6000)
     assert 50 < len(shape.mesh.cells) < 1000
+
+
+def test_a_round_body_gets_a_size_at_which_straight_edges_keep_its_volume(tmp_path):
+    arm = read_source(Path(__file__).parents[2] / "docs" / "tutorial" / "s-arm.step")
+    shape = make_shape(arm, 1.0, 5000)
+    meshing = Meshing(size=f"{shape.size!r} mm", element="tet4")
+    finer, volume = corner_mesh(geometry(arm.path, 1.0), meshing, [], Path(), "geometry")
+    assert shape.mesh.volumes.sum() < 0.97 * volume < 0.975 * volume < finer.volumes.sum()
+    assert len(finer.cells) == pytest.approx(5000, rel=0.2)
 
 
 @pytest.mark.parametrize("element", ["tet4", "hex8"])

@@ -95,7 +95,8 @@ def _same(path: Path, other: Path) -> bool:
 
 def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: Collection[str], ask: Ask) -> NewScene:
     unit, cells = _unit(source, ask), _cells(source, ask)
-    shape = make_shape(source, 1.0 if unit is None else unit.value, cells.value if cells else 0)
+    scale = 1.0 if unit is None else unit.value
+    shape = make_shape(source, scale, cells.value if cells else 0)
     doubts = size_doubts(shape.extent)
     if doubts and unit is not None:
         raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm'")
@@ -112,7 +113,7 @@ def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: 
         file=copy,
         unit=unit,
         extent=shape.extent,
-        volume=shape.volume,
+        volume=source.volume * scale**3,
         axis=run.axis,
         length=run.length,
         size=shape.size,
