@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from cfem.control.goals import goals_of
+from cfem.control.goals import demand_near, goals_of
 from cfem.control.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 
@@ -70,3 +70,10 @@ def test_no_goal_is_set_for_a_centre_of_mass():
     points = GoalsSpec(kind="goals", points={"mm": [[1.0, 2, 3], [4, 5, 6]]})
     found = goals_of("a", points, robot, None, np.zeros(0))
     assert found.tolist() == [[1, 2, 3, 3, 4, 5], [4, 5, 6, 3, 4, 5]]
+
+
+def test_goals_in_metres_that_were_meant_in_millimetres_are_refused():
+    rest, near = np.array([0.0, 10.0, -120.0]), np.array([[0.0, 30.0, -110.0], [0.0, 300.0, -110.0]])
+    demand_near("curve", near, rest, 120.0)
+    with pytest.raises(SpecError, match=r"goal 1 is 3e\+05 mm from where the robot rests, 2499 times its length.*unit"):
+        demand_near("curve", np.array([[0, 10, -120.0], [0, 3e5 - 110, 0]]), rest, 120.0)

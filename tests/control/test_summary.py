@@ -44,6 +44,13 @@ def test_the_discretisation_error_leads_where_it_is_the_larger_one(error, leads)
     assert len(lines) == 2 and (place == 0) is leads
 
 
+def test_goals_out_of_reach_lead_where_nothing_was_reached():
+    far = [{**row, "reachable": False, "reached": False} for row in rows("spectral", True, 203.0)]
+    first, second = headline({"circle": summarise(far, 100.0)}, {**DISCRETISATION, "states": 1})
+    assert "0 of 4 goals reached; 4 goals are out of reach: the robot ended 203 mm away" in first
+    assert "(estimated: 1 state on" in second
+
+
 def test_a_discretisation_error_that_is_not_known_is_said_to_be_so():
     left_out = {"left_out": "mesh_error is null in the spec"}
     *_, last = headline({"circle": summarise(rows("spectral", True, 0.2), 100.0)}, left_out)

@@ -69,6 +69,7 @@ def test_editors_and_the_program_accept_the_same(parts):
             {"actuators": CAVITY.replace("[0, 1]", "[1, 0]")},
             "cavity 'air': reach must be two numbers, the smaller first",
         ),
+        ({"material": {"young": "3000 kpa", "poisson": 0.45}}, "'kpa' is not a unit of stress; did you mean kPa?"),
         ({"actuators": CAVITY.replace("ml", "mm")}, "'mm' is not a unit of volume; expected e.g. mm^3"),
         (
             {"actuators": CAVITY.replace("cavity", "cavty")},

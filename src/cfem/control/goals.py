@@ -9,6 +9,8 @@ from cfem.core.progress import progress
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_plant import FemPlant
 
+_FAR = 10  # lengths of the robot: nothing that it is asked to reach is so far away
+
 
 def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
     """(m, n_e) mm absolute. robot: or what stands for several and their object; shift: (n_e,) mm by how much they move
@@ -46,3 +48,13 @@ def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.nd
             where=f"trajectories.{name}",
         )
     return goals + shift if len(shift) else goals
+
+
+def demand_near(name: str, goals: np.ndarray, rest_e: np.ndarray, length: float) -> None:
+    """goals (m, n_e), rest_e (n_e,), length: mm. SpecError where a goal is so far away that it has another unit."""
+    far = np.abs(goals - rest_e).max(axis=1)
+    worst = int(far.argmax())
+    if far[worst] > _FAR * length:
+        times = f"{far[worst] / length:.0f} times its length"
+        what = f"goal {worst} is {far[worst]:.3g} mm from where the robot rests, {times}"
+        raise SpecError(what, where=f"trajectories.{name}", do="check the unit of the goals")

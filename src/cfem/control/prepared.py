@@ -10,7 +10,7 @@ import numpy as np
 from cfem.control.among import World, among
 from cfem.control.assembled import assembled, touching
 from cfem.control.design import designed
-from cfem.control.goals import goals_of
+from cfem.control.goals import demand_near, goals_of
 from cfem.control.loads import carrying
 from cfem.control.spec import ControlSpec
 from cfem.core.actuator_units import demand_units
@@ -75,6 +75,8 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
             rest_e = world.rest(rest_e)
         plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
     goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
+    for name, points in goals.items():
+        demand_near(name, points, robot.rest_e, scene_and_mesh[0].length)
     if world:
         goals = {name: world.goals(points) for name, points in goals.items()}
     return Prepared(*scene_and_mesh, robot, predictors, plant, fem, touched, world, goals, error)

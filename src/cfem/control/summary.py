@@ -82,7 +82,7 @@ def headline(
     trajectories: dict[str, dict], discretisation: dict | None = None, fe_cost: dict | None = None
 ) -> list[str]:
     """One sentence per trajectory and controller, those with fewer iterations (name@n) left to the tables, and one on
-    the discretisation error, which comes first where it is larger than the tracking error."""
+    the discretisation error, which comes first where it is larger than all distances to goals."""
     lines = []
     for trajectory, controllers in trajectories.items():
         for name, row in controllers.items():
@@ -92,7 +92,10 @@ def headline(
         return lines
     sentence = discretisation_sentence(discretisation)
     errors = [
-        row["distance_to_reachable_goals"] for controllers in trajectories.values() for row in controllers.values()
+        row[f"distance_to_{what}_goals"]
+        for controllers in trajectories.values()
+        for row in controllers.values()
+        for what in ("reachable", "unreachable")
     ]
     tracking = max((one["max"] for one in errors if one), default=0.0)
     return [sentence, *lines] if discretisation.get("tip_mm", 0.0) > tracking else [*lines, sentence]
@@ -105,7 +108,8 @@ def discretisation_sentence(found: dict) -> str:
     return (
         f"discretisation error: the mesh itself leaves {found['tip_mm']:.2g} mm uncertain at the tip "
         f"({found['tip_percent']:.2g} % of the length), {found['force_percent']:.2g} % of the actuator forces and "
-        f"{found['reach_percent']:.2g} % of the reach (estimated: {found['states']} states on {found['finer_cells']} "
+        f"{found['reach_percent']:.2g} % of the reach (estimated: {found['states']} state{'s' * (found['states'] > 1)} "
+        f"on {found['finer_cells']} "
         f"instead of {found['cells']} cells)"
     )
 
@@ -120,16 +124,22 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
         goals = (
             "1 goal is out of reach: the robot ended" if out == 1 else f"{out} goals are out of reach: the robot ended"
         )
-        parts.append(f"{goals} {far['mean']:.2g} mm away on average, {far['max']:.2g} mm at most")
+        parts.append(f"{goals} {far['mean']:.3g} mm away on average, {far['max']:.3g} mm at most")
     if fe:
         parts.append(f"mean {fe['mean']:.2g} mm, max {fe['max']:.2g} mm from FE-based control")
-    step = f"{row['step_us']['median'] / 1e3:.2g} ms per control step"
+    step = f"{_short(row['step_us']['median'] / 1e3)} ms per control step"
     if fe_cost and fe_cost["solves"]:
         step += f" (an FE solve takes {1e3 * fe_cost['seconds'] / fe_cost['solves']:.3g} ms)"
     parts.append(step)
     if row["inside"] < row["goals"]:
-        parts.append(f"{row['goals'] - row['inside']} plans OUTSIDE what the model was trained on")
+        outside = row["goals"] - row["inside"]
+        parts.append(f"{outside} plan{'s' * (outside > 1)} OUTSIDE what the model was trained on")
     return parts
+
+
+def _short(value: float) -> str:
+    """Two digits, all those before the point."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _spread(values: Sequence[float], length: float) -> dict | None:

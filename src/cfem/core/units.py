@@ -58,9 +58,9 @@ def _factor(unit: str, system_unit: str) -> float:
         return float(_registry().Quantity(1.0, unit).to(system_unit).magnitude)
     except Exception as error:  # pint's errors share no base class
         shown = unit if len(unit) <= _LONGEST else f"{unit[:_LONGEST]} ..."
-        raise ValueError(
-            f"'{shown}' is not a unit of {DIMENSION[system_unit]}; expected e.g. {_customary(system_unit)}"
-        ) from error
+        alike = [name for name in usual if name.lower() == unit.lower()]
+        hint = f"did you mean {' or '.join(alike)}?" if alike else f"expected e.g. {_customary(system_unit)}"
+        raise ValueError(f"'{shown}' is not a unit of {DIMENSION[system_unit]}; {hint}") from error
 
 
 DIMENSION = {
