@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from control.loop_poles import poles
 from support import arc_robot, linear_robot
 from support.arc_robot import ArcRobot, tip
 from support.linear_robot import LinearRobot
 
 from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.controller import Correction, Gains
-from cfem.control.gains import integral_for, poles
+from cfem.control.gains import integral_for
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from dynamics.moving import DENSITY, moving_bar, moving_rod
 from support.blocks import bar
+from support.released import released
 
 from cfem.dynamics.modes import natural_modes
 from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Scheme
 from cfem.dynamics.simulate import Pace, simulate
-from cfem.dynamics.start import at_rest, released
+from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.solve import rest_state, solve

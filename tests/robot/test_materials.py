@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
+from support.laws import energy_density
 
 from cfem.mechanics.material import LAWS
-from cfem.mechanics.material.law import energy_density
 from cfem.robot.build import as_material
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 

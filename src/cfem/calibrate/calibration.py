@@ -117,10 +117,10 @@ def calibrate(
     )
 
 
-def coverage(found: Calibration, noise: Noise, confidence: float, repeats: int, seed: int = 0) -> np.ndarray:
+def coverage(found: Calibration, noise: Noise, confidence: float, repeats: int) -> np.ndarray:
     """(n_free,) share of `repeats` in which the interval covers what was found. Each repeat takes that as the truth
     and draws new measurements with the stated noise."""
-    problem, rng = found.problem, np.random.default_rng(seed)
+    problem, rng = found.problem, np.random.default_rng(0)
     truth = problem.z(found.p)
     computed = problem.target + found.residuals
     covered = np.zeros(len(truth))

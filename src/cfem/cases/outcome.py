@@ -1,7 +1,6 @@
 """A calibrated robot and rig as a file: all that predictions of other cases need."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from cfem.cases.fit import CaseFit
 from cfem.cases.rig import Rig
 from cfem.cases.scatter import Scatter
 from cfem.cases.table import Cases
-from cfem.cases.unknowns import Sought
 from cfem.core.errors import InputError
 from cfem.core.files import write_json
 
@@ -114,7 +112,3 @@ def sentence(name: str, one: dict[str, Any]) -> str:
     value, unit = shown(one["value"], one["unit"])
     low, high = (shown(end, one["unit"])[0] for end in one["interval"])
     return f"{name} {value:.4g}{' ' + unit if unit else ''}, 95 % interval [{low:.4g}, {high:.4g}]"
-
-
-def names_of(unknowns: Sequence[Sought]) -> list[str]:
-    return [one.name for one in unknowns]

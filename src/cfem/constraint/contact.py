@@ -21,10 +21,8 @@ class ContactPoint(PointEffector):
         return ()
 
 
-def make_contact(
-    mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.ndarray | None = None
-) -> ContactPoint:
-    """A contact at `point` (3,) mm through the region of `radius` mm, of `cells` alone where given.
+def make_contact(mesh: Mesh, point: np.ndarray, radius: float, name: str) -> ContactPoint:
+    """A contact at `point` (3,) mm through the region of `radius` mm.
 
     Raises SpecError where it lies off the body."""
-    return ContactPoint(attach(mesh, point, radius, f"contact point '{name}'", cells))
+    return ContactPoint(attach(mesh, point, radius, f"contact point '{name}'"))

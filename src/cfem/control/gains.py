@@ -19,20 +19,7 @@ def late_samples(delay: int, ticks_a_sample: float) -> int:
     return max(int(np.ceil((delay + 1) / ticks_a_sample)) - 1, 0)
 
 
-def integral_bound(late: int) -> float:
-    """m K_I below which the loop with K_P = 0 is stable."""
-    return 2 * np.sin(np.pi / (2 * (2 * late + 1)))
-
-
 def integral_for(phase_margin: float, late: int) -> float:
     """m K_I with that margin (rad, in (0, pi/2)), K_P = 0: |L| = 1 at w = 2 asin(m K_I / 2), where the phase is
     -(pi/2 + (late + 1/2) w)."""
     return 2 * np.sin((np.pi / 2 - phase_margin) / (2 * late + 1))
-
-
-def poles(proportional: float, integral: float, late: int, m: float = 1.0) -> np.ndarray:
-    """(late + 2,) complex: of the closed loop; stable where all lie within the unit circle."""
-    loop = np.zeros(late + 3)
-    loop[:2] = 1.0, -1.0
-    loop[-2:] += m * np.array([proportional + integral, -proportional])
-    return np.roots(loop)

@@ -182,7 +182,7 @@ def locked(target: Path) -> Iterator[None]:
         except OSError as error:
             raise DiskError(f"cannot be locked: {error.strerror}", where=str(lock), do="choose --out") from error
         if not mine:
-            who = read_head(handle, 200).decode(errors="replace").strip()
+            who = read_head(handle).decode(errors="replace").strip()
             what = f"another process is writing here{f' ({who})' if who else ''}"
             raise OutputError(what, where=str(target), do="wait for it to end")
         with disk_errors(lock):

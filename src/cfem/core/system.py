@@ -36,10 +36,10 @@ def _try_lock_on_windows(handle: int) -> bool:
     return True
 
 
-def read_head(handle: int, count: int) -> bytes:
-    """The first bytes of an open file."""
+def read_head(handle: int) -> bytes:
+    """The first 200 bytes of an open file."""
     os.lseek(handle, 0, os.SEEK_SET)
-    return os.read(handle, count)
+    return os.read(handle, 200)
 
 
 def replace_content(handle: int, data: bytes) -> None:

@@ -158,10 +158,10 @@ class FeProblem(Problem):
         self._worst = np.hstack(both).max(axis=0)
         return judged(self, (), np.array(z), both)
 
-    def slope_error(self, z: np.ndarray, step: float = 2e-3) -> float:
+    def slope_error(self, z: np.ndarray) -> float:
         """Largest difference between the slopes along (1, ..., 1) and those by differences of solves, of fourth order,
         relative to each row's."""
-        way = np.ones(len(z)) / np.sqrt(len(z))
+        way, step = np.ones(len(z)) / np.sqrt(len(z)), 2e-3
         _, slopes = self._with_slopes(z)
         ends = [np.hstack(self((z + k * step * way)[None]))[0] for k in (2, 1, -1, -2)]
         plain = (8 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12 * step)

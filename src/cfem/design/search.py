@@ -92,10 +92,10 @@ def evaluate_grid(problem: Problem, shape: Sequence[int]) -> Grid:
     return _evaluated(problem, tuple(shape), np.array(list(product(*axes))))
 
 
-def evaluate_scattered(problem: Problem, count: int, seed: int = 0) -> Grid:
+def evaluate_scattered(problem: Problem, count: int) -> Grid:
     """As `evaluate_grid`, of designs that lie evenly scattered, and their middle."""
     n = len(problem.free)
-    spread = qmc.Sobol(n, rng=np.random.default_rng(seed)).random_base2(max(int(np.ceil(np.log2(count))), 1))
+    spread = qmc.Sobol(n, rng=np.random.default_rng(0)).random_base2(max(int(np.ceil(np.log2(count))), 1))
     return _evaluated(problem, (), np.vstack([np.full((1, n), 0.5), spread[: count - 1]]))
 
 

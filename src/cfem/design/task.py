@@ -48,11 +48,9 @@ class Served:
     evaluations: int
 
 
-def serve(
-    family: Family, task: Task, free: Sequence[int], p0: np.ndarray, starts: int = 4, z0: np.ndarray | None = None
-) -> Served:
-    """free: numbers of the parameters that may vary, none for the best control of the design p0 (n_p,). z0: shares of
-    the free ones to start from first. NumericalError where no start leads anywhere."""
+def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, starts: int = 4) -> Served:
+    """free: numbers of the parameters that may vary, none for the best control of the design p0 (n_p,).
+    NumericalError where no start leads anywhere."""
     parameters: list[Parameter] = [family.parameters[i] for i in free]
     n, k, n_a = len(free), len(task.goals), family.rows.n_a
     low, high = family.reach.T
@@ -89,7 +87,7 @@ def serve(
         return values[0].ravel(), J.reshape(-1, len(v))
 
     best, failure = None, None
-    for start in _starts(n, k, n_a, starts, z0):
+    for start in _starts(n, k, n_a, starts):
         memory: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
         def at(v: np.ndarray, memory=memory) -> tuple[np.ndarray, np.ndarray]:
@@ -113,11 +111,9 @@ def serve(
     return Served(here.p[0], u, distance, here, float(best.cost), asked)
 
 
-def _starts(n: int, k: int, n_a: int, count: int, z0: np.ndarray | None) -> list[np.ndarray]:
+def _starts(n: int, k: int, n_a: int, count: int) -> list[np.ndarray]:
     """The given or middle design at half pull, then Halton points."""
     dimension = max(n + n_a, 1)
     shares = np.vstack([np.full((1, dimension), 0.5), qmc.Halton(dimension, scramble=False).random(count)[1:]])[:count]
-    if z0 is not None and n:
-        shares[0, :n] = z0
     shares = np.clip(shares, 1e-3, 1 - 1e-3)
     return [np.concatenate([one[:n], np.tile(one[n:], k)]) for one in shares]

@@ -48,14 +48,13 @@ class Refused:
 
 @dataclass(frozen=True)
 class Sample:
-    """At t s: delta (n_active,) and lam of the active rows, delta_e (n_e,) of the effectors and its rate a second,
-    slack (n_a,), energy."""
+    """At t s: delta (n_active,) and lam of the active rows, delta_e (n_e,) of the effectors, slack (n_a,),
+    energy."""
 
     t: float
     delta: np.ndarray
     lam: np.ndarray
     delta_e: np.ndarray
-    rate_e: np.ndarray
     slack: np.ndarray
     energy: Energy
 
@@ -228,12 +227,8 @@ def _change(
 def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _Taken | None) -> Sample:
     robot = problem.robot
     at = problem.evaluate(motion.x, np.empty(0)) if taken is None else taken.result.at
-    rate = np.concatenate(
-        [np.tensordot(one.gradient(motion.x), motion.v[one.nodes], axes=2) for one in robot.effectors]
-    )
     slack = np.zeros(robot.rows.n_a, dtype=bool) if taken is None else taken.slack
-    delta_e = effector_displacements(robot, motion.x)
-    return Sample(motion.t, at.delta, motion.lam, delta_e, rate, slack, energy)
+    return Sample(motion.t, at.delta, motion.lam, effector_displacements(robot, motion.x), slack, energy)
 
 
 def _energy(problem: MovingProblem, run: Run, before: Motion, taken: _Taken) -> Energy:

@@ -18,7 +18,7 @@ from cfem.core.errors import InputError
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.problem import Problem
 from cfem.mechanics.further_stress import add_stress
-from cfem.mechanics.material.law import response
+from cfem.mechanics.material.law import evaluate
 from cfem.mechanics.solid import Response, Solid
 
 # Laws whose pressure is a pressure: theta depends on J alone, and is left out of the deviator.
@@ -123,7 +123,7 @@ class Stress(Field):
         if part.law.name not in _BY_VOLUME:
             raise InputError(f"von Mises' stress of the law {part.law.name} is not implemented")
         F = D + np.eye(3)
-        sigma = response(part.law, D, part.parameters)[2] @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
+        sigma = evaluate(part.law, D, part.parameters)[2] @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
         deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
         return np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2)))
 

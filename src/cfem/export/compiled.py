@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.core.files import file_sha256
 
 CORE = (
     "cfem_controller.c",
@@ -23,6 +24,7 @@ CORE = (
     "cfem_data.c",
 )
 STANDARD = ("-std=c99", "-ffp-contract=fast")
+FAST = ("-O2",)
 CORTEX_M7 = ("-Os", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
 
 
@@ -66,9 +68,19 @@ def run(command: list[str], folder: Path | str) -> str:
     return done.stdout
 
 
+def library(folder: Path, names: tuple[str, ...] = CORE, flags: tuple[str, ...] = FAST) -> ctypes.CDLL:
+    """Sources of the folder as a shared library, the core's unless given. InputError where there is no compiler.
+
+    What was compiled from the same files is not compiled again."""
+    files = tuple((path.name, file_sha256(path)) for path in sorted(folder.glob("*.[ch]")))
+    return _library(folder, names, flags, files)
+
+
 @lru_cache(maxsize=32)
-def library(folder: Path, flags: tuple[str, ...] = ("-O2",), names: tuple[str, ...] = CORE) -> ctypes.CDLL:
-    """Sources of the folder as a shared library, the core's unless given. InputError where there is no compiler."""
+def _library(
+    folder: Path, names: tuple[str, ...], flags: tuple[str, ...], files: tuple[tuple[str, str], ...]
+) -> ctypes.CDLL:
+    """files: names and SHA-256 of what the folder holds."""
     command = compiler()
     if not command:
         raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
@@ -92,7 +104,7 @@ class Command:
 class CompiledController:
     """One robot's controller. n_a, n_e: its sizes."""
 
-    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
+    def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         text = (folder / "cfem_data.h").read_text(encoding="utf-8")
         defines = defines_of(text)
         self.n_a, self.n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
@@ -104,7 +116,7 @@ class CompiledController:
         outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e), ("status", ctypes.c_uint)]
         self._input, self._output = struct_of(inputs)(), struct_of(outputs)()
         self._model = struct_of([(name, ctypes.c_double * size) for name, size in model])()
-        self._library = library(folder, flags)
+        self._library = library(folder, flags=flags)
         # cfem_controller, or more: its vectors, the model at the last command, a flag
         self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 1))()
         self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]

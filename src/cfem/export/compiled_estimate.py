@@ -2,15 +2,13 @@
 
 import ctypes
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from cfem.core.errors import InputError
 from cfem.export.c_estimate import moving_frames, status_of
-from cfem.export.compiled import STANDARD, compiler, run
+from cfem.export.compiled import FAST, library, struct_of
 from cfem.predict.estimate_filter import Filter
 
 SOURCES = ("cfem_estimate.c", "cfem_estimate_series.c", "cfem_estimate_data.c")
@@ -33,24 +31,17 @@ class Found:
 class CompiledEstimator:
     """tick: the filter; alone: one frame by itself."""
 
-    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
-        command = compiler()
-        if not command:
-            raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
+    def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         text = (folder / "cfem_estimate_data.h").read_text(encoding="utf-8")
         size = {name: int(value) for name, value in re.findall(r"#define CFEM_ESTIMATE_(\w+) (\d+)", text)}
         n, n_a, n_e, m = size["N"], size["NA"], size["NE"], size["MARKERS"]
-        self._frame = _struct([("place", 3 * m), ("displacement", n_a), ("force", n_a), ("command", n_a)])()
-        doubles = [("x", n), ("covariance", n * n), ("effector", n_e), ("noise", 1)]
-        flags_of = [("left_out", ctypes.c_uint32), ("unseen", ctypes.c_uint32), ("status", ctypes.c_uint)]
-        self._found = _struct(doubles, [*flags_of, ("iterations", ctypes.c_int)])()
+        self._frame = struct_of(_doubles(place=3 * m, displacement=n_a, force=n_a, command=n_a))()
+        doubles = _doubles(x=n, covariance=n * n, effector=n_e, noise=1)
+        bits = [("left_out", ctypes.c_uint32), ("unseen", ctypes.c_uint32), ("status", ctypes.c_uint)]
+        self._found = struct_of([*doubles, *bits, ("iterations", ctypes.c_int)])()
         self._filter = ctypes.create_string_buffer(ctypes.sizeof(self._found) + 8 * n_a + 16)
         self.rows = size["ROWS"]
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
-            out = Path(place) / "libestimate.so"
-            sources = [str((folder / name).resolve()) for name in SOURCES]
-            run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
-            self._library = ctypes.CDLL(str(out))
+        self._library = library(folder, SOURCES, flags)
         self.reset()
 
     def reset(self) -> None:
@@ -101,6 +92,5 @@ def estimate_parity(folder: Path, made: Filter) -> float:
     return most
 
 
-def _struct(doubles: list[tuple[str, int]], others: list[tuple[str, type]] | None = None) -> type[ctypes.Structure]:
-    fields = [(name, ctypes.c_double * size) for name, size in doubles] + (others or [])
-    return type("Struct", (ctypes.Structure,), {"_fields_": fields})
+def _doubles(**sizes: int) -> list[tuple[str, type]]:
+    return [(name, ctypes.c_double * size) for name, size in sizes.items()]

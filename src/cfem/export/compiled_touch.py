@@ -1,8 +1,6 @@
 """Contact of a C folder, compiled on this machine, as a Python object."""
 
 import ctypes
-import re
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.contact.obstacle import Rounded
-from cfem.core.errors import InputError
-from cfem.export import c_touch, compiled
+from cfem.export import c_touch
+from cfem.export.compiled import CORE, FAST, defines_of, library, struct_of
 
 MOST = 30
 
@@ -42,52 +40,24 @@ class CompiledTouch:
     """cfem_touch of a folder. Each step begins where the last one that converged ended; `reset` begins from the free
     robot."""
 
-    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
-        command = compiled.compiler()
-        if not command:
-            raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
+    def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_touch_data.h"))
-        defines = dict(re.findall(r"^#define (\w+) (\S+)", text, re.MULTILINE))
+        defines = defines_of(text)
         n, k = int(defines["CFEM_PATCHES"]), int(defines["CFEM_PATCH_ROWS"])
         self.n_a, n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
         numbers, real = ctypes.c_int * MOST, ctypes.c_double
 
-        class State(ctypes.Structure):
-            _fields_ = (
-                ("status", ctypes.c_uint),
-                ("count", ctypes.c_int),
-                ("iterations", ctypes.c_int),
-                ("patch", numbers),
-                ("obstacle", numbers),
-                ("mode", numbers),
-                ("force", real * (3 * MOST)),
-                ("normal", real * (3 * MOST)),
-                ("gap", real * MOST),
-                ("rows", real * k),
-                ("delta_e", real * n_e),
-                ("lambda_a", real * self.n_a),
-                ("place", real * (3 * n)),
-                ("stuck", real * (3 * n)),
-                ("holds", ctypes.c_ubyte * n),
-            )
-
-        class Body(ctypes.Structure):
-            _fields_ = (
-                ("R", real * 9),
-                ("t", real * 3),
-                ("core", real * 3),
-                ("rounding", real),
-                ("below", ctypes.c_int),
-            )
-
-        self._states, self._body, self._before = (State(), State()), Body, None
+        counts = [("status", ctypes.c_uint), ("count", ctypes.c_int), ("iterations", ctypes.c_int)]
+        contacts = [("patch", numbers), ("obstacle", numbers), ("mode", numbers)]
+        vectors = [("force", real * (3 * MOST)), ("normal", real * (3 * MOST)), ("gap", real * MOST)]
+        robot = [("rows", real * k), ("delta_e", real * n_e), ("lambda_a", real * self.n_a)]
+        patches = [("place", real * (3 * n)), ("stuck", real * (3 * n)), ("holds", ctypes.c_ubyte * n)]
+        state = struct_of([*counts, *contacts, *vectors, *robot, *patches])
+        pose = [("R", real * 9), ("t", real * 3)]
+        self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
+        self._states, self._before = (state(), state()), None
         self._room = (real * (70000 + 100 * (n + k) + (n_e + k) * k * (k + 1)))()
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
-            out = Path(place) / "libtouch.so"
-            sources = [str((folder / name).resolve()) for name in (*compiled.CORE, *c_touch.CORE)]
-            options = [*compiled.STANDARD, *flags, "-shared", "-fPIC", "-o", str(out)]
-            compiled.run([command, *options, *sources, "-lm"], place)
-            self._call = ctypes.CDLL(str(out)).cfem_touch
+        self._call = library(folder, (*CORE, *c_touch.CORE), flags).cfem_touch
 
     def reset(self) -> None:
         self._before = None

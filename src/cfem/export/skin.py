@@ -3,7 +3,6 @@ cfem_shape in C, each compared with the trained skin."""
 
 import ctypes
 import re
-import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -115,21 +114,14 @@ class CompiledShape:
     """cfem_shape of a C folder, compiled on this machine: (n_a,) -> (nodes, 3) mm."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
-        from cfem.export.compiled import STANDARD, compiler, run
+        from cfem.export.compiled import library
 
-        command = compiler()
-        if not command:
-            raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
         text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_skin.h"))
         real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
         nodes = int(re.search(r"#define CFEM_SKIN_NODES (\d+)", text)[1])
         self._out = np.zeros((nodes, 3), dtype=real)
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
-            out = Path(place) / "libshape.so"
-            needed = ("cfem_spectral.c", "cfem_data.c") if "cfem_skin_owner" in text else ()  # of modules in a row
-            sources = [str((folder / name).resolve()) for name in ("cfem_shape.c", "cfem_skin.c", *needed)]
-            run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
-            self._call = ctypes.CDLL(str(out)).cfem_shape
+        needed = ("cfem_spectral.c", "cfem_data.c") if "cfem_skin_owner" in text else ()  # of modules in a row
+        self._call = library(folder, ("cfem_shape.c", "cfem_skin.c", *needed), flags).cfem_shape
         self._call.restype = None
 
     def __call__(self, s: np.ndarray) -> np.ndarray:

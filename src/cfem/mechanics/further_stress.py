@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.mechanics.assembly import add_blocks
-from cfem.mechanics.solid import Response, Solid, add_geometric, curvature, point_stiffness
+from cfem.mechanics.material.law import curvature
+from cfem.mechanics.solid import Response, Solid, add_geometric, point_stiffness
 from cfem.mechanics.solid_kernels import add_form, scatter_force, scatter_stiffness
 
 
@@ -48,7 +49,7 @@ def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions
 
 def _stress_curvature(solid: Solid, at: Response, share: float, B: np.ndarray) -> np.ndarray:
     """(m q, 9, 9) MPa: d/dF of share d psi_rest / dF + F B."""
-    C = share * curvature(solid, at.D, np.zeros(len(at.D)))
+    C = share * curvature(solid.law, at.D, solid.parameters, np.zeros(len(at.D)))
     add_geometric(C, B)
     return C
 
@@ -63,5 +64,6 @@ def _slaved_stiffness(solid: Solid, at: Response, C: np.ndarray) -> np.ndarray:
 
 def _slaved(solid: Solid, at: Response) -> np.ndarray:
     """(m, 3 bubbles, 3 n_nodes): how the bubbles' amplitudes follow the nodes."""
-    K, n = point_stiffness(solid, curvature(solid, at.D, at.point_pressure), at.g), 3 * solid.element.n_nodes
+    C, n = curvature(solid.law, at.D, solid.parameters, at.point_pressure), 3 * solid.element.n_nodes
+    K = point_stiffness(solid, C, at.g)
     return -np.linalg.solve(K[:, n:, n:], K[:, n:, :n])

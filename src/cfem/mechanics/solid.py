@@ -18,7 +18,7 @@ import numpy as np
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material import Law
-from cfem.mechanics.material.law import Material
+from cfem.mechanics.material.law import Material, curvature, evaluate
 from cfem.mechanics.solid_kernels import (
     add_form,
     add_form_of_few,
@@ -58,7 +58,7 @@ class Solid:
     @property
     def shear(self) -> float:
         """MPa: shear modulus at rest."""
-        return float(curvature(self, np.zeros((1, 3, 3)), np.zeros(1))[0, 1, 1])
+        return float(curvature(self.law, np.zeros((1, 3, 3)), self.parameters, np.zeros(1))[0, 1, 1])
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarra
     for what x itself demands."""
     D = displacement_gradients(x - solid.X, solid.cells, solid.gradients)
     settled = _settle_bubbles(solid, D) if solid.element.bubbles else True
-    psi, theta, P, g = _law_response(solid, D)
+    psi, theta, P, g = evaluate(solid.law, D, solid.parameters)
     m, q = solid.weights.shape
     if solid.element.pressure:
         volumes = solid.volumes
@@ -124,7 +124,7 @@ def tangent(
 
     lag: (m q, 3, 3) MPa of `stress_lag`, added to the stress that the geometric part is made of.
     Returns dtheta (m, n_nodes, 3) mm^2, the gradient of theta_mean V; empty without element pressures."""
-    C = curvature(solid, at.D, at.point_pressure)
+    C = curvature(solid.law, at.D, solid.parameters, at.point_pressure)
     if lag is not None:
         add_geometric(C, lag)
     if solid.element.bubbles:
@@ -139,7 +139,7 @@ def tangent(
 def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
     """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm, from strains: faster than by A, and
     exact to rounding of the strains' work, where the entries of A cancel in a motion that is almost rigid."""
-    C = curvature(solid, at.D, at.point_pressure)
+    C = curvature(solid.law, at.D, solid.parameters, at.point_pressure)
     if solid.element.bubbles:
         K = _condensed(point_stiffness(solid, C, at.g), solid.element.n_nodes)
         mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
@@ -161,9 +161,8 @@ def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
     S = _second_stress(before)
     mixed = 0.0 if solid.element.pressure else solid.bulk * (before.g * dD).sum(axis=(1, 2))
     dp = (now.point_pressure - before.point_pressure) if solid.element.pressure else mixed
-    dP = (curvature(solid, D, before.point_pressure) @ dD.reshape(-1, 9, 1)).reshape(-1, 3, 3) + dp[
-        :, None, None
-    ] * before.g
+    C = curvature(solid.law, D, solid.parameters, before.point_pressure)
+    dP = (C @ dD.reshape(-1, 9, 1)).reshape(-1, 3, 3) + dp[:, None, None] * before.g
     predicted = S + np.linalg.solve(np.eye(3) + D, dP - dD @ S)
     return (predicted + predicted.transpose(0, 2, 1)) / 2 - _second_stress(now)
 
@@ -173,26 +172,11 @@ def _second_stress(at: Response) -> np.ndarray:
     return np.linalg.solve(np.eye(3) + at.D, at.P + at.point_pressure[:, None, None] * at.g)
 
 
-def curvature(solid: Solid, D: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(k, 9, 9) MPa: d/dF of d psi_rest / dF + p d theta / dF at displacement gradients D (k, 3, 3), at constant
-    pressure p (k,) MPa."""
-    C = np.empty((len(D), 9, 9))
-    solid.law.curvature(D, solid.parameters, pressure, C)
-    return C
-
-
 def add_geometric(C: np.ndarray, S: np.ndarray) -> None:
     """Adds to C (k, 9, 9), d P / dF, what the symmetric second Piola-Kirchhoff stress S (k, 3, 3) of P = F S gives."""
     blocks = C.reshape(-1, 3, 3, 3, 3)
     for i in range(3):
         blocks[:, i, :, i, :] += S
-
-
-def _law_response(solid: Solid, D: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    k = len(D)
-    out = np.empty(k), np.empty(k), np.empty((k, 3, 3)), np.empty((k, 3, 3))
-    solid.law.response(D, solid.parameters, *out)
-    return out
 
 
 def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
@@ -206,7 +190,7 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
     for _ in range(40):
         trial = alpha + part[:, None, None] * step
         D[:] = (at_zero + np.einsum("mka,mqkb->mqab", trial, modes)).reshape(-1, 3, 3)
-        _, theta, P, g = _law_response(solid, D)
+        _, theta, P, g = evaluate(solid.law, D, solid.parameters)
         pressure = solid.bulk * theta
         S = ((P + pressure[:, None, None] * g) * solid.weights.reshape(-1, 1, 1)).reshape(m, q, 3, 3)
         rest = np.einsum("mqab,mqkb->mka", S, modes)
@@ -221,7 +205,7 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
         stuck = part < 2.0**-6  # rounding, or no equilibrium
         if stuck.any():
             break
-        K = point_stiffness(solid, curvature(solid, D, pressure), g, first=solid.element.n_nodes)
+        K = point_stiffness(solid, curvature(solid.law, D, solid.parameters, pressure), g, first=solid.element.n_nodes)
         if not np.isfinite(K).all():
             return False
         new = -np.linalg.solve(K + 1e-300 * np.eye(K.shape[1]), rest.reshape(m, -1, 1)).reshape(alpha.shape)

@@ -1,6 +1,6 @@
 """A robot whose material becomes softer or stiffer while it works."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,12 +15,12 @@ class DriftingPlant:
     plant: Plant
     factor: float
     ticks: int
-    done: int = 0
+    _done: int = field(default=0, init=False)
     moves = True  # from step to step, whatever it is told
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        self.done += 1
-        stiffness = 1.0 + (self.factor - 1.0) * min(self.done / self.ticks, 1.0)
+        self._done += 1
+        stiffness = 1.0 + (self.factor - 1.0) * min(self._done / self.ticks, 1.0)
         found = self.plant.step(np.asarray(u, float) / (stiffness if kind == "force" else 1.0), kind)
         lam = None if found.lambda_a is None else stiffness * found.lambda_a
         return replace(found, lambda_a=lam)

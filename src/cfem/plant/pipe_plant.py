@@ -18,12 +18,13 @@ from cfem.core.errors import InputError
 from cfem.plant.protocol import Command, Measurement
 
 VERSION = 1
+FIRST_TIMEOUT = 30.0  # s
 
 
 class PipePlant:
     """Runs `command` and speaks to it; to be used in a `with`, which tells the device to let go and ends it.
 
-    rest_e: (n_e,) mm; timeout: s that it may take to answer, first_timeout: the first time; period: s from one command
+    rest_e: (n_e,) mm; timeout: s that it may take to answer, but the first time; period: s from one command
     to the next, 0 for as fast as it answers; folder: where it starts; markers: names of those that it answers; late:
     commands that were sent later than the period asks. InputError where it cannot be started, ends, is silent or talks
     nonsense."""
@@ -34,13 +35,12 @@ class PipePlant:
         rows: Rows,
         rest_e: np.ndarray,
         timeout: float = 1.0,
-        first_timeout: float = 30.0,
         period: float = 0.0,
         folder: Path | None = None,
         markers: Sequence[str] = (),
     ):
         self._command, self._rows, self._rest_e = tuple(command), rows, rest_e
-        self._timeout, self._first_timeout, self._period = timeout, first_timeout, period
+        self._timeout, self._period = timeout, period
         self._folder, self._markers = folder, tuple(markers)
         self._lines: Queue[str | None] = Queue()
         self._t, self._due, self.late = 0, 0.0, 0
@@ -72,7 +72,7 @@ class PipePlant:
                     "rest_e": self._rest_e.tolist(),
                     **({"markers": self._markers} if self._markers else {}),
                 },
-                self._first_timeout,
+                FIRST_TIMEOUT,
             )
             if answer.get("ready") is not True or answer.get("version") != VERSION:
                 raise self._wrong(f'answered {answer} to hello, expected {{"ready": true, "version": {VERSION}}}')

@@ -1,6 +1,5 @@
 """An FE robot whose effector meets a wall that the model knows nothing of."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,12 +28,11 @@ class WalledPlant:
     """`Plant`. Signorini's law (1933) of one point: gap >= 0, force >= 0, one of them 0. The force on the first
     effector is found by the secant method, every trial a full solve.
 
-    force: (N) that the wall pushes with now; at: (push (n_e,) N) -> the robot under it, for tests"""
+    force: (N) that the wall pushes with now"""
 
-    def __init__(self, robot: Robot, wall: Wall, at: Callable[[np.ndarray], FemPlant] | None = None):
-        self._wall, self._n_e = wall, robot.rows.n_e
+    def __init__(self, robot: Robot, wall: Wall):
+        self._robot, self._wall, self._n_e = robot, wall, robot.rows.n_e
         self._free = FemPlant(robot)
-        self._at = at or (lambda push: FemPlant(pushed(robot, push)))
         self._t, self.force, self._softness = 0, 0.0, None
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
@@ -49,7 +47,7 @@ class WalledPlant:
         for _ in range(ITERATIONS):
             push = np.zeros(self._n_e)
             push[:3] = trial * self._wall.normal
-            found = self._at(push).step(u, kind)
+            found = FemPlant(pushed(self._robot, push)).step(u, kind)
             if found.status != "converged":
                 return self._numbered(found)
             gap = self._wall.gap(found.x_e)

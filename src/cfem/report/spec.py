@@ -57,8 +57,6 @@ class Published(Spec):
     """Loss of the model."""
     query_us: PositiveFloat | None = None
     """Time of one query in microseconds."""
-    tracking_percent: PositiveFloat | None = None
-    """Tracking error in percent of the robot's length."""
 
 
 class SurrogateScene(Spec):

@@ -247,9 +247,9 @@ def measure(solid: Solid) -> tuple[float, float]:
     return float(answer["volume"]), float(answer["area"])
 
 
-def write_cad(solid: Solid, files: Sequence[Path], deviation: float = 0.05) -> None:
-    """Writes a body for CAD (.step, exact) and for printing (.stl, about `deviation` mm off at most), in mm."""
-    job = {"solid": as_data(solid), "write": [str(file) for file in files], "deviation": deviation}
+def write_cad(solid: Solid, files: Sequence[Path]) -> None:
+    """Writes a body for CAD (.step, exact) and for printing (.stl, about 0.05 mm off at most), in mm."""
+    job = {"solid": as_data(solid), "write": [str(file) for file in files], "deviation": 0.05}
     _gmsh(job, solid)
 
 

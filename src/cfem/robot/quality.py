@@ -1,6 +1,6 @@
 """How good a mesh is: angles or corners, inverted cells, and its volume against the CAD model's."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,9 +28,6 @@ class Quality:
     volume: float
     cad_volume: float | None
     volume_error: float | None
-
-    def as_dict(self) -> dict:
-        return asdict(self)
 
     def sentence(self) -> str:
         """For a person."""

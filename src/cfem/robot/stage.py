@@ -1,7 +1,7 @@
 """`cfem mesh`: scene.yaml to a mesh folder."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,4 +67,4 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     demand_inside(scene, mesh.base)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
     judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts()]]
-    return {"headline": [figures.sentence()], "judgement": judgement, **figures.as_dict()}
+    return {"headline": [figures.sentence()], "judgement": judgement, **asdict(figures)}

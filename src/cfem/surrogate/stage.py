@@ -274,11 +274,11 @@ def predictions(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray
     return np.array([one.W for one in found]), np.array([one.delta_free for one in found])
 
 
-def query_microseconds(predictor: Predictor, test: Any, repeats: int = 500) -> float:
-    """Median time of one query, one state after the other."""
+def query_microseconds(predictor: Predictor, test: Any) -> float:
+    """Median time of 500 queries, one state after the other."""
     s, p = model_inputs(predictor, test)
     times = []
-    for i in range(repeats):
+    for i in range(500):
         state = s[i % len(s)], p[i % len(s)]
         begin = time.perf_counter()
         predictor.at(*state)

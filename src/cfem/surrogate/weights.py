@@ -19,7 +19,6 @@ def searched_weights(
     divisors: np.ndarray,
     terms: int,
     max_degree: int,
-    largest: float = 8.0,
 ) -> np.ndarray:
     """(n,) weights >= 1, the smallest 1, by which at most `terms` terms come closest to a fifth of the states that is
     left out: from equal ones on, each in turn is multiplied or divided by a step, 1.5 at first, while that helps."""
@@ -42,14 +41,14 @@ def searched_weights(
             for factor in (step, 1 / step):
                 trial = best * np.where(np.arange(len(best)) == axis, factor, 1.0)
                 trial /= trial.min()
-                if trial.max() <= largest and (found := error(trial)) < 0.98 * least:
+                if trial.max() <= 8 and (found := error(trial)) < 0.98 * least:
                     best, least, helped = trial, found, True
                     break
         step = step if helped else np.sqrt(step)
     return best
 
 
-def decay_weights(indices: np.ndarray, coefficients: np.ndarray, largest: float = 4.0) -> np.ndarray:
+def decay_weights(indices: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """(n,) weights >= 1 by how fast the coefficients fall with the degree in each coordinate: the rate of a geometric
     fall from degree 1 on, that of the slowest coordinate being 1."""
     size = np.linalg.norm(coefficients / np.abs(coefficients).max(axis=0, initial=1e-300), axis=1)
@@ -64,7 +63,7 @@ def decay_weights(indices: np.ndarray, coefficients: np.ndarray, largest: float 
     slowest = rates.min()
     if not np.isfinite(slowest) or slowest <= 0:
         return np.ones(len(rates))
-    return np.clip(rates / slowest, 1.0, largest)
+    return np.clip(rates / slowest, 1.0, 4.0)
 
 
 def active_weights(metric: np.ndarray, s: np.ndarray, n_q: int) -> np.ndarray | None:

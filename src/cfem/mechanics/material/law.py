@@ -62,16 +62,7 @@ def shear_and_bulk(young: float, poisson: float, shape: tuple[float, ...] = ()) 
     return np.array([mu]), lam
 
 
-def energy_density(
-    law: Law, F: np.ndarray, young: float, poisson: float, shape: tuple[float, ...] | None = None
-) -> np.ndarray:
-    """(k,) MPa: psi at deformation gradients F (k, 3, 3)."""
-    parameters, bulk = Material(law, young, poisson, shape).moduli
-    psi, theta, _P, _g = response(law, F - np.eye(3), parameters)
-    return psi + bulk / 2 * theta**2
-
-
-def response(law: Law, D: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def evaluate(law: Law, D: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """psi_rest (k,), theta (k,), P_rest (k, 3, 3), g (k, 3, 3) at displacement gradients D (k, 3, 3)."""
     k = len(D)
     out = np.empty(k), np.empty(k), np.empty((k, 3, 3)), np.empty((k, 3, 3))
@@ -79,21 +70,15 @@ def response(law: Law, D: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarra
     return out
 
 
+def curvature(law: Law, D: np.ndarray, parameters: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """(k, 9, 9) d2 psi_rest / dF2 + pressure d2 theta / dF2 at displacement gradients D (k, 3, 3), pressures (k,)."""
+    C = np.empty((len(D), 9, 9))
+    law.curvature(D, parameters, pressure, C)
+    return C
+
+
 def stress(law: Law, F: np.ndarray, young: float, poisson: float, shape: tuple[float, ...] | None = None) -> np.ndarray:
     """(k, 3, 3) MPa: first Piola-Kirchhoff stress d psi / dF."""
     parameters, bulk = Material(law, young, poisson, shape).moduli
-    _, theta, P, g = response(law, F - np.eye(3), parameters)
+    _, theta, P, g = evaluate(law, F - np.eye(3), parameters)
     return P + bulk * theta[:, None, None] * g
-
-
-def tangent(
-    law: Law, F: np.ndarray, young: float, poisson: float, shape: tuple[float, ...] | None = None
-) -> np.ndarray:
-    """(k, 9, 9) MPa: d2 psi / dF2."""
-    parameters, bulk = Material(law, young, poisson, shape).moduli
-    D = F - np.eye(3)
-    _, theta, _, g = response(law, D, parameters)
-    C = np.empty((len(F), 9, 9))
-    law.curvature(D, parameters, bulk * theta, C)
-    g = g.reshape(-1, 9)
-    return C + bulk * g[:, :, None] * g[:, None, :]
