@@ -20,7 +20,13 @@ def asked(bar, tmp_path, monkeypatch):
         solved.append(len(patches))
         J, n = len(states), 3 * len(patches)
         nothing = np.zeros((J, 1, 4, 4))
-        return PatchResponse(states, np.full((J, n, n), float(len(solved))), np.zeros((J, 3, n)), nothing)
+        return PatchResponse(
+            states,
+            np.full((J, n, n), float(len(solved))),
+            np.zeros((J, 3, n)),
+            nothing,
+            np.zeros((J, len(patches), 3, 3, 3)),
+        )
 
     monkeypatch.setattr(kept_patches, "patch_response", solve)
 

@@ -7,10 +7,12 @@ import pytest
 
 from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.core.errors import InputError
-from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.actuation import Actuation, displacement
+from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.patch_compliance import patch_response, with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
 from cfem.predict.load import load_model
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.predict.touching import TouchedStatus, touch_step
@@ -140,6 +142,24 @@ def test_compliance_is_that_of_finite_elements_also_between_their_states(touchab
     skin = touchable.model.skin
     truth = patch_response(robot, skin.watched, touchable.patches, between[None]).own[0]
     assert np.abs(touchable.held(between).compliance(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
+
+
+def test_a_dent_is_right_to_the_second_order_in_its_force(touchable, robot):
+    """Against finite elements with a force on a patch: half of it leaves an eighth of the error."""
+    delta = touchable.by_fe.states[0]
+    held, size = touchable.held(delta), np.diag(touchable.by_fe.own[0]).reshape(-1, 3).sum(axis=1)
+    number = int(np.argmin(np.where(touchable.held_still, np.inf, size)))  # where what is local matters most
+    touched = with_patches(robot, touchable.model.skin.nodes, touchable.patches, np.array([number]))
+    settings, places, off = Settings(tolerance=1e-11), [], []
+    direction = np.array([[-0.3, 0.5, -1.0]]) / size[number]
+    for share in (0.0, 0.2, 0.4):
+        force = share * direction
+        at = Actuation(np.eye(1, 4), delta, np.concatenate([np.zeros(1), force[0]]))
+        places.append(solve(Problem(touched), at, slack=False, settings=settings).delta_c)
+        moved = held.places(np.array([number]), force)[number] - held.free[number]
+        off.append(np.linalg.norm(moved - (places[-1] - places[0])))
+    assert 6.0 < off[2] / off[1] < 10.0
+    assert off[2] < 0.02 * np.linalg.norm(places[2] - places[0])
 
 
 def test_places_and_turns_are_those_of_the_surface(touchable):

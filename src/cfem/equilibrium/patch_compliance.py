@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed import Rows
 from cfem.condensed.patches import Patches
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin
@@ -17,9 +18,9 @@ from cfem.equilibrium.held_patch import held
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.skinned import skinned
-from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.solution import Equilibrium, Linear
 from cfem.equilibrium.solve import solve
-from cfem.equilibrium.third_order import skin_load_derivatives
+from cfem.equilibrium.third_order import load_derivatives, skin_load_derivatives
 
 
 def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.ndarray) -> Robot:
@@ -38,12 +39,14 @@ def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.n
 class PatchResponse:
     """How patches of the surface yield to forces on them, actuators held. At states (J, n_a) mm: own (J, 3 N, 3 N)
     mm/N the patches, tip (J, n_e, 3 N) mm/N the effectors; bent (J, k, n_e + k, n_e + k) mm/N^2: how the compliance of
-    effectors and rows of the skin changes with loads on the latter."""
+    effectors and rows of the skin changes with loads on the latter; dented (J, N, 3, 3, 3) mm/N^2: how that of each
+    patch changes with a force on it."""
 
     states: np.ndarray
     own: np.ndarray
     tip: np.ndarray
     bent: np.ndarray
+    dented: np.ndarray
 
 
 def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarray) -> PatchResponse:
@@ -52,18 +55,32 @@ def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarra
     touched = with_patches(robot, skin.nodes, patches, np.arange(len(patches)))
     shown, problem, rows = Problem(skinned(robot, skin)), Problem(touched), touched.rows
     own, tip = np.empty((len(states), rows.n_c, rows.n_c)), np.empty((len(states), rows.n_e, rows.n_c))
-    start, bent = None, []
+    start, bent, dented = None, [], []
     for j, delta in enumerate(states):
         moved = _solved(shown, delta, base=start, keep=True)
         start = moved.state
         bent.append(skin_load_derivatives(moved.linear))
         lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
-        W = _solved(problem, delta, start=replace(start, lam=lam)).condensed.W
+        pushed = _solved(problem, delta, start=replace(start, lam=lam), keep=True).linear
+        dented.append(_dented(pushed))
+        W = pushed.W
         across = W[rows.c, rows.a]
         G = np.linalg.solve(W[rows.a, rows.a], across.T).T
         own[j] = W[rows.c, rows.c] - G @ across.T
         tip[j] = W[rows.e, rows.c] - W[rows.e, rows.a] @ G.T
-    return PatchResponse(states, own, tip, np.stack(bent))
+    return PatchResponse(states, own, tip, np.stack(bent), np.stack(dented))
+
+
+def _dented(at: Linear) -> np.ndarray:
+    """(N, 3, 3, 3) mm/N^2: how the compliance of each contact point, actuators held, changes with a force on it."""
+    robot, rows, found = at.problem.robot, at.problem.robot.rows, []
+    for number, point in enumerate(robot.contacts):
+        mine = rows.c.start + 3 * number + np.arange(3)
+        watched = replace(robot, effectors=(point,), contacts=(), rows=Rows(("x", "y", "z"), rows.actuators))
+        of = np.concatenate([mine, np.arange(rows.n)[rows.a]])
+        alone = Problem(watched, like=at.problem)
+        found.append(load_derivatives(alone, at.at, at.lam[: rows.n_a], at.Z[:, of], at.W[np.ix_(of, of)]))
+    return np.stack(found)
 
 
 def _solved(problem: Problem, delta: np.ndarray, **how: Any) -> Equilibrium:

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Sequence
+from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,7 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
     arrays, (spread, by_row) = skin.arrays, touchable.spread
     one, other = np.triu_indices(N)
     local = touchable.local[:, one, other].reshape(len(touchable.degrees), len(one), 9)
+    a, b, c = np.array(list(combinations_with_replacement(range(3), 3))).T
     return {
         "to_box": np.asarray(arrays["to_box"], float),
         "offset": np.asarray(arrays["offset"], float),
@@ -71,6 +73,7 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
         "compliance": np.ascontiguousarray(arrays["compliance"].T, dtype=float),
         "local_degrees": touchable.degrees.astype(np.uint8),
         "local": np.ascontiguousarray(local.swapaxes(0, 1), dtype=np.float32),
+        "dented": np.ascontiguousarray(touchable.dented[:, :, a, b, c].swapaxes(0, 1), dtype=np.float32),
         "local_tip": np.ascontiguousarray(touchable.local_tip.transpose(2, 0, 1, 3)),
         "bent": np.ascontiguousarray(touchable.bent[..., -len(skin) :]),
         "held": touchable.held_still.astype(np.uint8),

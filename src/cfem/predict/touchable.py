@@ -3,12 +3,14 @@
 Patches p of the skin are where it may be touched. Their places follow from the modes u_k of the skin
 (`cfem.predict.skin`) and from the forces f_p on them, which work on the modes by w_k = sum_p u_kp . f_p:
 
-    x_p = X_p + sum_k u_kp s_k + sum_q R_p L_pq R_q^T f_q        s = s_0 + C_ss w        e = e_0 + C_es w
+    x_p = X_p + sum_k u_kp s_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2        g_p = R_p^T f_p
+    s = s_0 + C_ss w        e = e_0 + C_es w
 
 s_0, e_0 and the compliances C are the model's at delta_a. L_pq is what the modes leave of the compliance between two
 patches. It is local: it falls with their distance and turns with them, by R_p, the rotation of a patch since rest that
-fits its nodes best (Kabsch, 1976). Seen in the patches it changes little: a polynomial in delta_a of degree two, or of
-one where that has many terms, through finite elements at as few states."""
+fits its nodes best (Kabsch, 1976). E_p is how a force on patch p changes its own part L_pp: a body that is dented
+stiffens. Seen in the patches L and E change little: polynomials in delta_a of degree two, or of one where that has many
+terms, through finite elements at as few states."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +28,7 @@ from cfem.predict.protocol import Predictor
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 TRUSTED = 0.3  # largest share of the motion by forces that is of second order
+HALVINGS = 4  # of how much of E is taken, before none is
 TERMS = 10  # of the polynomial through L: of degree two where that has no more
 NONE = np.zeros(0)
 
@@ -99,6 +102,17 @@ class Touchable:
         return self._left[1]
 
     @cached_property
+    def dented(self) -> np.ndarray:
+        """(terms, N, 3, 3, 3) mm/N^2, series of E: what modes leave of how the compliance of each patch changes with
+        a force on it; symmetric, and rounded like L."""
+        model, N, found, k = self.model, len(self.patches), [], len(self.model.skin)
+        for delta, bent, dented in zip(self.by_fe.states, self.by_fe.bent, self.by_fe.dented, strict=True):
+            by_modes = np.einsum("pai,pbj,pcl,ijl->pabc", *[self.U] * 3, bent[:, -k:, -k:], optimize=True)
+            R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
+            found.append(turn_cubic(dented - by_modes, R.swapaxes(1, 2)))
+        return np.tensordot(self._inverse, np.stack(found), axes=1).astype(np.float32).astype(float)
+
+    @cached_property
     def _left(self) -> tuple[np.ndarray, np.ndarray]:
         model, N, J = self.model, len(self.patches), len(self.by_fe.states)
         left, tip = np.empty((J, N, N, 3, 3)), np.empty((J, model.rows.n_e, N, 3))
@@ -156,16 +170,28 @@ class Held:
         skin, box = of.model.skin, of._box(delta)
         self.of, self.delta, self.rows = of, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
-        self._at, self._share = basis(box, of.degrees), 1.0
+        self._at, self._share, self._dent_shares = basis(box, of.degrees), 1.0, np.ones(len(of.patches))
         self.D = np.tensordot(self._at, of.bent, axes=1)
         self.free = of.patches.rest + (of.flat @ self.rows).reshape(-1, 3)
-        self._known: tuple[bytes, tuple[np.ndarray, np.ndarray, np.ndarray]] | None = None
+        self._known: tuple[bytes, _Parts] | None = None
 
-    def trust(self, w: np.ndarray) -> None:
-        """Takes no more of D from here on than that under a load w (k,) N the rows' motion by it is a TRUSTED share of
-        that without it."""
+    def trust(self, chosen: np.ndarray, forces: np.ndarray) -> None:
+        """Takes no more of D and E from here on than can be trusted under forces (c, 3) N on chosen patches: the motion
+        of the rows by D is at most a TRUSTED share of that without it, E changes no patch's own compliance by more than
+        twice that share, and what patches yield stays positive definite."""
+        w = self.work(chosen, forces)
         first, more = np.linalg.norm(self.C_ss @ w), np.linalg.norm(self._change(w)[-len(w) :] @ w) / 2
         self._share = TRUSTED * first / more if more > TRUSTED * first else 1.0
+        self._dent_shares[:] = 1.0
+        if not forces.any():
+            return
+        own = np.linalg.norm(np.linalg.solve(self._parts(chosen).own, self._dents(chosen, forces)), axis=(1, 2))
+        self._dent_shares[chosen] = 2 * TRUSTED / np.maximum(own, 2 * TRUSTED)
+        for _ in range(HALVINGS):
+            if definite(self._bent(chosen, forces)):
+                return
+            self._dent_shares[chosen] /= 2
+        self._dent_shares[chosen] = 0.0
 
     def second(self, w: np.ndarray) -> np.ndarray:
         """(n_e + k, k) mm/N: change of C_es and C_ss under a load w (k,) N."""
@@ -183,8 +209,14 @@ class Held:
         if not len(chosen):
             return self.free
         found = self.free + (self.of.flat @ (self.moved(self.work(chosen, forces)) - self.rows)).reshape(-1, 3)
-        found[chosen] += (self._parts(chosen)[1] @ forces.ravel()).reshape(-1, 3)
+        found[chosen] += (self._parts(chosen).local @ forces.ravel()).reshape(-1, 3)
+        found[chosen] += (self._dents(chosen, forces) @ forces[:, :, None])[:, :, 0] / 2
         return found
+
+    def _dents(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        """(c, 3, 3) mm/N: change of what is local of each chosen patch's compliance under the force on it."""
+        change = (self._parts(chosen).dented @ forces[:, None, :, None])[..., 0]
+        return self._dent_shares[chosen, None, None] * change
 
     def moved(self, w: np.ndarray) -> np.ndarray:
         """(k,) mm of the skin under a load w (k,) N."""
@@ -205,36 +237,63 @@ class Held:
 
     def compliance(self, chosen: np.ndarray, forces: np.ndarray | None = None) -> np.ndarray:
         """(3 c, 3 c) mm/N of the places of chosen patches under forces (c, 3) N on them, positive semidefinite."""
-        U, _, total = self._parts(chosen)
         if forces is None or not forces.any():
-            return total
-        w = self.work(chosen, forces)
-        bent = total + U @ self.second(w)[-len(w) :] @ U.T
-        try:
-            np.linalg.cholesky(bent)
-        except np.linalg.LinAlgError:
-            return total
+            return self._parts(chosen).total
+        bent = self._bent(chosen, forces)
+        return bent if definite(bent) else self._parts(chosen).total
+
+    def _bent(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        parts, w, each = self._parts(chosen), self.work(chosen, forces), np.arange(len(chosen))
+        bent = parts.total + parts.U @ self.second(w)[-len(w) :] @ parts.U.T
+        bent.reshape(len(chosen), 3, len(chosen), 3)[each, :, each] += self._dents(chosen, forces)
         return bent
 
-    def _parts(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(3 c, k) modes of the patches, (3 c, 3 c) mm/N what they leave of the compliance without forces, and all."""
+    def _parts(self, chosen: np.ndarray) -> "_Parts":
         key = chosen.tobytes()
         if self._known is None or self._known[0] != key:
             n, U = 3 * len(chosen), self.of.U[chosen].reshape(3 * len(chosen), -1)
-            smooth, local = U @ self.C_ss @ U.T, self._local(chosen, n)
-            try:
-                np.linalg.cholesky(smooth + local)
-            except np.linalg.LinAlgError:
+            R, each = self.of.turns(self.rows, chosen), np.arange(len(chosen))
+            smooth, local = U @ self.C_ss @ U.T, self._local(chosen, R, n)
+            if not definite(smooth + local):
                 sizes, axes = np.linalg.eigh(smooth + local)
                 local = (axes * np.maximum(sizes, 0.0)) @ axes.T - smooth
-            self._known = key, (U, local, smooth + local)
+            total = smooth + local
+            dented = turn_cubic(np.tensordot(self._at, self.of.dented[:, chosen], axes=1), R)
+            own = total.reshape(len(chosen), 3, len(chosen), 3)[each, :, each]
+            self._known = key, _Parts(U, local, total, own, dented)
         return self._known[1]
 
-    def _local(self, chosen: np.ndarray, n: int) -> np.ndarray:
-        R = self.of.turns(self.rows, chosen)
+    def _local(self, chosen: np.ndarray, R: np.ndarray, n: int) -> np.ndarray:
         L = np.tensordot(self._at, self.of.local[:, chosen[:, None], chosen], axes=1)
         turned = (R[:, None] @ L @ R[None].swapaxes(-1, -2)).swapaxes(1, 2).reshape(n, n)
         return (turned + turned.T) / 2
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Of c chosen patches without forces: U (3 c, k) their modes, local (3 c, 3 c) mm/N what these leave of the
+    compliance, total (3 c, 3 c) mm/N all of it and own (c, 3, 3) its blocks on the diagonal, dented (c, 3, 3, 3) mm/N^2
+    their E, all in the robot's axes."""
+
+    U: np.ndarray
+    local: np.ndarray
+    total: np.ndarray
+    own: np.ndarray
+    dented: np.ndarray
+
+
+def definite(matrix: np.ndarray) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """(c, 3, 3, 3) of each turned by R (c, 3, 3)."""
+    half = np.einsum("pai,pijk->pajk", R, of) @ R.swapaxes(1, 2)[:, None]
+    return np.einsum("pbj,pajk->pabk", R, half)
 
 
 def degrees(n_a: int) -> np.ndarray:

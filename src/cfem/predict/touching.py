@@ -104,7 +104,7 @@ class _Step:
             if mu:  # what did not touch slides from where it was
                 self.stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
                 self._sticks[before.patches] = [mode is Mode.STICK for mode in before.modes]
-        held.trust(held.work(self.chosen, self.forces))
+        held.trust(self.chosen, self.forces)
         self.places = held.places(self.chosen, self.forces)
         self.distance, self.which = around.nearest(self.places)
         self.distance[held.of.held_still] = np.inf
@@ -158,7 +158,7 @@ class _Step:
         self._sticks[:] = False
         self._sticks[chosen[sticks]] = True
         if self.iterations <= TRUSTING:  # beyond, the same for all rounds, so that Newton's method ends soon
-            self.held.trust(self.held.work(chosen, forces))
+            self.held.trust(chosen, forces)
         before, self.forces, self.places = self.places, forces, self.held.places(chosen, forces)
         if mu:  # a patch that touches for the first time sticks where it came
             fresh = chosen[np.isnan(self.stuck[chosen, 0])]

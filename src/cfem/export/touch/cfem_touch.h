@@ -51,10 +51,11 @@ typedef struct {
 typedef struct {
     double s[CFEM_NA], rows[CFEM_PATCH_ROWS], C_es[CFEM_NE][CFEM_PATCH_ROWS], C_ss[CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];
     double D[CFEM_PATCH_ROWS][CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS]; /* mm/N^2: change of C_es, C_ss with loads */
-    double share;                                     /* of D that is taken */
+    double share, dent_share[CFEM_PATCHES];           /* of D, and of the dents of each patch, that is taken */
     double terms[CFEM_PATCH_LOCAL_TERMS];             /* of the polynomial of what the modes leave of the compliance */
     double free[CFEM_PATCHES][3];                     /* mm: places without forces */
     int of[CFEM_TOUCH_MOST], count;                   /* the patches that `left` and `total` are of */
+    double dent[CFEM_TOUCH_MOST][3][3][3];            /* mm/N^2: change of a patch's own part of `left` with its force */
     double left[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];   /* mm/N: what the modes leave of */
     double total[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];  /* mm/N: how the places of patches yield to forces on them */
     double yields[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same under the forces that they bear */
@@ -76,9 +77,9 @@ double cfem_touch_pressed(const cfem_touched *state, int number);
 
 /* cfem_touch_held.c, for cfem_touch.c: the robot without forces at delta_a. 0, or a status. */
 unsigned cfem_touch_hold(const double delta_a[CFEM_NA], cfem_touched *now, cfem_touch_room *room);
-/* Finds `left` and `total` of patches (count,). 0, or 1 where they are not finite. */
+/* Finds `left`, `total` and `dent` of patches (count,). 0, or 1 where they are not finite. */
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
-/* Takes no more of D from here on than can be trusted under these forces. */
+/* Takes no more of D and of dents from here on than can be trusted under these forces. */
 void cfem_touch_trust(int count, const int *patch, double (*force)[3], cfem_touch_room *room);
 /* Finds `yields` under forces on them. */
 void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch_room *room);

@@ -1,5 +1,5 @@
-/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q, rows = s_0 + C_ss w + D_ss[w, w] / 2,
- * w_k = sum_p u_kp . f_p; see cfem.predict.touchable. */
+/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2, g_p = R_p^T f_p,
+ * rows = s_0 + C_ss w + D_ss[w, w] / 2, w_k = sum_p u_kp . f_p; see cfem.predict.touchable. */
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 
@@ -8,6 +8,7 @@
 #define NE CFEM_NE
 #define PACKED (NE * K + K * (K + 1) / 2)
 #define SWEEPS 60
+#define HALVINGS 4 /* of how much of the dents is taken, before none is */
 static const double TRUSTED = 0.3; /* largest share of the motion by forces that is of second order */
 
 typedef struct {
@@ -144,6 +145,29 @@ static void without_negative(int n, double *A, double *V, double *size) {
         }
 }
 
+/* E of a patch in the robot's axes; 10 numbers a term, of a <= b <= c. */
+static void dents(int patch, double R[3][3], const double *terms, double E[3][3][3]) {
+    double own[10] = {0.0}, half[3][3][3], most[3][3][3];
+    static const int at[3][3][3] = {{{0, 1, 2}, {1, 3, 4}, {2, 4, 5}}, {{1, 3, 4}, {3, 6, 7}, {4, 7, 8}}, {{2, 4, 5}, {4, 7, 8}, {5, 8, 9}}};
+    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
+        for (int i = 0; i < 10; i++) own[i] += terms[l] * (double)cfem_patch_dented[patch][l][i];
+    for (int i = 0; i < 27; i++) {
+        const int a = i / 9, b = i / 3 % 3, c = i % 3;
+        half[a][b][c] = R[a][0] * own[at[0][b][c]] + R[a][1] * own[at[1][b][c]] + R[a][2] * own[at[2][b][c]];
+    }
+    for (int i = 0; i < 27; i++) {
+        const int a = i / 9, b = i / 3 % 3, c = i % 3;
+        most[a][b][c] = R[b][0] * half[a][0][c] + R[b][1] * half[a][1][c] + R[b][2] * half[a][2][c];
+    }
+    for (int i = 0; i < 27; i++) E[i / 9][i / 3 % 3][i % 3] = cfem_dot(3, R[i % 3], most[i / 9][i / 3 % 3]);
+}
+
+/* (3, 3) change of the local compliance of patch i of the room under the force on it. */
+static void dented(const cfem_touch_room *room, int i, const double *force, double share, double change[3][3]) {
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) change[a][b] = share * cfem_dot(3, room->dent[i][a][b], force);
+}
+
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
     const int n = 3 * count;
     double R[CFEM_TOUCH_MOST][3][3], size[CFEM_TOUCH_ROWS], finite = 0.0;
@@ -152,6 +176,7 @@ int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
     if (same) return 0;
     room->count = count;
     for (int i = 0; i < count; i++) room->of[i] = patch[i], rotation(patch[i], room->rows, R[i]);
+    for (int i = 0; i < count; i++) dents(patch[i], R[i], room->terms, room->dent[i]);
     for (int i = 0; i < count; i++) {
         double by[3][K]; /* U C_ss of patch i */
         for (int a = 0; a < 3; a++)
@@ -205,21 +230,10 @@ static void second(const double *w, double share, const cfem_touch_room *room, d
             for (int l = 0; l < K; l++) change[r][l] += share * w[k] * room->D[k][r][l];
 }
 
-void cfem_touch_trust(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
-    double w[K], change[NE + K][K], first = 0.0, more = 0.0;
-    work(count, patch, force, w);
-    second(w, 1.0, room, change);
-    for (int r = 0; r < K; r++) {
-        const double one = cfem_dot(K, room->C_ss[r], w), two = cfem_dot(K, change[NE + r], w) / 2.0;
-        first += one * one, more += two * two;
-    }
-    first = TRUSTED * sqrt(first), more = sqrt(more);
-    room->share = more > first ? first / more : 1.0;
-}
-
-void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+/* `yields` under forces on patches; 1 where it is positive definite. */
+static int bend(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
     const int n = 3 * count;
-    double w[K], change[NE + K][K], by[3][K];
+    double w[K], change[NE + K][K], by[3][K], own[3][3];
     work(count, patch, force, w);
     second(w, room->share, room, change);
     for (int i = 0; i < count; i++) {
@@ -229,11 +243,49 @@ void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch
             for (int a = 0; a < 3; a++)
                 for (int b = 0; b < 3; b++) {
                     const int at = (3 * i + a) * n + 3 * j + b;
-                    room->W[at] = room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
+                    room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
                 }
+        dented(room, i, force[i], room->dent_share[patch[i]], own);
+        for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += own[a / 3][a % 3];
     }
-    if (cfem_definite(n, room->W)) return;
-    for (int i = 0; i < n * n; i++) room->yields[i] = room->total[i];
+    for (int i = 0; i < n * n; i++) room->W[i] = room->yields[i];
+    return cfem_definite(n, room->W);
+}
+
+/* How much of patch i's dents leaves its own compliance trustworthy. */
+static double dent_share(int i, int n, const double *force, const cfem_touch_room *room) {
+    double change[3][3], own[9], size = 0.0;
+    dented(room, i, force, 1.0, change);
+    for (int a = 0; a < 9; a++) own[a] = room->total[(3 * i + a / 3) * n + 3 * i + a % 3];
+    if (cfem_solve(3, own, 3, &change[0][0])) return 0.0;
+    for (int a = 0; a < 9; a++) size += change[a / 3][a % 3] * change[a / 3][a % 3];
+    return sqrt(size) > 2.0 * TRUSTED ? 2.0 * TRUSTED / sqrt(size) : 1.0;
+}
+
+void cfem_touch_trust(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+    double w[K], change[NE + K][K], first = 0.0, more = 0.0, most = 0.0;
+    work(count, patch, force, w);
+    second(w, 1.0, room, change);
+    for (int r = 0; r < K; r++) {
+        const double one = cfem_dot(K, room->C_ss[r], w), two = cfem_dot(K, change[NE + r], w) / 2.0;
+        first += one * one, more += two * two;
+    }
+    first = TRUSTED * sqrt(first), more = sqrt(more);
+    room->share = more > first ? first / more : 1.0;
+    for (int p = 0; p < CFEM_PATCHES; p++) room->dent_share[p] = 1.0;
+    for (int i = 0; i < 3 * count; i++) most += fabs(force[i / 3][i % 3]);
+    if (most == 0.0) return;
+    for (int i = 0; i < count; i++) room->dent_share[patch[i]] = dent_share(i, 3 * count, force[i], room);
+    for (int halving = 0; halving < HALVINGS; halving++) {
+        if (bend(count, patch, force, room)) return;
+        for (int i = 0; i < count; i++) room->dent_share[patch[i]] /= 2.0;
+    }
+    for (int i = 0; i < count; i++) room->dent_share[patch[i]] = 0.0;
+}
+
+void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+    if (bend(count, patch, force, room)) return;
+    for (int i = 0; i < 9 * count * count; i++) room->yields[i] = room->total[i];
 }
 
 void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]) {
@@ -246,6 +298,11 @@ void cfem_touch_places(int count, const int *patch, double (*force)[3], const cf
             place[p][a] = room->free[p][a] + (count ? cfem_dot(K, cfem_patch_modes[p][a], moved) : 0.0);
     for (int i = 0; i < 3 * count; i++)
         place[patch[i / 3]][i % 3] += cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]);
+    for (int i = 0; i < count; i++) {
+        double own[3][3];
+        dented(room, i, force[i], room->dent_share[patch[i]], own);
+        for (int a = 0; a < 3; a++) place[patch[i]][a] += cfem_dot(3, own[a], force[i]) / 2.0;
+    }
 }
 
 /* delta_e under forces on patches. */
