@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from design.bars import QUIET, learn
 
 from cfem.core.errors import InputError
-from cfem.core.stage import Options
 from cfem.design import by_policy
 from cfem.design.by_policy import ByPolicy
 from cfem.design.stage import run
@@ -15,29 +15,9 @@ from cfem.design.task import Task, serve
 from cfem.gym.policy import Policy
 from cfem.gym.world import World
 from cfem.parametric.load import finite_elements, learned
-from cfem.robot.stage import run as make_mesh
-from cfem.sample.stage import run as simulate_sample
-from cfem.surrogate.stage import run as train
 
 torch = pytest.importorskip("torch")
 
-QUIET = Options(quiet=True)
-SCENE = """
-name: bar
-out: mesh
-length: 60 mm
-geometry: {kind: bar, length: 60 mm, width: 10 mm, height: 10 mm}
-mesh: {size: 10 mm, element: tet4}
-material: {law: neo-hookean, young: 1 MPa, poisson: 0.3}
-fixed: [{kind: plane, point: {mm: [1, 0, 0]}, normal: [-1, 0, 0]}]
-actuators:
-  - kind: cable
-    name: up
-    points: {mm: [[15, 0, 3], [35, 0, 3], [55, 0, 3]]}
-    pull_point: {mm: [0, 0, 3]}
-    reach: {mm: [0, 4]}
-effectors: [{name: tip, point: {mm: [58, 0, 0]}}]
-"""
 SAMPLE = """
 scene: scene.yaml
 mesh: mesh
@@ -70,12 +50,7 @@ def folder(tmp_path_factory):
     from cfem.gym.save_policy import save_policy
 
     folder = tmp_path_factory.mktemp("policy")
-    for name, text in {"scene": SCENE, "sample": SAMPLE, "design": DESIGN}.items():
-        (folder / f"{name}.yaml").write_text(text)
-    (folder / "train.yaml").write_text("dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 6}\n")
-    make_mesh(folder / "scene.yaml", [], None, QUIET)
-    simulate_sample(folder / "sample.yaml", [], None, QUIET, workers=1)
-    train(folder / "train.yaml", [], None, QUIET)
+    learn(folder, 10, SAMPLE, DESIGN)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         save_policy(Towards(), folder / "reach.onnx", World(folder / "model", "reach", 1, observe_parameters=True))

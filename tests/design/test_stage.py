@@ -6,35 +6,17 @@ from copy import deepcopy
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from design.bars import QUIET, learn
 
 from cfem.core.errors import SpecError
-from cfem.core.stage import Options
 from cfem.design.answer import contradictions
 from cfem.design.stage import run
 from cfem.robot.cad import File
 from cfem.robot.meshing import measure
 from cfem.robot.stage import run as make_mesh
-from cfem.sample.stage import run as simulate_sample
 from cfem.surrogate.stage import run as train
 
-QUIET = Options(quiet=True)
 QUICK = ("verify=no", "page=false", "task=null", "figures=false", "constraints={}", "largest_force=null")
-SCENE = """
-name: bar
-out: mesh
-length: 60 mm
-geometry: {kind: bar, length: 60 mm, width: 10 mm, height: 10 mm}
-mesh: {size: 8 mm, element: tet4}
-material: {law: neo-hookean, young: 1 MPa, poisson: 0.3}
-fixed: [{kind: plane, point: {mm: [1, 0, 0]}, normal: [-1, 0, 0]}]
-actuators:
-  - kind: cable
-    name: up
-    points: {mm: [[15, 0, 3], [35, 0, 3], [55, 0, 3]]}
-    pull_point: {mm: [0, 0, 3]}
-    reach: {mm: [0, 4]}
-effectors: [{name: tip, point: {mm: [58, 0, 0]}}]
-"""
 SAMPLE = """
 scene: scene.yaml
 mesh: mesh
@@ -78,13 +60,8 @@ OWN = "import numpy as np\ndef effort(W, delta_free, p):\n    return ((2 - delta
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("design")
-    for name, text in {"scene": SCENE, "sample": SAMPLE, "design": DESIGN}.items():
-        (folder / f"{name}.yaml").write_text(text)
+    learn(folder, 8, SAMPLE, DESIGN)
     (folder / "own.py").write_text(OWN)
-    (folder / "train.yaml").write_text("dataset: samples\nout: model\nmodel: {kind: spectral, max_degree: 6}\n")
-    make_mesh(folder / "scene.yaml", [], None, QUIET)
-    simulate_sample(folder / "sample.yaml", [], None, QUIET, workers=1)
-    train(folder / "train.yaml", [], None, QUIET)
     return folder
 
 

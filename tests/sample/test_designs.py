@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.bar_scene import bar_scene
 
 from cfem.core.errors import NumericalError, SpecError
 from cfem.core.spec import load_spec
@@ -14,22 +15,6 @@ from cfem.sample.parameters import scene_parameters
 from cfem.sample.solver import FiniteElements
 from cfem.sample.spec import ParameterSpec
 
-SCENE = """
-name: bar
-out: mesh
-length: 60 mm
-geometry: {kind: bar, length: 60 mm, width: 10 mm, height: 10 mm}
-mesh: {size: 8 mm, element: tet10p0}
-material: {law: neo-hookean, young: 1 MPa, poisson: 0.45}
-fixed: [{kind: plane, point: {mm: [1, 0, 0]}, normal: [-1, 0, 0]}]
-actuators:
-  - kind: cable
-    name: up
-    points: {mm: [[15, 0, 3], [35, 0, 3], [55, 0, 3]]}
-    pull_point: {mm: [0, 0, 3]}
-    reach: {mm: [0, 4]}
-effectors: [{name: tip, point: {mm: [58, 0, 0]}}]
-"""
 PARAMETERS = {
     "height": ParameterSpec(key="geometry.height", range=["9 mm", "12 mm"]),
     "length": ParameterSpec(key="geometry.length", range=["59 mm", "62 mm"]),
@@ -41,7 +26,7 @@ PULL = displacement(np.array([1.5]))
 @pytest.fixture(scope="module")
 def solver(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scene")
-    (folder / "scene.yaml").write_text(SCENE)
+    (folder / "scene.yaml").write_text(bar_scene(8, "tet10p0", 0.45))
     parameters = scene_parameters(PARAMETERS, folder / "scene.yaml")
     scene = load_spec(folder / "scene.yaml", SceneSpec)
     mesh, _ = make_mesh(scene, folder)
