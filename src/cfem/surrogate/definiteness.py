@@ -48,7 +48,7 @@ def random_states(s: np.ndarray, q: np.ndarray, count: int, seed: int) -> tuple[
     """`count` random points between the states s (m, n_a), q (m, n_q): convex combinations of n_a + n_q + 1 of them,
     many of which are near to one."""
     t = np.hstack([s, q])
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     corners = t.shape[1] + 1
     shares = rng.dirichlet(np.full(corners, 0.5), size=count)
     mixed = np.zeros((count, t.shape[1]))
