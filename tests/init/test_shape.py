@@ -1,5 +1,6 @@
 """Files as bodies: sizes in mm whatever their unit, and one clear error for what is no body."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -60,3 +61,12 @@ def test_an_open_surface_is_refused(tmp_path):
     write_stl(tmp_path / "open.stl", facets=slice(2, None))
     with pytest.raises(InputError, match=r"open\.stl.*not closed"):
         read_source(tmp_path / "open.stl")
+
+
+def test_two_bodies_in_one_surface_are_said_to_be_two(tmp_path):
+    write_stl(tmp_path / "one.stl")
+    one = (tmp_path / "one.stl").read_text()
+    away = re.sub(r"vertex (\S+)", lambda found: f"vertex {float(found[1]) + 300}", one)
+    (tmp_path / "two.stl").write_text(one + away)
+    with pytest.raises(InputError, match="the surface is 2 separate pieces"):
+        make_shape(read_source(tmp_path / "two.stl"), 1.0, 1000)

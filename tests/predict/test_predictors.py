@@ -42,6 +42,14 @@ def test_onnx_equals_arrays(exports, kind):
         assert one.rows == other.rows and onnx.inside(other) == arrays.inside(one)
 
 
+@pytest.mark.parametrize("wrong", [[1.0], [1.0, 2.0, 3.0], [1.0, np.nan], 1.0, [[1.0, 2.0]]])
+def test_a_state_is_one_finite_number_for_each_actuator(exports, wrong):
+    model = load_model(exports["spectral"])
+    for ask in (model.at_displacement, model.at_force):
+        with pytest.raises(InputError, match=r"is one finite number for each actuator .*; got"):
+            ask(wrong)
+
+
 @pytest.mark.parametrize("kind", MODELS)
 def test_one_query_is_a_row_of_a_batch(exports, kind):
     model, states = load_model(exports[kind]), dataset(5, 7).delta_a

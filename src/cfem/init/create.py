@@ -99,7 +99,7 @@ def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: 
     shape = make_shape(source, scale, cells.value if cells else 0)
     doubts = size_doubts(shape.extent)
     if doubts and unit is not None:
-        raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm'")
+        raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm' or 'm'")
     proposal = _proposal(shape, cables, stated, ask)
     hold = _hold(shape, proposal, ask)
     run = run_from(hold.value, shape)

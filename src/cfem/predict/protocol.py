@@ -122,11 +122,22 @@ class Predictor(ABC):
 
     def at_displacement(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot where its actuators stand at delta_a (n_a,) mm. NumericalError where there is none."""
-        return self.at(delta_a, p) if self.form == "displacement" else self._find(np.asarray(delta_a, float), p)
+        delta_a = self._one_each(delta_a, "a state of displacements")
+        return self.at(delta_a, p) if self.form == "displacement" else self._find(delta_a, p)
 
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot under lambda_a (n_a,) N. NumericalError where there is none."""
-        return self.at(lambda_a, p) if self.form == "force" else self._find(np.asarray(lambda_a, float), p)
+        lambda_a = self._one_each(lambda_a, "a state of forces")
+        return self.at(lambda_a, p) if self.form == "force" else self._find(lambda_a, p)
+
+    def _one_each(self, values: ArrayLike, what: str) -> np.ndarray:
+        """InputError where these are not a finite number for each actuator."""
+        array = np.asarray(values, float)
+        if array.shape != (self.rows.n_a,) or not np.isfinite(array).all():
+            raise InputError(
+                f"{what} is one finite number for each actuator ({', '.join(self.rows.actuators)}); got {values}"
+            )
+        return array
 
     def _find(self, wanted: np.ndarray, p: np.ndarray | None, tolerance: float = 1e-11) -> Condensed:
         """The state whose dual quantity is `wanted` (n_a,): Newton from the nearest training state, halving steps;

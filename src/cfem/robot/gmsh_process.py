@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+_EMPTY = "gmsh made no tetrahedra: the surface may not enclose a volume"
+
 
 def build(occ, node: dict) -> list[tuple[int, int]]:
     """OpenCASCADE entities (3, tag) of a tree of solids."""
@@ -94,6 +96,19 @@ def enclosed_volume(corners: np.ndarray) -> float:
     return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
 
 
+def pieces(corners: np.ndarray) -> int:
+    """Of a surface of triangles (k, 3, 3): how many parts share no corner."""
+    nodes = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+    label = np.arange(nodes.max() + 1)
+    for _ in range(len(label)):
+        least = label.copy()
+        np.minimum.at(least, nodes, label[nodes].min(axis=1)[:, None])
+        if (least == label).all():
+            break
+        label = least
+    return len(np.unique(label))
+
+
 def fill(gmsh) -> None:
     """Makes the volume that the surface read last bounds."""
     gmsh.model.mesh.classifySurfaces(math.radians(40), True, True, math.pi)
@@ -167,7 +182,8 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     cells = gmsh.model.mesh.getElementsByType(4)[1].reshape(-1, 4)
     if len(cells) == 0:
-        raise ValueError("gmsh made no tetrahedra: the surface may not enclose a volume")
+        count = pieces(corners) if is_surface(solid) else 1
+        raise ValueError(f"the surface is {count} separate pieces and encloses no one volume" if count > 1 else _EMPTY)
     used, cells = np.unique(cells, return_inverse=True)
     order = np.argsort(tags)
     X = coordinates.reshape(-1, 3)[order][np.searchsorted(tags[order], used)]
