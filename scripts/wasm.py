@@ -19,12 +19,13 @@ SOURCES = (
     "web/cfem_page.c",
     "web/cfem_page_motion.c",
     *(f"c/cfem_{name}.c" for name in ("controller", "condense", "serial", "spectral", "qp")),
-    *(f"mpc/cfem_{name}.c" for name in ("mpc", "plan", "tick", "inertia")),
+    *(f"mpc/cfem_{name}.c" for name in ("mpc", "plan", "tick")),
+    *(f"motion/cfem_{name}.c" for name in ("inertia", "series")),
 )
 FLAGS = (
     *("-target", "wasm32-freestanding", "-mcpu=generic+bulk_memory", "-nostdlib", "-std=c99", "-O2"),
     *("-ffp-contract=off", "-fno-stack-protector", "-fno-sanitize=all"),
-    *("-Wall", "-Wextra", "-Wshadow", "-Werror", "-I", "web", "-I", "c", "-I", "mpc"),
+    *("-Wall", "-Wextra", "-Wshadow", "-Werror", "-I", "web", "-I", "c", "-I", "motion", "-I", "mpc"),
     *("-Wl,--no-entry", "-Wl,--export=__heap_base", "-Wl,-z,stack-size=262144", "-Wl,--strip-all"),
 )
 
@@ -63,7 +64,8 @@ def record(code: bytes) -> dict:
 def hashes() -> dict[str, str]:
     """Of all sources and headers that go into the module."""
     used = [EXPORT / name for name in SOURCES]
-    used += [*(EXPORT / "web").glob("*.h"), *(EXPORT / "c").glob("cfem*.h"), *(EXPORT / "mpc").glob("*.h")]
+    used += [path for name in ("web", "c", "motion", "mpc") for path in (EXPORT / name).glob("cfem*.h")]
+    used += [EXPORT / "web/math.h", EXPORT / "web/string.h"]
     return {str(path.relative_to(EXPORT)): _sha256(path.read_bytes()) for path in sorted(used)}
 
 

@@ -22,36 +22,38 @@ from cfem.motion.model import MotionModel, layout
 from cfem.predict.load import build
 
 RATE, N_Q, N_E = 50.0, 4, 3
+CURVE = 2.0  # mm, of the arcs of the tip
 VISCOSITY = [{"relaxation": 4e-3, "prony": [[0.3, 0.02]]}]
 
 
 @cache
-def robot() -> tuple[dict, dict, dict]:
-    """model.json, its arrays, and those of its motion: two inner motions, a mass that changes with the place, one
-    viscous material with a Prony term. Its first frequency is 2.3 Hz."""
-    meta, arrays = spectral()
+def robot(n_a: int = 2) -> tuple[dict, dict, dict]:
+    """model.json, its arrays, and those of its motion: inner motions, a mass that changes with the place, one viscous
+    material with a Prony term. With two cables its first frequency is 2.3 Hz."""
+    meta, arrays = spectral(n_a=n_a)
     rng = np.random.default_rng(7)
-    indices = np.array([[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]])
-    where = layout(N_Q, N_Q - 2, N_E, 1)
+    indices = np.array([[0, 0], [1, 0], [0, 1], [2, 0], [1, 1]] if n_a == 2 else [[0], [1], [2], [3]])
+    where = layout(N_Q, N_Q - n_a, N_E, 1)
     series = 0.04 * rng.normal(size=(where["F0"].stop, len(indices)))
     diagonal = np.flatnonzero(np.eye(N_Q)[np.triu_indices(N_Q)])
     series[where["M"]][diagonal, 0] += 1.0
     series[where["F0"]][diagonal, 0] += 1.0
     series[where["H"]] *= 20.0
     moving = {
-        "to_box": np.array([[0.1, 0.0], [0.0, 0.1]]),
-        "offset": -np.ones(2),
+        "to_box": 0.1 * np.eye(n_a),
+        "offset": -np.ones(n_a),
         "indices": indices,
         "series": series,
         "scale": np.array([20.0, 15.0, 25.0, 12.0]),
         "stiffness": np.array(8.0),
+        "curve": CURVE * rng.normal(size=(N_E * (N_Q - n_a) * (N_Q - n_a + 1) // 2, len(indices))),
     }
     return {**meta, "motion": {"viscosity": VISCOSITY}}, arrays, moving
 
 
 @cache
-def model() -> MotionModel:
-    meta, arrays, moving = robot()
+def model(n_a: int = 2) -> MotionModel:
+    meta, arrays, moving = robot(n_a)
     return MotionModel(build(meta, arrays), moving, VISCOSITY)
 
 

@@ -1,6 +1,7 @@
 """The step in time in C: cfem_motion.c, the same for every robot, and its numbers, cfem_motion_data.c."""
 
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,70 +11,116 @@ from cfem.core.errors import InputError
 from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
 from cfem.motion.model import layout
-from cfem.predict.energy import layout as static_layout
 
 SOURCES = Path(__file__).parent / "motion"
 DATA = ("cfem_motion_data.c", "cfem_motion_data.h")
+CORE = ("cfem_motion.c", "cfem_inertia.c", "cfem_series.c", DATA[0])
+
+
+WIDE = 8  # as CFEM_SERIES_WIDE
 
 
 def write_c_motion(folder: Path, meta: dict[str, Any], arrays: dict[str, np.ndarray], moving: dict[str, Any]) -> int:
-    """Fills `folder`; the bytes of the constants. meta, arrays: of a spectral model; moving: of its motion.npz.
-    InputError where the model is of another kind."""
+    """Adds to a folder that holds the controller (`cfem.export.c_export.write_c`); the bytes of the constants. meta,
+    arrays: of a spectral model; moving: of its motion.npz. InputError where the model is of another kind."""
     if meta["kind"] != "spectral" or meta["form"] != "displacement":
         raise InputError("only spectral models of form displacement move in C", do="train kind: spectral")
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for path in SOURCES.iterdir():
             shutil.copyfile(path, folder / path.name)
-    sizes, constants = motion_constants(meta, arrays, moving)
+    sizes, constants, series = motion_constants(meta, moving)
     header = [
         c_text.comment(f"{meta['scene']} in motion: by cfem. Units: mm, N, s, t."),
         "\n#ifndef CFEM_MOTION_DATA_H\n#define CFEM_MOTION_DATA_H\n\n#include <stdint.h>\n\n",
-        c_text.defines(sizes),
+        c_text.defines({f"CFEM_MOTION_{name}": value for name, value in sizes.items()}),
         "\n",
     ]
-    body = ['#include "cfem_motion_data.h"\n\n']
+    body = ['#include "cfem_series.h"\n\n']
     kinds = {"f8": "double", "u1": "uint8_t", "i4": "int"}
     for name, values in constants.items():
         declaration, definition = c_text.array(f"cfem_motion_{name}", values, kinds[values.dtype.str[1:]])
         header.append(declaration + "\n")
         body.append(definition + "\n\n")
     header.append(f"#define cfem_motion_stiffness {float(moving['stiffness'])!r}\n\n#endif\n")
+    size = sum(values.nbytes for values in constants.values())
+    for name, parts in series.items():
+        body += [one.text(f"{name}_{index}") for index, one in enumerate(parts)]
+        named = [one.name(f"{name}_{index}") for index, one in enumerate(parts)]
+        size += sum(one.bytes for one in parts)
+        body.append(f"const cfem_motion_series cfem_motion_{name}[] = {{{', '.join(named)}}};\n\n")
     write_whole(folder / DATA[1], "".join(header).encode())
     write_whole(folder / DATA[0], "".join(body).encode())
-    return sum(values.nbytes for values in constants.values())
+    return size
+
+
+@dataclass(frozen=True)
+class Part:
+    """A series as cfem_series.h has it. first, end (groups,), second (terms,), coefficients (blocks, terms, WIDE)."""
+
+    first: np.ndarray
+    end: np.ndarray
+    second: np.ndarray
+    coefficients: np.ndarray
+
+    @property
+    def bytes(self) -> int:
+        return self.coefficients.nbytes + self.first.nbytes + self.end.nbytes + self.second.nbytes
+
+    def text(self, name: str) -> str:
+        whole = [("first", self.first), ("end", self.end), ("second", self.second)]
+        arrays = [c_text.array(f"{name}_{key}", values, "uint16_t")[1] for key, values in whole]
+        arrays.append(c_text.array(name, self.coefficients.ravel(), "double")[1])
+        return "".join(f"static {one}\n" for one in arrays)
+
+    def name(self, name: str) -> str:
+        return f"{{{len(self.first)}, {len(self.second)}, {name}_first, {name}_end, {name}_second, {name}}}"
 
 
 def motion_constants(
-    meta: dict[str, Any], arrays: dict[str, np.ndarray], moving: dict[str, Any]
-) -> tuple[dict[str, int], dict[str, np.ndarray]]:
-    """Sizes, and arrays by name. Terms whose coefficients are all 0 are left out."""
-    n_a, n_e = arrays["to_box"].shape[0], len(meta["rows"]["effectors"])
-    n_q = len(moving["scale"])
+    meta: dict[str, Any], moving: dict[str, Any]
+) -> tuple[dict[str, int], dict[str, np.ndarray], dict[str, list[Part]]]:
+    """Sizes, arrays and series by name: root, inner, loss (of each viscous material) and curve. Terms whose
+    coefficients are all 0 are left out."""
+    n_a, n_e, n_q = len(moving["to_box"]), len(meta["rows"]["effectors"]), len(moving["scale"])
     viscosity = meta["motion"]["viscosity"]
-    parts, where = static_layout(n_a, n_e), layout(n_q, n_q - n_a, n_e, len(viscosity))
-    static = np.concatenate([arrays["series"][parts[name]] for name in ("gradient", "hessian", "effector")])
-    motion, loss = moving["series"][: where["H"].stop], moving["series"][where["H"].stop :]
+    where = layout(n_q, n_q - n_a, n_e, len(viscosity))
     prony = np.array([pair for one in viscosity for pair in one["prony"]], dtype=float).reshape(-1, 2)
     counts = np.array([len(one["prony"]) for one in viscosity], dtype=np.int32)
-    constants = {"static_to_box": arrays["to_box"], "static_offset": arrays["offset"], "scale": moving["scale"]}
-    constants |= {"moving_to_box": moving["to_box"], "moving_offset": moving["offset"]}
+    constants = {name: np.asarray(moving[name], float) for name in ("to_box", "offset", "scale")}
+    constants["unit"] = 1 / constants["scale"]
     constants["relaxation"] = np.array([one["relaxation"] for one in viscosity] or [0.0], dtype=float)
     constants["prony_terms"] = counts if len(counts) else np.zeros(1, dtype=np.int32)
     constants["prony"] = prony if len(prony) else np.ones((1, 2))
+    named = {"root": [moving["series"][where["M"]]], "inner": [moving["series"][where["H"]]]}
+    none = [np.zeros((1, len(moving["indices"])))]
+    named["loss"] = [moving["series"][where[f"F{index}"]] for index in range(len(viscosity))] or none
+    named["curve"] = [moving["curve"]] if "curve" in moving else none
+    kept = np.flatnonzero(np.concatenate([one for each in named.values() for one in each]).any(axis=0))
+    indices = moving["indices"][kept if len(kept) else [0]]
+    half = (n_a + 1) // 2
+    first, of_first = np.unique(indices[:, :half], axis=0, return_inverse=True)
+    second, of_second = np.unique(indices[:, half:], axis=0, return_inverse=True)
+    constants["first_degrees"] = first.astype(np.uint8).ravel()
+    constants["second_degrees"] = np.append(second.astype(np.uint8).ravel(), np.uint8(0))  # none of one actuator
+    series = {
+        name: [_part(one[:, kept if len(kept) else [0]], of_first.ravel(), of_second.ravel()) for one in each]
+        for name, each in named.items()
+    }
     sizes = {"NA": n_a, "NQ": n_q, "NE": n_e, "LOSSES": len(viscosity), "TERMS": len(prony)}
-    sizes["CURVED"] = int("curve" in moving)
-    degree, none = 0, np.zeros((1, len(moving["indices"])))
-    for name, series, indices in (
-        ("static", static, arrays["indices"]),
-        ("moving", motion, moving["indices"]),
-        ("loss", loss if len(loss) else none, moving["indices"]),
-        ("curve", moving.get("curve", none), moving["indices"]),
-    ):
-        kept = np.flatnonzero((series != 0).any(axis=0)) if (series != 0).any() else np.zeros(1, dtype=int)
-        constants[name] = np.ascontiguousarray(series[:, kept].T, dtype=float)
-        constants[f"{name}_degrees"] = indices[kept].astype(np.uint8)
-        sizes[f"{name.upper()}_TERMS"] = len(kept)
-        degree = max(degree, int(indices[kept].max(initial=0)))
-    sizes["DEGREE"] = max(degree, 1)
-    return {f"CFEM_MOTION_{name}": value for name, value in sizes.items()}, constants
+    sizes |= {"CURVED": int("curve" in moving), "DEGREE": max(int(indices.max(initial=0)), 1)}
+    sizes |= {"FIRST_PRODUCTS": len(first), "SECOND_PRODUCTS": len(second), "PRODUCTS": max(len(first), len(second))}
+    return sizes, constants, series
+
+
+def _part(series: np.ndarray, of_first: np.ndarray, of_second: np.ndarray) -> Part:
+    """series (outputs, M); the products (M,) of each term."""
+    kept = np.flatnonzero((series != 0).any(axis=0))
+    kept = kept if len(kept) else np.zeros(1, dtype=int)
+    kept = kept[np.lexsort([of_second[kept], of_first[kept]])]
+    first, counts = np.unique(of_first[kept], return_counts=True)
+    padded = np.zeros((len(kept), -(-len(series) // WIDE) * WIDE))
+    padded[:, : len(series)] = series[:, kept].T
+    coefficients = np.ascontiguousarray(padded.reshape(len(kept), -1, WIDE).swapaxes(0, 1))
+    whole = (one.astype(np.uint16) for one in (first, np.cumsum(counts), of_second[kept]))
+    return Part(*whole, coefficients)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.export import c_mpc
+from cfem.export import c_motion, c_mpc
 from cfem.export.compiled import CORE, FAST, defines_of, library, struct_of
 
-SOURCES = (*c_mpc.CORE, "cfem_motion_data.c", *CORE)
+SOURCES = (*c_mpc.CORE, *c_motion.CORE, *CORE)
 
 
 @dataclass(frozen=True)

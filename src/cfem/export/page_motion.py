@@ -20,9 +20,8 @@ ROOM = {
     "TERMS": (4, "Prony terms"),
     "DEGREE": (40, "degrees"),
 }
-ROOM |= {"MOVING_TERMS": (1200, "terms of its mass"), "TICKS": (20, "ticks in the horizon")}
-MOST_NA = 8
-COUNTS = ("NQ", "LOSSES", "TERMS", "DEGREE", "MOVING_TERMS", "LOSS_TERMS")
+ROOM |= {"PRODUCTS": (256, "products in a half of its mass"), "TICKS": (20, "ticks in the horizon")}
+COUNTS = ("NQ", "LOSSES", "TERMS", "DEGREE", "CURVED", "FIRST_PRODUCTS", "SECOND_PRODUCTS")
 TICKS_A_PERIOD = 10
 
 
@@ -48,8 +47,8 @@ def moves(meta: dict, predictor: Predictor, moving: dict[str, np.ndarray], spec:
     own = spec.mpc or FirmwareMpcSpec(**default, effort=1e-6 if many else 1e-10)
     chosen = spec.model_copy(update={"mpc": own.model_copy(update={"obstacles": []}), "scalar": "double"})
     sizes, numbers, constants = mpc_constants(chosen, meta, predictor.arrays, moving)
-    counts, arrays = motion_constants(meta, predictor.arrays, moving)
-    of = {name: counts[f"CFEM_MOTION_{name}"] for name in COUNTS} | {"TICKS": sizes["TICKS"]}
+    counts, arrays, series = motion_constants(meta, moving)
+    of = counts | {"TICKS": sizes["TICKS"]}
     for name, (most, what) in ROOM.items():
         if of[name] > most:
             raise InputError(f"the page has room for {most} {what}, and this robot has {of[name]}", do="export C")
@@ -57,14 +56,16 @@ def moves(meta: dict, predictor: Predictor, moving: dict[str, np.ndarray], spec:
     parts = [np.array(one, "<i4") for one in (whole, constants["begins"], arrays["prony_terms"][: of["LOSSES"]])]
     scalars = [numbers["DT"], numbers["WARP"], numbers["LENGTH"], float(moving["stiffness"])]
     vectors = [scalars, arrays["relaxation"][: of["LOSSES"]], *arrays["prony"][: of["TERMS"]], arrays["scale"]]
-    vectors += [*arrays["moving_to_box"], arrays["moving_offset"], start]
+    vectors += [*arrays["to_box"], arrays["offset"], start]
     vectors += [constants[name] for name in ("weight", "smooth", "effort", "size", "rate", "course_size")]
     vectors += [*constants["command"], *constants["course"]]
     parts += [np.asarray(one, "<f8") for one in vectors]
-    for name in ("moving", "loss"):
-        degrees = arrays[f"{name}_degrees"]
-        parts.append(np.pad(degrees, ((0, 0), (0, MOST_NA - degrees.shape[1]))))
-    parts += [arrays[name].astype("<f8") for name in ("moving", "loss")]
+    parts += [arrays["first_degrees"], arrays["second_degrees"][:-1]]
+    kept = [*series["root"], *series["inner"], *series["loss"][: of["LOSSES"]], *series["curve"][: of["CURVED"]]]
+    for one in kept:
+        parts.append(np.array([len(one.first), len(one.second)], "<i4"))
+        parts += [np.asarray(each, "<u2") for each in (one.first, one.end, one.second)]
+        parts.append(one.coefficients.astype("<f8"))
     block = b"".join(one.tobytes() + bytes(-one.nbytes % 8) for one in parts)
     # half of the first frequency at most: the eight swings twice a lap
     said = {"dt": numbers["DT"], "ticks": sizes["TICKS"], "most": float(f"{first / 2:.2g}")}

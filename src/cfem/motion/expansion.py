@@ -4,8 +4,10 @@ M, grad Psi and the viscosity are those at `about` and, of M and grad Psi, their
 of second order in how far the middle turns out to be from `about`, and this of third order in the step's length."""
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from cfem.motion.model import MotionModel
 
@@ -27,7 +29,7 @@ class Solved:
 class Expansion:
     """Of a step of dt s from q with momenta p. known (n_q,): forces that do not depend on v; M (n_q, n_q), dM (n_a,
     n_q, n_q): mass at `about` (n_a,), and its slopes; pull (n_a,), stiff (n_a, n_a): grad Psi and its slope; inner
-    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q."""
+    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q; least: of scale."""
 
     q: np.ndarray
     p: np.ndarray
@@ -41,55 +43,61 @@ class Expansion:
     inner: np.ndarray
     drag: np.ndarray
     scale: np.ndarray
+    least: float
 
     def size(self, v: np.ndarray) -> float:
         """Of a velocity, in units of q; a motion of a nanometre in the step, or its share of an amplitude, needs no
         digits."""
-        return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / float(self.scale.min()))
+        return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / self.least)
 
     def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> Solved | None:
-        """From v, whose entries `free` are changed, by Newton's method until the next change would be below the
-        tolerance by the rate at which changes have fallen; None where it does not end."""
+        """From v, whose entries `free` are changed, by Newton's method with the slopes at v, which hardly change within
+        a step, until the next change would be below the tolerance by the rate at which changes have fallen; None where
+        it does not end."""
         v, change, before, every = v.copy(), np.zeros(len(v)), np.inf, len(free) == len(v)
-        n_a, fixed, small = len(self.pull), self._fixed_slope(), tolerance * self.size(v)
+        small, slope = tolerance * self.size(v), None
         for _ in range(_ITERATIONS):
-            rest, Mv, turning, slope = self._terms(v)
-            M, slope = slope, slope + fixed
-            slope[:, :n_a] += turning.T
-            slope[:n_a] -= turning
+            rest, Mv, turning = self._terms(v)
+            if slope is None:
+                slope = self._slope(turning)
+                factor, pivots, failed = dgetrf(slope if every else slope[free[:, None], free])
+                if failed:
+                    return None
             if every:
-                change = np.linalg.solve(slope, rest)
+                change = dgetrs(factor, pivots, rest)[0]
             else:
-                change[free] = np.linalg.solve(slope[free[:, None], free], rest[free])
+                change[free] = dgetrs(factor, pivots, rest[free])[0]
             v += change
             moved = float(np.abs(change / self.scale).max())
-            if not np.isfinite(moved):
+            if not isfinite(moved):
                 return None
             rate = 1.0 if before == np.inf else min(moved / before, 1.0)
             before = moved
             if moved * rate <= small:
-                return Solved(v, rest - slope @ change, Mv + M @ change + change[:n_a] @ turning)
+                impulse = Mv + self.M @ change + change[: len(turning)] @ turning
+                return Solved(v, rest - slope @ change, impulse)
         return None
 
-    def _fixed_slope(self) -> np.ndarray:
+    def _slope(self, turning: np.ndarray) -> np.ndarray:
+        """Minus that of what is left of the equations by v, but for how M differs from that at `about`."""
         n_a, quarter = len(self.pull), self.dt**2 / 4
-        out = self.dt / 2 * self.drag
+        out = self.M + self.dt / 2 * self.drag
         out[:n_a, :n_a] += quarter * self.stiff
         out[n_a:, n_a:] += quarter * self.inner
+        out[:, :n_a] += turning.T
+        out[:n_a] -= turning
         return out
 
-    def _terms(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """What v leaves of the equations, M v, dt/2 times the slope (n_a, n_q) of M v by the place, and M at the
-        middle."""
+    def _terms(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What v leaves of the equations, M v, and dt/2 times the slope (n_a, n_q) of M v by the place."""
         n_a, half = len(self.pull), self.dt / 2
         middle = self.q + half * v
-        ahead, by_turn = middle[:n_a] - self.about, self.dM @ v
-        M = self.M + (ahead @ self.dM.reshape(n_a, -1)).reshape(self.M.shape)
-        Mv = M @ v
+        ahead, by_turn = middle[:n_a] - self.about, (self.dM.reshape(-1, len(v)) @ v).reshape(n_a, -1)
+        Mv = self.M @ v + ahead @ by_turn
         force = self.known - self.drag @ v
         force[:n_a] += by_turn @ v / 2 - self.pull - self.stiff @ ahead
         force[n_a:] -= self.inner @ middle[n_a:]
-        return half * force + self.p - Mv, Mv, half * by_turn, M
+        return half * force + self.p - Mv, Mv, half * by_turn
 
 
 def expansion(
@@ -108,4 +116,4 @@ def expansion(
             known -= form @ memory[term] * (share / (1 + half))
             term += 1
         drag += rate * form
-    return Expansion(q, p, dt, about, known, M, dM, pull, stiff, model.inner, drag, model.scale)
+    return Expansion(q, p, dt, about, known, M, dM, pull, stiff, model.inner, drag, model.scale, model.least)

@@ -66,8 +66,9 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
     after = np.minimum(after, last)
     width = np.maximum(knots[after] - knots[before], 1)
     share = np.minimum((np.arange(count) - knots[before]) / width, 1.0)
-    learned = {name: np.broadcast_to(found[0][name], (count, *found[0][name].shape)) for name in ("dM", "dH")}
-    for name in ("M", "F", "H"):
+    slopes = [name for name in found[0] if name.startswith("d")]
+    learned = {name: np.broadcast_to(found[0][name], (count, *found[0][name].shape)) for name in slopes}
+    for name in found[0].keys() - slopes:
         values = np.array([one[name] for one in found])
         t = share.reshape(-1, *[1] * (values.ndim - 1))
         learned[name] = (1 - t) * values[before] + t * values[after]

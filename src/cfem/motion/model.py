@@ -102,6 +102,7 @@ class MotionModel:
         self.losses = tuple(Loss(one["relaxation"], tuple(map(tuple, one["prony"]))) for one in viscosity)
         n_a, n_e = self.rows.n_a, self.rows.n_e
         self.scale = take(arrays, "scale", (None,))
+        self.least = float(self.scale.min())
         self.n_a, self.n_q = n_a, len(self.scale)
         self.n_r, self.stiffness = self.n_q - n_a, float(take(arrays, "stiffness", ()))
         indices = take(arrays, "indices", (None, n_a), "iu")
@@ -131,28 +132,25 @@ class MotionModel:
     def at(self, delta_a: np.ndarray) -> Place:
         """Everything at delta_a (n_a,) mm."""
         part = self.static.parts(delta_a, delta_a[:0])
-        curve = [None] * 2
-        if self._curve_T is not None:
-            terms = self._terms(delta_a)
-            found = (terms @ self._curve_T).reshape(len(terms), self.rows.n_e, -1)[:, :, self._unpack_r]
-            curve = [found[0], found[1:]]
         return Place(
             pull=part["gradient"],
             stiff=part["hessian"],
             e=part["effector"],
             J=part["effector_gradient"],
             inner=self.inner,
-            E=curve[0],
-            dE=curve[1],
             **self.learned(delta_a),
         )
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
-        """M, F and H of `Place` at delta_a (n_a,) mm, and dM and dH where `slopes` are asked."""
-        terms = self._terms(delta_a, slopes)
+        """M, F, H and, where it is known, E of `Place` at delta_a (n_a,) mm, and their slopes where these are asked."""
+        terms, n_e = self._terms(delta_a, slopes), self.rows.n_e
         M, dM, F = self._inertia(terms)
-        H = (terms @ self._H_T).reshape(len(terms), self.rows.n_e, self.n_r)
-        return {"M": M, "F": F, "H": H[0]} | ({"dM": dM, "dH": H[1:]} if slopes else {})
+        H = (terms @ self._H_T).reshape(len(terms), n_e, self.n_r)
+        found = {"M": M, "F": F, "H": H[0]} | ({"dM": dM, "dH": H[1:]} if slopes else {})
+        if self._curve_T is None:
+            return found
+        E = (terms @ self._curve_T).reshape(len(terms), n_e, -1)[:, :, self._unpack_r]
+        return found | {"E": E[0]} | ({"dE": E[1:]} if slopes else {})
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n_a,), (n_a, n_a): grad Psi and its Hessian at delta_a (n_a,) mm."""
@@ -176,10 +174,14 @@ class MotionModel:
         return terms
 
     def _inertia(self, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        roots = (terms @ self._M_T)[:, self._unpack] / self.scale
-        half = roots[1:].swapaxes(1, 2) @ roots[0]
+        n = self.n_q
+        roots = (terms @ self._M_T).take(self._unpack, axis=1)
+        roots /= self.scale
+        # the derivatives of a symmetric root D^-1 times the root: one product for all
+        half = roots[1:].transpose(0, 2, 1).reshape(-1, n) @ roots[0]
+        half = half.reshape(-1, n, n)
         triangles = (terms[0, self._lossy] @ self._F_T).reshape(len(self.losses), self._M_T.shape[1])
-        losses = triangles[:, self._unpack] / self.scale
+        losses = triangles.take(self._unpack, axis=1) / self.scale
         return roots[0].T @ roots[0], half + half.swapaxes(1, 2), losses.swapaxes(1, 2) @ losses
 
 

@@ -20,6 +20,16 @@ def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
     return table[: degree + 1]
 
 
+def _of_one(z: list[float], degree: int) -> np.ndarray:
+    """As `polynomials`, flat, of a few numbers: arrays would take longer."""
+    before, now = [1.0] * len(z), z
+    table, twice = before + now, [2.0 * one for one in z]
+    for _ in range(degree - 1):
+        before, now = now, [a * b - c for a, b, c in zip(twice, now, before, strict=True)]
+        table += now
+    return np.array(table)
+
+
 class Basis:
     """The basis of `basis` for many queries: functions share their factors in the first half of the coordinates, and
     those in the second, so that most of a query is one product of two factors a function.
@@ -30,13 +40,18 @@ class Basis:
         self.indices, n = indices, indices.shape[1]
         self._degree = int(indices.max(initial=0))
         ends = [0, n] if n < 4 else [0, n // 2, n]
-        self._factors = []
+        self._factors, self._of_one = [], []
         for first, end in pairwise(ends):
             part, place = np.unique(indices[:, first:end], axis=0, return_inverse=True)
             self._factors.append((first, part, place.ravel()))
+            self._of_one.append((np.ascontiguousarray(part.T) * n + np.arange(first, end)[:, None], place.ravel()))
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """(..., n) -> (..., M)."""
+        if z.ndim == 1:
+            table = _of_one(z.tolist(), self._degree)
+            one, *others = (np.multiply.reduce(table.take(part)).take(place) for part, place in self._of_one)
+            return one * others[0] if others else one
         table = polynomials(z.T, self._degree)
         found = None
         for first, part, place in self._factors:

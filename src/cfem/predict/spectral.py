@@ -46,15 +46,19 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
         return self._split(self.basis(t) @ self._series_T)
 
     def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = self.basis(s) @ self._slopes_T
+        basis, slopes_T = self._slopes
+        found = basis(s @ self._to_box_T + self._offset) @ slopes_T
         n = self.rows.n_a
         return found[..., :n], found[..., n:][..., self._unpack]
 
     @cached_property
-    def _slopes_T(self) -> np.ndarray:
-        """The columns of the gradient and of the Hessian, which follow each other."""
+    def _slopes(self) -> tuple[Basis, np.ndarray]:
+        """The potential's terms, which are fewer than the effectors', and their columns of the gradient and of the
+        Hessian, which follow each other."""
         rows = layout(self.rows.n_a, self.rows.n_e)
-        return np.ascontiguousarray(self._series_T[:, rows["gradient"].start : rows["hessian"].stop])
+        slopes_T = self._series_T[:, rows["gradient"].start : rows["hessian"].stop]
+        kept = slopes_T.any(axis=1)
+        return Basis(self._basis.indices[kept]), np.ascontiguousarray(slopes_T[kept])
 
     @cached_property
     def _unpack(self) -> np.ndarray:

@@ -102,8 +102,8 @@ class Computed:
         self._goals.append(goal)
         self._planned[0].append(self._static(0, goal))
         eta, _ = self._excited(self._planned[0])
-        moved = self._model.at(self._planned[0][1]).H @ eta
-        self._planned[1].append(self._static(1, self._goals[1] - moved))
+        place = self._model.at(self._planned[0][1])
+        self._planned[1].append(self._static(1, self._goals[1] - (place.effectors(eta) - place.e)))
         eta, forces = self._excited(self._planned[1])
         self._inner.append(eta)
         self._forces.append(forces)

@@ -75,16 +75,17 @@ class Clocked:
         return State(steps.end[0], v, np.asarray(u, float)), steps, place
 
     def effectors(self, z: np.ndarray, near: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z); near: of places nearby, whose inner
-        motions are taken, None: of the states themselves."""
+        """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z) but for that of E by the
+        place; near: of places nearby, whose inner motions are taken, None: of the states themselves."""
         delta_a, eta = z[:, : self.n_a], z[:, self.n_a : self.n_q]
         near = places(self.model, delta_a) if near is None else near
         part = self.model.static.parts(delta_a, delta_a[:, :0])
         C = np.zeros((len(z), near.H.shape[1], self.n_z))
         C[:, :, : self.n_a] = part["effector_gradient"]
         C[:, :, : self.n_a] += np.einsum("kaei,ki->kea", near.dH, eta)
-        C[:, :, self.n_a : self.n_q] = near.H
-        return part["effector"] + np.einsum("kei,ki->ke", near.H, eta), C
+        bent = 0.0 if near.E is None else np.einsum("keij,kj->kei", near.E, eta)
+        C[:, :, self.n_a : self.n_q] = near.H + bent
+        return part["effector"] + np.einsum("kei,ki->ke", near.H + bent / 2, eta), C
 
     def _warped(self, place: Place) -> Place:
         g = self._warp

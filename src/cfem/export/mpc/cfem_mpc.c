@@ -34,15 +34,15 @@ static void guess(const cfem_mpc *m, int k, double *v) {
     for (int i = 0; i < NQ; i++) v[i] = (m->states[k + 1][i] - m->states[k][i]) / DT;
 }
 
-static void inertia_of(const cfem_mpc *m, int k, int slopes, cfem_inertia *found) {
-    double middle[CFEM_MPC_MOST_NA];
+static void place_of(const cfem_mpc *m, int k, int slopes, cfem_place *found) {
+    double middle[CFEM_MOTION_MOST_NA];
     for (int a = 0; a < NA; a++) middle[a] = (m->states[k][a] + m->states[k + 1][a]) / 2;
-    cfem_inertia_at(middle, slopes, found);
+    cfem_place_at(middle, slopes, found);
 }
 
 /* Slopes of effectors and course by the commands of each block, in shares of their size. */
-static void write_slopes(cfem_mpc *m, int k, int blocks, double C[CFEM_MPC_MOST_NE][CFEM_MPC_MOST_NQ],
-                         double lambda[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NA * CFEM_MPC_MOST_NA]) {
+static void write_slopes(cfem_mpc *m, int k, int blocks, double C[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NQ],
+                         double lambda[CFEM_MPC_MOST_MOVES][CFEM_MOTION_MOST_NA * CFEM_MOTION_MOST_NA]) {
     for (int b = 0; b < blocks; b++)
         for (int c = 0; c < NA; c++) {
             const double *column = m->columns[b] + c, size = cfem_mpc_size[c];
@@ -58,29 +58,29 @@ static void write_slopes(cfem_mpc *m, int k, int blocks, double C[CFEM_MPC_MOST_
 
 /* The horizon from `now`, linearised: what the program asks of it. */
 static int condense(cfem_mpc *m, const cfem_moving *now) {
-    double at[CFEM_MPC_MOST_NZ], about[CFEM_MPC_MOST_NZ], C[CFEM_MPC_MOST_NE][CFEM_MPC_MOST_NQ];
-    double lambda[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NA * CFEM_MPC_MOST_NA];
+    double at[CFEM_MPC_MOST_NZ], about[CFEM_MPC_MOST_NZ], C[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NQ];
+    double lambda[CFEM_MPC_MOST_MOVES][CFEM_MOTION_MOST_NA * CFEM_MOTION_MOST_NA];
     cfem_plan *plan = &m->plan;
     memcpy(at, now->z, sizeof at), memcpy(about, now->z, sizeof about);
-    inertia_of(m, 0, 1, &m->first);
+    place_of(m, 0, 1, &m->first);
     m->after = m->first, m->has_first = 1;
     for (int k = 0, block = 0, from = 0, to = 0; k < TICKS; k++) {
-        const cfem_inertia *near = &m->after;
+        const cfem_place *near = &m->after;
         cfem_stage *stage = &m->stage[k];
-        double v[CFEM_MPC_MOST_NQ], w[CFEM_MPC_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ], by[CFEM_MPC_MOST_NA];
+        double v[CFEM_MOTION_MOST_NQ], w[CFEM_MOTION_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ], by[CFEM_MOTION_MOST_NA];
         guess(m, k, v);
-        if (k > to) { /* what is learned of inertia is asked at every few ticks, and interpolated between */
+        if (k > to) { /* what is learned is asked at every few ticks, and interpolated between */
             from = to, to = from + EVERY < TICKS - 1 ? from + EVERY : TICKS - 1;
             m->before = m->after;
-            inertia_of(m, to, 0, &m->after);
+            place_of(m, to, 0, &m->after);
         }
         if (k < to) {
-            cfem_inertia_between(&m->before, &m->after, (double)(k - from) / (to - from), &m->near);
+            cfem_place_between(&m->before, &m->after, (double)(k - from) / (to - from), &m->near);
             near = &m->near;
         }
         cfem_acting(k ? m->ahead[k - 1] : now->u, m->ahead[k], w);
         memcpy(m->w[k], w, sizeof w);
-        if (cfem_stage_at(m->states[k], v, w, near, &m->first, &m->material, stage)) return 1;
+        if (cfem_stage_at(m->states[k], v, w, &near->inertia, &m->first.inertia, &m->material, stage)) return 1;
         /* Without commands, and under those of the last plan. */
         for (int a = 0; a < NA; a++) w[a] = (k == 0 && CFEM_MPC_FORCE ? now->u[a] / 2 : 0.0) - w[a];
         for (int i = 0; i < NZ; i++) off[i] = at[i] - m->states[k][i];
@@ -93,13 +93,13 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
         const int earlier = block;
         if (block + 1 < MOVES && cfem_mpc_begins[block + 1] == k) block++;
         for (int b = 0; b <= block; b++) {
-            double out[CFEM_MPC_MOST_NZ * CFEM_MPC_MOST_NA], share = b == block ? 1.0 : 0.0;
+            double out[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA], share = b == block ? 1.0 : 0.0;
             if (CFEM_MPC_FORCE) share = 0.5 * ((b == block) + (k > 0 && b == earlier));
             cfem_stage_of_block(stage, NA, b == block && (k == 0 || block != earlier) ? 0 : m->columns[b], share, out, lambda[b]);
             memcpy(m->columns[b], out, sizeof out);
         }
-        double e[CFEM_MPC_MOST_NE];
-        cfem_tips(about, near, &m->first, e, C);
+        double e[CFEM_MOTION_MOST_NE];
+        cfem_tips(about, &near->inner, &m->first.inner, e, C);
         for (int i = 0; i < NE; i++) {
             plan->e[k][i] = e[i] + m->offset[i];
             for (int j = 0; j < NQ; j++) plan->e[k][i] -= C[i][j] * (about[j] - at[j]);
@@ -111,11 +111,11 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
 
 /* Takes over the plan: its commands, shifted by a tick, and where they lead. */
 static void follow(cfem_mpc *m, const cfem_moving *now, double *u) {
-    double state[CFEM_MPC_MOST_NZ], told[CFEM_MPC_MOST_NA], first[CFEM_MPC_MOST_NZ];
+    double state[CFEM_MPC_MOST_NZ], told[CFEM_MOTION_MOST_NA], first[CFEM_MPC_MOST_NZ];
     memcpy(state, now->z, sizeof state), memcpy(told, now->u, sizeof told);
     memcpy(u, m->plan.x, sizeof(double) * NA);
     for (int k = 0, block = 0; k < TICKS; k++) {
-        double w[CFEM_MPC_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ];
+        double w[CFEM_MOTION_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ];
         if (block + 1 < MOVES && cfem_mpc_begins[block + 1] == k) block++;
         const double *given = m->plan.x + block * NA;
         cfem_acting(told, given, w);

@@ -17,16 +17,16 @@ extern "C" {
 #endif
 
 typedef struct {
-    double goal[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NE]; /* mm, absolute: at the ends of the next `ahead` ticks */
+    double goal[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NE]; /* mm, absolute: at the ends of the next `ahead` ticks */
     int ahead;                                          /* how many are known, at least 1; the last holds on */
-    double x_e[CFEM_MPC_MOST_NE];                       /* mm, absolute: the latest sample of the effectors */
+    double x_e[CFEM_MOTION_MOST_NE];                       /* mm, absolute: the latest sample of the effectors */
     long sampled;                                       /* the number of the tick, from 1 on, at whose end it was taken; 0: none yet;
                                                            a sample that was heard before changes nothing */
 } cfem_mpc_input;
 
 typedef struct {
-    double u[CFEM_MPC_MOST_NA];       /* the command of this tick: N (MPa), or mm (mm^3) */
-    double delta_a[CFEM_MPC_MOST_NA]; /* mm (mm^3): where the plan has the actuators at its end */
+    double u[CFEM_MOTION_MOST_NA];       /* the command of this tick: N (MPa), or mm (mm^3) */
+    double delta_a[CFEM_MOTION_MOST_NA]; /* mm (mm^3): where the plan has the actuators at its end */
     unsigned status;                  /* as of cfem_step. CFEM_HELD: what was planned before goes on; CFEM_SOFTENED: bounds on the
                                          course or planes contradict each other, and are missed by the least sum of squares */
 } cfem_mpc_output;
@@ -35,21 +35,21 @@ typedef struct {
     long sent, heard;                                         /* commands given; the tick of the last sample */
     cfem_moving state;                                        /* at that tick; without an observer: now */
     cfem_material material;                                   /* as estimated */
-    double logarithm[2], offset[CFEM_MPC_MOST_NE];            /* of stiffness and viscosity; mm of the effectors */
+    double logarithm[2], offset[CFEM_MOTION_MOST_NE];            /* of stiffness and viscosity; mm of the effectors */
     double covariance[CFEM_MPC_COLUMNS][CFEM_MPC_COLUMNS];    /* (NX, NX) */
-    double late[CFEM_MPC_MOST_LATE][CFEM_MPC_MOST_NA];        /* commands given since, */
-    cfem_inertia place[CFEM_MPC_MOST_LATE];                   /* and the inertia of their ticks */
+    double late[CFEM_MPC_MOST_LATE][CFEM_MOTION_MOST_NA];        /* commands given since, */
+    cfem_place place[CFEM_MPC_MOST_LATE];                     /* and what is learned at their ticks */
     int known[CFEM_MPC_MOST_LATE];
-    double rest[CFEM_MPC_MOST_NA];                            /* the first command */
-    double ahead[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NA];      /* the plan, */
+    double rest[CFEM_MOTION_MOST_NA];                            /* the first command */
+    double ahead[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];      /* the plan, */
     double states[CFEM_MPC_MOST_TICKS + 1][CFEM_MPC_MOST_NZ]; /* and where it leads */
     /* Work. */
     cfem_plan plan;
     cfem_stage stage[CFEM_MPC_MOST_TICKS];
-    double w[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NA];
-    double columns[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NZ * CFEM_MPC_MOST_NA];
+    double w[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];
+    double columns[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA];
     double moved[CFEM_MPC_COLUMNS][CFEM_MPC_COLUMNS];
-    cfem_inertia before, after, near, first; /* first: of the last horizon's first tick */
+    cfem_place before, after, near, first; /* first: of the last horizon's first tick */
     int has_first;
 } cfem_mpc;
 

@@ -8,14 +8,14 @@
 
 #define NA CFEM_MOTION_NA
 #define NQ CFEM_MOTION_NQ
-#define NR CFEM_MPC_NR
+#define NR CFEM_MOTION_NR
 #define NE CFEM_MOTION_NE
 #define NZ CFEM_MPC_NZ
 #define NX CFEM_MPC_NX
 #define MATERIAL NZ
 #define OFFSET (NZ + 2)
 #define ACROSS CFEM_MPC_COLUMNS
-#define MOST_NQ CFEM_MPC_MOST_NQ
+#define MOST_NQ CFEM_MOTION_MOST_NQ
 #define HELD (!CFEM_MPC_FORCE)
 #define FIRST (HELD ? NA : 0)
 #define DT CFEM_MPC_DT
@@ -31,7 +31,7 @@ static double exponential(double x) {
 }
 
 /* (NQ,) K^-1 b of a robot at rest, or of what is not held of it. W: the compliance of the actuators. */
-static void yield_to(double W[CFEM_MPC_MOST_NA][CFEM_MPC_MOST_NA], const double *b, double *out) {
+static void yield_to(double W[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], const double *b, double *out) {
     for (int a = 0; a < NA; a++) out[a] = HELD ? 0.0 : cfem_dot(NA, W[a], b);
     for (int r = NA; r < NQ; r++) out[r] = b[r] / cfem_motion_stiffness;
 }
@@ -56,8 +56,8 @@ void cfem_observer_init(cfem_mpc *m) {
 
 /* Adds the covariance (NZ, NZ) of forces during a tick in proportion to the stiffness, such that at rest they would move the effectors
  * by `push`. z (NA,): the actuators at the middle of the tick `stage`. 0, or 1 where there is no stiffness. */
-static int add_pushes(cfem_mpc *m, const double *z, const cfem_inertia *place, const cfem_stage *stage) {
-    double stiff[CFEM_MPC_MOST_NA][CFEM_MPC_MOST_NA], e[CFEM_MPC_MOST_NE], C[CFEM_MPC_MOST_NE][MOST_NQ], moved = 0.0;
+static int add_pushes(cfem_mpc *m, const double *z, const cfem_inner *place, const cfem_stage *stage) {
+    double stiff[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], moved = 0.0;
     double (*push)[ACROSS] = m->moved; /* (NZ, NQ) by momentum */
     cfem_parts parts;
     cfem_potential_parts(z, &parts);
@@ -71,8 +71,8 @@ static int add_pushes(cfem_mpc *m, const double *z, const cfem_inertia *place, c
         yield_to(parts.hessian, C[k], by);
         moved += cfem_dot(NQ, C[k], by) / m->material.stiffness / NE;
     }
-    for (int c = 0; c < ACROSS; c += CFEM_MPC_MOST_NA) { /* a push is like momentum, half of it before the tick, half after */
-        double one[CFEM_MPC_MOST_NZ * CFEM_MPC_MOST_NA], out[CFEM_MPC_MOST_NZ * CFEM_MPC_MOST_NA];
+    for (int c = 0; c < ACROSS; c += CFEM_MOTION_MOST_NA) { /* a push is like momentum, half of it before the tick, half after */
+        double one[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA], out[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA];
         if (c >= NQ) break;
         memset(one, 0, sizeof one);
         for (int k = 0; k < NA && c + k < NQ; k++) one[(NQ + c + k) * NA + k] = 1.0;
@@ -105,7 +105,7 @@ static int predict(cfem_mpc *m, const double *u) {
     static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
     cfem_stage *stage = &m->stage[0];
     double by_material[CFEM_MPC_MOST_NZ][2];
-    cfem_inertia *place = &m->near;
+    cfem_place *place = &m->near;
     *place = m->place[0];
     if (cfem_tick(&m->state, u, &m->material, place, &m->known[0], stage)) return 1;
     cfem_stage_by_material(stage, by_material);
@@ -116,7 +116,7 @@ static int predict(cfem_mpc *m, const double *u) {
             m->moved[i][j] = m->moved[j][i], m->moved[j][i] = one;
         }
     transport(stage, by_material, m->moved, m->covariance);
-    if (add_pushes(m, stage->middle, place, stage)) return 1;
+    if (add_pushes(m, stage->middle, &place->inner, stage)) return 1;
     for (int k = 0; k < 2; k++) {
         const double wander = CFEM_MPC_DOUBT_WANDER * share[k];
         m->covariance[MATERIAL + k][MATERIAL + k] += DT * wander * wander;
@@ -127,10 +127,10 @@ static int predict(cfem_mpc *m, const double *u) {
 
 static int correct(cfem_mpc *m, const double *x_e) {
     static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
-    double e[CFEM_MPC_MOST_NE], C[CFEM_MPC_MOST_NE][MOST_NQ], S[CFEM_MPC_MOST_NE][CFEM_MPC_MOST_NE], missed[CFEM_MPC_MOST_NE];
+    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], S[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NE], missed[CFEM_MOTION_MOST_NE];
     double (*HP)[ACROSS] = m->moved, (*gain)[ACROSS] = m->moved + NE; /* (n, NX), gain transposed */
-    int row[CFEM_MPC_MOST_NE], n = 0;
-    cfem_tips(m->state.z, &m->near, &m->near, e, C);
+    int row[CFEM_MOTION_MOST_NE], n = 0;
+    cfem_tips(m->state.z, &m->near.inner, &m->near.inner, e, C);
     for (int k = 0; k < NE; k++)
         if (cfem_mpc_weight[k] > 0.0) row[n++] = k;
     for (int k = 0; k < n; k++) {
@@ -143,7 +143,7 @@ static int correct(cfem_mpc *m, const double *x_e) {
     for (int k = 0; k < n; k++)
         for (int l = 0; l < n; l++)
             S[k][l] = cfem_dot(NQ, C[row[l]], HP[k]) + HP[k][OFFSET + row[l]] + (k == l ? CFEM_MPC_DOUBT_NOISE * CFEM_MPC_DOUBT_NOISE : 0.0);
-    if (cfem_invert(n, CFEM_MPC_MOST_NE, S[0])) return 1;
+    if (cfem_invert(n, CFEM_MOTION_MOST_NE, S[0])) return 1;
     double change[ACROSS];
     for (int i = 0; i < NX; i++) {
         change[i] = 0.0;

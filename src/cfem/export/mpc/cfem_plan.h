@@ -12,7 +12,7 @@
 
 #include "cfem_mpc_room.h"
 
-#define CFEM_PLAN_SOFT (CFEM_MPC_MOST_TICKS * (CFEM_MPC_MOST_NA + CFEM_MPC_MOST_PLANES))
+#define CFEM_PLAN_SOFT (CFEM_MPC_MOST_TICKS * (CFEM_MOTION_MOST_NA + CFEM_MPC_MOST_PLANES))
 #define CFEM_PLAN_ACTIVE (CFEM_MPC_MOST_VARIABLES + CFEM_PLAN_SOFT)
 #define CFEM_PLAN_TOLERANCE 1e-9 /* of the optimality conditions */
 
@@ -26,12 +26,12 @@ enum {
 
 typedef struct {
     /* Given. */
-    double told[CFEM_MPC_MOST_NA]; /* the command before */
-    double rest[CFEM_MPC_MOST_NA]; /* what effort is counted from */
-    double e[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NE], goal[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NE]; /* mm from rest */
-    double course[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NA];
-    double E[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NE][CFEM_MPC_MOST_VARIABLES];
-    double by_course[CFEM_MPC_MOST_TICKS][CFEM_MPC_MOST_NA][CFEM_MPC_MOST_VARIABLES];
+    double told[CFEM_MOTION_MOST_NA]; /* the command before */
+    double rest[CFEM_MOTION_MOST_NA]; /* what effort is counted from */
+    double e[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NE], goal[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NE]; /* mm from rest */
+    double course[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];
+    double E[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NE][CFEM_MPC_MOST_VARIABLES];
+    double by_course[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA][CFEM_MPC_MOST_VARIABLES];
     /* Found. */
     double x[CFEM_MPC_MOST_VARIABLES], kkt; /* kkt: largest residual of the optimality conditions, relative */
     int changes, count, softened;           /* of the active set; constraints that hold; whether bounds are missed */

@@ -7,11 +7,11 @@
 
 #define NA CFEM_MOTION_NA
 #define NQ CFEM_MOTION_NQ
-#define NR CFEM_MPC_NR
+#define NR CFEM_MOTION_NR
 #define NE CFEM_MOTION_NE
 #define NZ CFEM_MPC_NZ
-#define MOST_NA CFEM_MPC_MOST_NA
-#define MOST_NQ CFEM_MPC_MOST_NQ
+#define MOST_NA CFEM_MOTION_MOST_NA
+#define MOST_NQ CFEM_MOTION_MOST_NQ
 #define DT CFEM_MPC_DT
 #define HELD (!CFEM_MPC_FORCE)
 #define FIRST (HELD ? NA : 0) /* of q that the equations give */
@@ -29,16 +29,6 @@ CFEM_INLINE void add_product(int rows, int inner, const double *A, int across, i
             CFEM_UNROLL for (int c = 0; c < m; c++) sum[c] += a * z[j * stride + c];
         }
         CFEM_UNROLL for (int c = 0; c < m; c++) out[i * wide + c] = sum[c];
-    }
-}
-
-/* out (NQ,) += factor S x, S symmetric as its upper triangle. */
-static void add_symmetric(double factor, const double *S, const double *x, double *out) {
-    for (int i = 0; i < NQ; i++) {
-        double sum = *S++ * x[i];
-        const double own = factor * x[i];
-        for (int j = i + 1; j < NQ; j++, S++) sum += *S * x[j], out[j] += own * *S;
-        out[i] += factor * sum;
     }
 }
 
@@ -126,7 +116,7 @@ CFEM_INLINE void apply(const cfem_stage *s, int m, int stride, const double *z, 
                 for (int c = 0; c < m; c++) {
                     double one[MOST_NQ], sum[MOST_NQ] = {0};
                     for (int i = 0; i < NQ; i++) one[i] = z[((2 + t) * NQ + i) * stride + c];
-                    add_symmetric(by, s->F[l], one, sum);
+                    cfem_add_symmetric(by, s->F[l], one, sum);
                     for (int i = 0; i < NQ; i++) right[i * m + c] += sum[i];
                 }
             }
@@ -171,7 +161,7 @@ static void viscous(const double *z, const double *v, const cfem_inertia *inerti
             for (int i = 0; i < NQ; i++) x[i] += share * z[(2 + t) * NQ + i];
         }
         for (int i = 0; i < NQ; i++) x[i] += rate * v[i];
-        add_symmetric(-size, inertia->F[l], x, force);
+        cfem_add_symmetric(-size, inertia->F[l], x, force);
         const double *F = inertia->F[l];
         double *scaled = s->F[l];
         for (int i = 0; i < NQ; i++)
@@ -199,7 +189,7 @@ int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_
     viscous(z, v, inertia, stiffness * material->viscosity, s, lost);
     s->inner = DT / 2 * kappa;
     for (int a = 0; a < NA; a++) {
-        add_symmetric(1.0, first->dM[a], v, by_turn[a]);
+        cfem_add_symmetric(1.0, first->dM[a], v, by_turn[a]);
         elastic[a] = -stiffness * parts.gradient[a];
         turned[a] = cfem_dot(NQ, by_turn[a], v) / 2;
     }
@@ -213,7 +203,7 @@ int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_
     for (int a = 0; a < NA; a++)
         for (int j = 0; j < NQ; j++) s->speed[a][j] -= DT / 2 * by_turn[a][j];
     if (invert(FIRST, s->speed, s->inverse)) return 1;
-    add_symmetric(1.0, inertia->M, v, Mv);
+    cfem_add_symmetric(1.0, inertia->M, v, Mv);
     for (int i = 0; i < NQ; i++) {
         s->of_material[i][0] = DT / 2 * (elastic[i] + lost[i]), s->of_material[i][1] = DT / 2 * lost[i];
         right[i] = z[NQ + i] - Mv[i] + DT / 2 * (elastic[i] + turned[i] + lost[i] + (i < NA && !HELD ? w[i] : 0.0));
@@ -236,14 +226,14 @@ void cfem_acting(const double *before, const double *u, double *w) {
     for (int a = 0; a < NA; a++) w[a] = CFEM_MPC_FORCE ? (before[a] + u[a]) / 2 : u[a];
 }
 
-int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material, cfem_inertia *inertia, int *known, cfem_stage *stage) {
+int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material, cfem_place *place, int *known, cfem_stage *stage) {
     double w[MOST_NA], middle[MOST_NA];
     cfem_acting(state->u, u, w);
     for (int a = 0; a < NA; a++) middle[a] = state->z[a] + DT / 2 * state->v[a];
-    if (!*known) cfem_inertia_at(middle, 1, inertia), *known = 1;
+    if (!*known) cfem_place_at(middle, 1, place), *known = 1;
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         double moved = 0.0, size = 1.0;
-        if (cfem_stage_at(state->z, state->v, w, inertia, inertia, material, stage)) return 1;
+        if (cfem_stage_at(state->z, state->v, w, &place->inertia, &place->inertia, material, stage)) return 1;
         for (int i = 0; i < NQ; i++) {
             const double v = (stage->end[i] - state->z[i]) / DT;
             moved = fmax(moved, fabs(v - state->v[i]) / cfem_motion_scale[i]), size = fmax(size, fabs(v) / cfem_motion_scale[i]);
@@ -256,13 +246,25 @@ int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material
     return 0;
 }
 
-void cfem_tips(const double *z, const cfem_inertia *near, const cfem_inertia *first, double *e, double C[CFEM_MPC_MOST_NE][CFEM_MPC_MOST_NQ]) {
+void cfem_tips(const double *z, const cfem_inner *near, const cfem_inner *first, double *e, double C[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NQ]) {
+    double curve[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NR];
     cfem_parts parts;
     cfem_effector_parts(z, &parts);
+    cfem_curve_of(near, z + NA, curve);
     for (int k = 0; k < NE; k++) {
         const double *H = near->H + k * NR;
-        e[k] = parts.effector[k] + cfem_dot(NR, H, z + NA);
+        e[k] = parts.effector[k];
         for (int a = 0; a < NA; a++) C[k][a] = parts.effector_gradient[k][a] + cfem_dot(NR, first->dH[a] + k * NR, z + NA);
-        for (int r = 0; r < NR; r++) C[k][NA + r] = H[r];
+        for (int r = 0; r < NR; r++) C[k][NA + r] = H[r] + curve[k][r], e[k] += (H[r] + curve[k][r] / 2.0) * z[NA + r];
     }
+}
+
+void cfem_place_at(const double *delta_a, int slopes, cfem_place *found) {
+    cfem_inertia_at(delta_a, slopes, CFEM_MPC_WARP, &found->inertia);
+    cfem_inner_at(delta_a, slopes, &found->inner);
+}
+
+void cfem_place_between(const cfem_place *a, const cfem_place *b, double share, cfem_place *found) {
+    cfem_inertia_between(&a->inertia, &b->inertia, share, &found->inertia);
+    cfem_inner_between(&a->inner, &b->inner, share, &found->inner);
 }

@@ -3,25 +3,32 @@
 #define CFEM_TICK_H
 
 #include "cfem_inertia.h"
+#include "cfem_mpc_room.h"
 
 /* Where the robot is: q, p and the memory of Prony terms; mean velocity of the last tick; the command that has been reached. */
 typedef struct {
-    double z[CFEM_MPC_MOST_NZ], v[CFEM_MPC_MOST_NQ], u[CFEM_MPC_MOST_NA];
+    double z[CFEM_MPC_MOST_NZ], v[CFEM_MOTION_MOST_NQ], u[CFEM_MOTION_MOST_NA];
 } cfem_moving;
+
+/* What is learned at a place, its inertia warped so that steps of a tick have the lowest natural frequency right. */
+typedef struct {
+    cfem_inertia inertia;
+    cfem_inner inner;
+} cfem_place;
 
 /* z' = end + A (z - guess) + B (w - guess), w what acts during the tick: A and B are not formed. Forces of held actuators: lambda_a =
  * lambda + slopes, where displacements are commanded. */
 typedef struct {
-    double end[CFEM_MPC_MOST_NZ], lambda[CFEM_MPC_MOST_NA];
-    double middle[CFEM_MPC_MOST_NA]; /* of the actuators */
-    double M[CFEM_MPC_MOST_NQ][CFEM_MPC_MOST_NQ];
-    double turning[CFEM_MPC_MOST_NQ][CFEM_MPC_MOST_NA]; /* of M v at constant v, by delta_a */
-    double place[CFEM_MPC_MOST_NQ][CFEM_MPC_MOST_NA];   /* of the equations by delta_a */
-    double speed[CFEM_MPC_MOST_NQ][CFEM_MPC_MOST_NQ];   /* of the equations by v */
-    double inverse[CFEM_MPC_MOST_NQ][CFEM_MPC_MOST_NQ]; /* of its part that is not held */
+    double end[CFEM_MPC_MOST_NZ], lambda[CFEM_MOTION_MOST_NA];
+    double middle[CFEM_MOTION_MOST_NA]; /* of the actuators */
+    double M[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];
+    double turning[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA]; /* of M v at constant v, by delta_a */
+    double place[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA];   /* of the equations by delta_a */
+    double speed[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];   /* of the equations by v */
+    double inverse[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ]; /* of its part that is not held */
     double inner;                                       /* dt/2 stiffness of the inner motions */
-    double F[CFEM_MPC_MOST_LOSSES][CFEM_MPC_TRIANGLE];  /* dt/2 times the material's */
-    double of_material[CFEM_MPC_MOST_NQ][2];            /* of the equations by the logarithms of stiffness and viscosity */
+    double F[CFEM_MOTION_MOST_LOSSES][CFEM_MOTION_TRIANGLE];  /* dt/2 times the material's */
+    double of_material[CFEM_MOTION_MOST_NQ][2];            /* of the equations by the logarithms of stiffness and viscosity */
 } cfem_stage;
 
 /* Shares of the modulus and of the viscosity that the model was learned from. */
@@ -29,9 +36,13 @@ typedef struct {
     double stiffness, viscosity;
 } cfem_material;
 
+void cfem_place_at(const double *delta_a, int slopes, cfem_place *found);
+
+/* (1 - share) a + share b, but for slopes. */
+void cfem_place_between(const cfem_place *a, const cfem_place *b, double share, cfem_place *found);
+
 /* The tick from z at mean velocity v under w (force, or displacement at its end), with the inertia given, whose slopes are those of
- * `first`. 0, or 1 where its equations are
- * singular or not finite. */
+ * `first`. 0, or 1 where its equations are singular or not finite. */
 int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_inertia *inertia, const cfem_inertia *first,
                   const cfem_material *material, cfem_stage *stage);
 
@@ -44,14 +55,15 @@ void cfem_stage_of_block(const cfem_stage *stage, int stride, const double *z, d
 /* (NZ, 2): the state by the logarithms of stiffness and viscosity. */
 void cfem_stage_by_material(const cfem_stage *stage, double out[CFEM_MPC_MOST_NZ][2]);
 
-/* The state after a tick in which the command moves to u, in place, and its last linearisation. Inertia as given where *known, else that
+/* The state after a tick in which the command moves to u, in place, and its last linearisation. What is learned as given where *known, else that
  * where the last velocity leads to, which is known then. 0, or 1 as above. */
-int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material, cfem_inertia *inertia, int *known, cfem_stage *stage);
+int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material, cfem_place *place, int *known, cfem_stage *stage);
 
 /* What acts during a tick between two commands. */
 void cfem_acting(const double *before, const double *u, double *w);
 
-/* e (NE,) mm from rest at the state z, and C (NE, NQ), its slopes by q, with the inner motions as given; those of H as of `first`. */
-void cfem_tips(const double *z, const cfem_inertia *near, const cfem_inertia *first, double *e, double C[CFEM_MPC_MOST_NE][CFEM_MPC_MOST_NQ]);
+/* e (NE,) mm from rest at the state z, and C (NE, NQ), its slopes by q, with the inner motions as given; those of H as of `first`, those of
+ * E left out. */
+void cfem_tips(const double *z, const cfem_inner *near, const cfem_inner *first, double *e, double C[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NQ]);
 
 #endif

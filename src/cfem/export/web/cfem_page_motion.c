@@ -26,17 +26,41 @@ static struct {
 
 double *SERVED(motion_io)(void) { return shared.ahead[0]; }
 
+/* Of `outputs`, with products that there are. */
+static void read_series(reader *r, cfem_motion_series *to, int outputs) {
+    const int32_t *head = take(r, 2 * sizeof *head);
+    if (!r->good) return;
+    to->groups = head[0], to->terms = head[1];
+    between(r, 1, to->terms, 65535), between(r, 1, to->groups, to->terms);
+    if (!r->good) return;
+    to->first = take(r, (size_t)to->groups * sizeof *to->first), to->end = take(r, (size_t)to->groups * sizeof *to->end);
+    to->second = take(r, (size_t)to->terms * sizeof *to->second);
+    const int blocks = (outputs + CFEM_SERIES_WIDE - 1) / CFEM_SERIES_WIDE;
+    to->coefficients = take(r, (size_t)(blocks * to->terms * CFEM_SERIES_WIDE) * sizeof(double));
+    for (int g = 0, last = 0; r->good && g < to->groups; last = to->end[g++])
+        between(r, 0, to->first[g], cfem_moves.first_products - 1), between(r, last, to->end[g], to->terms);
+    for (int m = 0; r->good && m < to->terms; m++) between(r, 0, to->second[m], cfem_moves.second_products - 1);
+}
+
+/* (count, across) degrees. */
+static const uint8_t *degrees(reader *r, int count, int across) {
+    const uint8_t *found = take(r, (size_t)(count * across));
+    for (int i = 0; r->good && i < count * across; i++) between(r, 0, found[i], cfem_moves.degree);
+    return found;
+}
+
 /* 0, or 1 where the block is not of a robot that this code has room for. It is not copied: it has to stay. */
 int SERVED(motion_load)(const unsigned char *block, int size) {
     reader r = {block, block + size, 1};
     cfem_motion_robot *const to = &cfem_moves;
     int *const counts = &to->n_q;
-    const int32_t *head = take(&r, 10 * sizeof *head);
+    const int32_t *head = take(&r, 11 * sizeof *head);
     if (!r.good) return 1;
-    for (int i = 0; i < 10; i++) counts[i] = head[i];
-    between(&r, NA, to->n_q, CFEM_MPC_MOST_NQ), between(&r, 0, to->losses, CFEM_MPC_MOST_LOSSES);
-    between(&r, 0, to->terms, CFEM_MPC_MOST_TERMS), between(&r, 1, to->degree, CFEM_MPC_MOST_DEGREE);
-    between(&r, 1, to->moving_terms, CFEM_MPC_MOST_MOVING), between(&r, 1, to->loss_terms, CFEM_MPC_MOST_MOVING);
+    for (int i = 0; i < 11; i++) counts[i] = head[i];
+    between(&r, NA, to->n_q, CFEM_MOTION_MOST_NQ), between(&r, 0, to->losses, CFEM_MOTION_MOST_LOSSES);
+    between(&r, 0, to->terms, CFEM_MOTION_MOST_TERMS), between(&r, 1, to->degree, CFEM_MOTION_MOST_DEGREE);
+    between(&r, 0, to->curved, 1), between(&r, 1, to->first_products, CFEM_MOTION_MOST_PRODUCTS);
+    between(&r, 1, to->second_products, CFEM_MOTION_MOST_PRODUCTS);
     between(&r, 2, to->ticks, CFEM_MPC_MOST_TICKS), between(&r, 1, to->moves, CFEM_MPC_MOST_MOVES), between(&r, 1, to->every, to->ticks);
     if (!r.good) return 1;
     const int32_t *begins = take(&r, (size_t)to->moves * sizeof *begins), *terms = take(&r, (size_t)to->losses * sizeof *terms);
@@ -46,19 +70,17 @@ int SERVED(motion_load)(const unsigned char *block, int size) {
     numbers(&r, &to->dt, 4), numbers(&r, to->relaxation, to->losses);
     for (int i = 0; i < to->terms; i++) numbers(&r, to->prony[i], 2);
     numbers(&r, to->scale, to->n_q), matrix(&r, to->to_box, NA, NA), numbers(&r, to->offset, NA), numbers(&r, to->start, NA);
+    for (int i = 0; r.good && i < to->n_q; i++) to->unit[i] = 1.0 / to->scale[i];
     numbers(&r, to->weight, NE), numbers(&r, to->smooth, NA), numbers(&r, to->effort, NA), numbers(&r, to->size, NA);
     numbers(&r, to->rate, NA), numbers(&r, to->course_size, NA);
     for (int i = 0; i < NA; i++) numbers(&r, to->command[i], 2);
     for (int i = 0; i < NA; i++) numbers(&r, to->course[i], 2);
-    const int triangle = to->n_q * (to->n_q + 1) / 2, outputs = triangle + NE * (to->n_q - NA);
-    to->moving_degrees = take(&r, (size_t)to->moving_terms * sizeof *to->moving_degrees);
-    to->loss_degrees = take(&r, (size_t)to->loss_terms * sizeof *to->loss_degrees);
-    to->moving[0] = take(&r, (size_t)(to->moving_terms * outputs) * sizeof(double));
-    to->loss[0] = take(&r, (size_t)(to->loss_terms * to->losses * triangle) * sizeof(double));
-    for (int m = 0; r.good && m < to->moving_terms; m++)
-        for (int i = 0; i < NA; i++) between(&r, 0, to->moving_degrees[m][i], to->degree);
-    for (int m = 0; r.good && m < to->loss_terms; m++)
-        for (int i = 0; i < NA; i++) between(&r, 0, to->loss_degrees[m][i], to->degree);
+    to->first_degrees = degrees(&r, to->first_products, CFEM_SERIES_FIRST);
+    to->second_degrees = degrees(&r, to->second_products, CFEM_SERIES_SECOND);
+    const int triangle = to->n_q * (to->n_q + 1) / 2, inner = to->n_q - NA;
+    read_series(&r, to->root, triangle), read_series(&r, to->inner, NE * inner);
+    for (int i = 0; i < to->losses; i++) read_series(&r, &to->loss[i], triangle);
+    if (to->curved) read_series(&r, to->curve, NE * inner * (inner + 1) / 2);
     return !(r.good && r.at == r.end);
 }
 
@@ -81,9 +103,9 @@ void SERVED(motion_start)(void) {
 
 /* Where the tips of a robot are, and its skin as that of the robot at rest whose tips are nearest to there. */
 static void look(int which, int shown) {
-    static cfem_inertia near;
-    double e[CFEM_MOST_NE], C[CFEM_MOST_NE][CFEM_MPC_MOST_NQ], A[CFEM_MOST_NA][CFEM_MOST_NA], b[CFEM_MOST_NA], trace = 0.0;
-    cfem_inertia_at(robot[which].z, 1, &near);
+    static cfem_inner near;
+    double e[CFEM_MOST_NE], C[CFEM_MOST_NE][CFEM_MOTION_MOST_NQ], A[CFEM_MOST_NA][CFEM_MOST_NA], b[CFEM_MOST_NA], trace = 0.0;
+    cfem_inner_at(robot[which].z, 1, &near);
     cfem_tips(robot[which].z, &near, &near, e, C);
     for (int k = 0; k < NE; k++) shared.x_e[which][k] = cfem_rest_e[k] + e[k];
     if (!shown) return;
@@ -109,7 +131,7 @@ static void look(int which, int shown) {
 
 /* A robot during a tick in which its command moves evenly to u: steps of a share of the tick. */
 static int move(int which, const double *u) {
-    static cfem_inertia place;
+    static cfem_place place;
     static cfem_stage stage;
     const cfem_material as_learned = {1.0, 1.0};
     const double dt = cfem_moves.dt, warp = cfem_moves.warp;

@@ -1,0 +1,84 @@
+#include "cfem_series.h"
+
+#include <string.h>
+
+#define NA CFEM_MOTION_NA
+#define FIRST CFEM_SERIES_FIRST
+#define SECOND CFEM_SERIES_SECOND
+#define WIDE CFEM_SERIES_WIDE
+/* T_k and T_k' of each coordinate. */
+typedef struct {
+    double value[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1], slope[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1];
+} polynomials;
+
+static void evaluate(const double *s, polynomials *t) {
+    for (int i = 0; i < NA; i++) {
+        double z = cfem_motion_offset[i], *value = t->value[i], *slope = t->slope[i];
+        for (int j = 0; j < NA; j++) z += cfem_motion_to_box[i][j] * s[j];
+        value[0] = 1.0, slope[0] = 0.0;
+        if (CFEM_MOTION_DEGREE > 0) value[1] = z, slope[1] = 1.0;
+        for (int k = 2; k <= CFEM_MOTION_DEGREE; k++) {
+            value[k] = 2.0 * z * value[k - 1] - value[k - 2];
+            slope[k] = 2.0 * value[k - 1] + 2.0 * z * slope[k - 1] - slope[k - 2];
+        }
+    }
+}
+
+/* Of n coordinates from number `from` on. */
+CFEM_INLINE void multiply(const polynomials *t, int from, int n, int count, const uint8_t *degrees, double out[][CFEM_SERIES_MOST]) {
+    for (int m = 0; m < count; m++, degrees += n) {
+        double *row = out[m], before = 1.0, after[CFEM_SERIES_MOST];
+        after[n] = 1.0;
+        for (int i = n - 1; i >= 0; i--) after[i] = after[i + 1] * t->value[from + i][degrees[i]];
+        row[0] = after[0];
+        for (int i = 0; i < n; i++) {
+            row[1 + i] = before * t->slope[from + i][degrees[i]] * after[i + 1];
+            before *= t->value[from + i][degrees[i]];
+        }
+    }
+}
+
+void cfem_products_at(const double *delta_a, cfem_products *products) {
+    polynomials t;
+    evaluate(delta_a, &t);
+    multiply(&t, 0, FIRST, CFEM_MOTION_FIRST_PRODUCTS, cfem_motion_first_degrees, products->first);
+    multiply(&t, FIRST, SECOND, CFEM_MOTION_SECOND_PRODUCTS, cfem_motion_second_degrees, products->second);
+}
+
+/* out (1 + NA, WIDE) += the values of CFEM_AT_ONCE outputs, and their slopes by the box's coordinates: n of the second half. */
+CFEM_INLINE void add(const cfem_motion_series *s, const cfem_products *p, const double *c, const int n, double *out) {
+    const uint16_t *second = s->second;
+    for (int g = 0, m = 0; g < s->groups; g++) {
+        cfem_lanes sum[CFEM_SERIES_MOST];
+        CFEM_UNROLL for (int l = 0; l <= n; l++) sum[l] = (cfem_lanes){0};
+        for (; m < s->end[g]; m++, c += WIDE) {
+            const double *by = p->second[*second++];
+            const cfem_lanes of = *(const cfem_lanes *)c;
+            CFEM_UNROLL for (int l = 0; l <= n; l++) sum[l] += by[l] * of;
+        }
+        const double *by = p->first[s->first[g]];
+        CFEM_UNROLL for (int i = 0; i <= FIRST; i++) *(cfem_lanes *)(out + i * WIDE) += by[i] * sum[0];
+        CFEM_UNROLL for (int l = 1; l <= n; l++) *(cfem_lanes *)(out + (FIRST + l) * WIDE) += by[0] * sum[l];
+    }
+}
+
+void cfem_series_at(const cfem_motion_series *s, const cfem_products *p, int count, double *values, double *slopes, int stride) {
+    for (int o = 0; o < count; o += WIDE) {
+        const double *c = s->coefficients + (long)o * s->terms;
+        const size_t all = sizeof(double) * (size_t)(count - o < WIDE ? count - o : WIDE);
+        double out[CFEM_MOTION_MOST_NA + 1][WIDE];
+        memset(out, 0, sizeof out);
+        for (int part = 0; part < WIDE; part += CFEM_AT_ONCE)
+            if (slopes)
+                add(s, p, c + part, SECOND, out[0] + part);
+            else
+                add(s, p, c + part, 0, out[0] + part);
+        memcpy(values + o, out[0], all);
+        for (int a = 0; slopes && a < NA; a++) { /* from the box to delta_a */
+            double by_a[WIDE] = {0};
+            for (int i = 0; i < NA; i++)
+                for (int k = 0; k < WIDE; k++) by_a[k] += cfem_motion_to_box[i][a] * out[1 + i][k];
+            memcpy(slopes + a * stride + o, by_a, all);
+        }
+    }
+}
