@@ -178,7 +178,7 @@ def c_step_us(folder: Path, model: MotionModel) -> float | None:
     with tempfile.TemporaryDirectory() as place:
         write_c(Path(place), meta, arrays, CSpec(), delta[None])
         write_c_motion(Path(place), meta, arrays, read_arrays(folder, "motion.npz"))
-        code = library(Path(place), ("-O3", "-march=native"), (*CORE, *c_motion.CORE))
+        code = library(Path(place), (*CORE, *c_motion.CORE), ("-O3", "-march=native"))
     doubles, count, times = ctypes.c_double * model.n_a, 500, []
     state = (ctypes.c_double * (1 + (5 + 8) * model.n_q + model.n_a))()
     lam = doubles(*(0.9 * at_rest(model, delta).lam))

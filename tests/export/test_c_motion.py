@@ -20,7 +20,7 @@ def compiled(folder, n_a):
     meta, arrays, moving = robot(n_a)
     export(folder, (meta, arrays))
     assert write_c_motion(folder, meta, arrays, moving) > 0
-    return library(folder, STRICT, (*CORE, *c_motion.CORE))
+    return library(folder, (*CORE, *c_motion.CORE), STRICT)
 
 
 @needs_compiler

@@ -29,7 +29,7 @@ class Solved:
 class Expansion:
     """Of a step of dt s from q with momenta p. known (n_q,): forces that do not depend on v; M (n_q, n_q), dM (n_a,
     n_q, n_q): mass at `about` (n_a,), and its slopes; pull (n_a,), stiff (n_a, n_a): grad Psi and its slope; inner
-    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q; least: of scale."""
+    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q."""
 
     q: np.ndarray
     p: np.ndarray
@@ -43,12 +43,11 @@ class Expansion:
     inner: np.ndarray
     drag: np.ndarray
     scale: np.ndarray
-    least: float
 
     def size(self, v: np.ndarray) -> float:
         """Of a velocity, in units of q; a motion of a nanometre in the step, or its share of an amplitude, needs no
         digits."""
-        return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / self.least)
+        return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / float(self.scale.min()))
 
     def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> Solved | None:
         """From v, whose entries `free` are changed, by Newton's method with the slopes at v, which hardly change within
@@ -116,4 +115,4 @@ def expansion(
             known -= form @ memory[term] * (share / (1 + half))
             term += 1
         drag += rate * form
-    return Expansion(q, p, dt, about, known, M, dM, pull, stiff, model.inner, drag, model.scale, model.least)
+    return Expansion(q, p, dt, about, known, M, dM, pull, stiff, model.inner, drag, model.scale)

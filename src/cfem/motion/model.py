@@ -102,7 +102,6 @@ class MotionModel:
         self.losses = tuple(Loss(one["relaxation"], tuple(map(tuple, one["prony"]))) for one in viscosity)
         n_a, n_e = self.rows.n_a, self.rows.n_e
         self.scale = take(arrays, "scale", (None,))
-        self.least = float(self.scale.min())
         self.n_a, self.n_q = n_a, len(self.scale)
         self.n_r, self.stiffness = self.n_q - n_a, float(take(arrays, "stiffness", ()))
         indices = take(arrays, "indices", (None, n_a), "iu")
