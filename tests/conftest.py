@@ -31,6 +31,22 @@ def bar(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def moving_bar(tmp_path_factory):
+    """A project with the bar of linear tetrahedra, whose model has learned to move, its skin too."""
+    project = tmp_path_factory.mktemp("moving")
+    specs = shutil.copytree(BAR, project / "pipelines" / "bar")
+    scene = specs / "scene.yaml"
+    heavy = "material: {young: 1 MPa, poisson: 0.45, density: 1070 kg/m^3, viscosity: {relaxation: 3 ms}}"
+    text = scene.read_text().replace("material: {young: 1 MPa, poisson: 0.45}", heavy)
+    scene.write_text(text.replace("size: 8 mm", "size: 12 mm\n  element: tet4"))
+    asked = ["splits.train.rows=10", "splits.test.rows=2", "skeleton=3", "dynamics=true"]
+    cfem.run_stage("mesh", scene)
+    cfem.run_stage("sample", specs / "sample.yaml", overrides=asked, workers=1)
+    cfem.run_stage("train", specs / "train.yaml", overrides=["samples=null"])
+    return project
+
+
+@pytest.fixture(scope="session")
 def bar_of_any_material(bar, tmp_path_factory):
     """Folder of the bar's spectral model with Poisson's ratio, sampled, and Young's modulus, exact, as parameters."""
     folder, specs = tmp_path_factory.mktemp("material"), bar / "pipelines" / "bar"

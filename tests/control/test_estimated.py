@@ -99,7 +99,8 @@ def test_a_push_is_not_taken_for_another_material(bar, bar_of_any_material, tmp_
     [
         ("plant=pipe", "a device loses markers as it does"),
         ("loop.sensor.noise=0.1 mm", "leave out sensor.noise"),
-        ("loop.moving={substeps: 4}", "leave out moving"),
+        ("loop.moving={substeps: 4}", "leave actuators.force out"),
+        ("loop.real.wall={point: {mm: [0, 0, 0]}, normal: [0, 0, 1]}", "leave out real.wall"),
         ("loop.estimate.loads.rows=[top.x]", "no row 'top.x'"),
     ],
 )

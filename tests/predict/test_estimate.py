@@ -32,7 +32,7 @@ def estimator(model):
 
 def seen(estimator, x, rng=None):
     """Markers (m, 3) mm at unknowns x by the model itself, with noise where a generator is given."""
-    rows, _ = estimator._modes(*estimator._apart(np.asarray(x, float)))
+    rows, _ = estimator.mode_series(*estimator._apart(np.asarray(x, float)))
     phi, _ = estimator._nearest
     places = phi @ estimator.model.skin.surface(rows)
     return places if rng is None else places + NOISE * rng.normal(size=places.shape)
@@ -48,9 +48,9 @@ def test_without_noise_it_finds_the_state(estimator):
 
 def test_the_derivatives_of_what_is_seen_against_differences(estimator):
     x, h = np.array([3.0, 0.001, 0.005, -0.003]), 1e-5
-    _, slope = estimator._modes(*estimator._apart(x))
+    _, slope = estimator.mode_series(*estimator._apart(x))
     for n in range(4):
-        ahead, behind = (estimator._modes(*estimator._apart(x + sign * h * np.eye(4)[n]))[0] for sign in (1, -1))
+        ahead, behind = (estimator.mode_series(*estimator._apart(x + sign * h * np.eye(4)[n]))[0] for sign in (1, -1))
         assert np.allclose(slope[:, n], (ahead - behind) / (2 * h), rtol=1e-4, atol=1e-6)
 
 
@@ -92,7 +92,7 @@ def test_missing_markers_and_outliers_are_survived(estimator):
     assert (
         np.linalg.norm(
             estimator.model.skin.surface(found.rows)
-            - estimator.model.skin.surface(estimator._modes(*estimator._apart(x))[0]),
+            - estimator.model.skin.surface(estimator.mode_series(*estimator._apart(x))[0]),
             axis=1,
         ).max()
         < 1.0

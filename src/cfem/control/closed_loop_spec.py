@@ -257,8 +257,12 @@ class LoopSpec(Spec):
     def _estimate_fits(self):
         if self.estimate is None:
             return self
-        if self.moving is not None or self.real.wall is not None:
-            raise ValueError("estimate takes the robot to be at rest and free: leave out moving and real.wall")
+        if self.real.wall is not None:
+            raise ValueError("estimate takes the robot to be free: leave out real.wall")
+        if self.estimates_motion and any(one.adapt for one in self.controllers.values()):
+            raise ValueError("adapt takes the robot to be at rest, and its estimate to move: leave one of them out")
+        if self.estimates_motion and self.estimate.actuators.force is not None:
+            raise ValueError("load cells measure inertia too, which estimate leaves aside: leave actuators.force out")
         if any(one.adapt and one.adapt.camera for one in self.controllers.values()):
             raise ValueError("estimate needs markers in the scene's frame: leave out adapt.camera")
         if self.sensor.noise:
@@ -270,6 +274,11 @@ class LoopSpec(Spec):
         if self.sensor.rate is not None and self.sensor.rate > self.rate:
             raise ValueError("sensor.rate must not be above the loop's rate")
         return self
+
+    @property
+    def estimates_motion(self) -> bool:
+        """Whether the estimate is a filter on the dynamics."""
+        return self.estimate is not None and (self.moving is not None or self.estimate.dynamics is not None)
 
     def ticks(self, time: float) -> int:
         """A time (s) in ticks, at least one."""

@@ -122,12 +122,14 @@ def _estimates(
 
 
 def _name(controller: ControllerSpec, predictors: Mapping[str, Predictor]) -> str:
-    return controller.model or next(iter(predictors))
+    """Of the model that knows how it moves."""
+    return controller.model if controller.model in predictors else next(iter(predictors))
 
 
 def _motions(spec: ControlSpec, base: Path, predictors: Mapping[str, Predictor]) -> dict[str, MotionModel]:
     """What has learned to move, of the models that are asked how. InputError where one has not."""
-    wanted = {_name(one, predictors) for one in spec.loop.controllers.values() if one.moves}
+    controllers = spec.loop.controllers.values()
+    wanted = {_name(one, predictors) for one in controllers if one.moves or spec.loop.estimates_motion}
     if spec.plant == "model" and spec.loop.moving:
         wanted.add(next(iter(predictors)))
     return {name: load_motion(base / spec.models[name]) for name in sorted(wanted)}

@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.control.estimated_spec import EstimateSpec
+from cfem.control.moving.marked_steps import unknown_of
+from cfem.control.moving.marker_filter import MarkerFilter
+from cfem.motion.model import MotionModel
 from cfem.plant.marked_plant import MarkerNoise
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimate import Estimator
@@ -42,13 +45,17 @@ def estimator_of(spec: EstimateSpec, model: Predictor) -> Estimator:
     )
 
 
-def filter_of(loop: LoopSpec, model: Predictor) -> Filter:
-    """Of a run with `loop.estimate`."""
+def filter_of(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> Filter | MarkerFilter:
+    """Of a run with `loop.estimate`. motion: of the same model, where the filter is one on the dynamics."""
     spec, reach = loop.estimate, float(np.abs(model.reach).max())
     told = loop.command.kind == "displacement"
     lasts = np.inf if spec.loads is None or spec.loads.lasts is None else spec.loads.lasts
     ticks = min(lasts * loop.rate / loop.ticks_a_sample, 1e9)
-    slip = spec.actuators.slip or (SLIP if told else OFFSET) * reach
+    slip = spec.actuators.slip or (SLIP if told or motion is not None else OFFSET) * reach
+    if motion is not None:
+        slip, offset = slip * np.sqrt(loop.rate / loop.ticks_a_sample), spec.actuators.offset or OFFSET * reach
+        doubt = unknown_of(spec.dynamics, slip, offset, lasts, model.length)
+        return MarkerFilter(estimator_of(spec, model), motion, loop.command.kind, doubt)
     return Filter(estimator_of(spec, model), slip, max(ticks, 0.1), spec.actuators.offset or OFFSET * reach)
 
 
@@ -61,12 +68,13 @@ def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:
 
 
 class EstimatingController:
-    """inner: a controller of measured effectors; told: whether commands are displacements.
+    """inner: a controller of measured effectors; told: whether commands are displacements; period: s of a tick.
 
     found: the last estimate, None before the first sample; of: the tick of its sample"""
 
-    def __init__(self, inner: Any, filtered: Filter, rest_e: np.ndarray, told: bool):
+    def __init__(self, inner: Any, filtered: Filter | MarkerFilter, rest_e: np.ndarray, told: bool, period: float):
         self.inner, self._filter, self._rest_e, self._told = inner, filtered, rest_e, told
+        self._period = period
         self._sent: dict[int, np.ndarray] = {}
         self._tick = self.of = 0
         self.found: Estimate | None = None
@@ -101,10 +109,9 @@ class EstimatingController:
         tracker, filtered = getattr(self.inner, "tracker", None), self._filter
         if tracker is not None:
             filtered.estimator = filtered.estimator.at(tracker.used_p)
-        sent = self._sent.get(measured.t) if self._told else None
+        self.found = found = self._filtered(measured)
         self._sent = {tick: u for tick, u in self._sent.items() if tick > measured.t}
         self.of = measured.t
-        self.found = found = filtered.tick(measured.markers, measured.delta_a, sent, measured.lambda_a)
         nothing = np.full(len(self._rest_e), np.nan)
         x_e, by_loads = nothing, nothing
         if found.converged:
@@ -113,3 +120,11 @@ class EstimatingController:
         delta_a = found.delta_a if found.converged else np.full(len(found.delta_a), np.nan)
         plain = vars(replace(measured, x_e=x_e, delta_a=delta_a))
         return Estimated(**plain, by_loads=by_loads)
+
+    def _filtered(self, measured: Measurement) -> Estimate:
+        filtered, sent = self._filter, self._sent.get(measured.t)
+        if isinstance(filtered, Filter):
+            return filtered.tick(measured.markers, measured.delta_a, sent if self._told else None, measured.lambda_a)
+        for tick in range(self.of + 1, measured.t + 1):
+            filtered.advance(self._sent.get(tick), self._period)
+        return filtered.see(measured.markers, measured.delta_a, sent)

@@ -8,6 +8,7 @@ import numpy as np
 from cfem.control.estimated import EstimatingController
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimate import Estimator
+from cfem.predict.estimate_answer import innovation_ratio
 from cfem.predict.protocol import Predictor
 
 COVERED = 1.959964  # standard deviations of a 95 % interval
@@ -78,6 +79,8 @@ class EstimateAccount:
             "shape_rms": np.nan if shape is None else float(np.sqrt(shape.mean())),
             "shape_max": np.nan if shape is None else float(np.sqrt(shape.max())),
             "left_out": 0 if found is None else len(found.outliers),
+            "innovation": np.nan if found is None else found.innovation[0],
+            "innovation_numbers": 0 if found is None else found.innovation[1],
         }
 
     def _true_loads(self, tick: int) -> np.ndarray:
@@ -110,6 +113,7 @@ def estimate_results(rows: list[Mapping[str, Any]], unknowns: tuple[str, ...]) -
     if numbers:
         count = sum(one["numbers"] for one in numbers.values())
         found["covered"] = sum(one["covered"] * one["numbers"] for one in numbers.values()) / count
+    found["innovation"] = innovation_ratio([(one["innovation"], one["innovation_numbers"]) for one in good])
     return found | {"unknowns": numbers, "left_out": int(sum(one["left_out"] for one in good))}
 
 
@@ -128,4 +132,6 @@ def estimate_sentence(found: Mapping[str, Any]) -> str:
         parts.append(f"shape to {found['shape']['median']:.2g} mm rms, {found['shape']['max']:.2g} at most")
     if "covered" in found:
         parts.append(f"95 % intervals hold in {100 * found['covered']:.1f} %")
+    if found.get("innovation"):
+        parts.append(f"innovations {found['innovation']:.2f} of what is stated")
     return "estimate: " + ", ".join(parts)

@@ -7,7 +7,7 @@ from pydantic import Field
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
-from cfem.predict.estimate_spec import ActuatorSensorsSpec, LoadsSpec
+from cfem.predict.estimate_spec import ActuatorSensorsSpec, DynamicsSpec, LoadsSpec
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 
@@ -27,5 +27,8 @@ class EstimateSpec(Spec):
     """Distance of such a point, standard deviation of each coordinate (plant: fem)."""
     loads: LoadsSpec | None = None
     """Unknown forces. None unless given."""
+    dynamics: DynamicsSpec | None = None
+    """A filter on the dynamics that the model has learned. With `moving`, unless given; without, none: the robot is at
+    rest at each tick."""
     actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
     """Sensors of the actuators, with their noise."""

@@ -37,7 +37,8 @@ def controller_of(
     if at.loop.estimate is None:
         return inner
     model = predictors.get(spec.model) or next(iter(predictors.values()))
-    return EstimatingController(inner, filter_of(at.loop, model), at.rest_e, pilot.command == "displacement")
+    filtered = filter_of(at.loop, model, motion if at.loop.estimates_motion else None)
+    return EstimatingController(inner, filtered, at.rest_e, pilot.command == "displacement", 1 / at.loop.rate)
 
 
 def _measuring(

@@ -114,7 +114,8 @@ def _fem_plants(
         robot = under_loads(spec, build_robot(described, nodes))
     if spec.loop.moving:
         moved = None if push is None else pushed(robot, push)
-        return MovingFemPlant(robot, 1 / spec.loop.rate, spec.loop.moving.substeps, moved, since), None
+        plant = MovingFemPlant(robot, 1 / spec.loop.rate, spec.loop.moving.substeps, moved, since)
+        return plant if places is None else MarkedPlant(plant, robot, *places), None
     if real.wall:
         from cfem.plant.walled_plant import Wall, WalledPlant
 

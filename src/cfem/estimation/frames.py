@@ -5,28 +5,68 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.control.moving.marked_steps import unknown_of
+from cfem.control.moving.marker_filter import MarkerFilter
 from cfem.estimation.recording import Recording
 from cfem.estimation.spec import EstimateSpec
+from cfem.motion.model import MotionModel
 from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
 
+Tick = Callable[[int], Estimate]  # number of a frame -> what is known then; asked of one after the other
 
-def estimates(
-    estimator: Estimator, recording: Recording, spec: EstimateSpec, ticks: float, after: Callable[[], None]
-) -> Iterator[Estimate]:
-    """ticks: frames for which a load lasts; after(): called behind each frame."""
-    reach, last = float(np.abs(estimator.model.reach).max()), None
-    filtered = Filter(estimator, spec.actuators.slip or SLIP * reach, ticks, spec.actuators.offset or OFFSET * reach)
+
+def estimates(tick: Tick, recording: Recording, after: Callable[[], None]) -> Iterator[Estimate]:
+    """after(): called behind each frame."""
     for frame in range(len(recording)):
-        seen, sensed, forces = recording.markers[frame], recording.displacement[frame], recording.force[frame]
-        if spec.each_frame:
-            found = estimator.estimate(seen, sensed, last, _some(forces))
-            last = found if found.converged else None
-            yield found
-        else:
-            yield filtered.tick(seen, sensed, _whole(recording.command[frame]), _some(forces))
+        yield tick(frame)
         after()
+
+
+def each_alone(estimator: Estimator, recording: Recording) -> Tick:
+    last: Estimate | None = None
+
+    def tick(frame: int) -> Estimate:
+        nonlocal last
+        seen, forces = recording.markers[frame], _some(recording.force[frame])
+        found = estimator.estimate(seen, recording.displacement[frame], last, forces)
+        last = found if found.converged else None
+        return found
+
+    return tick
+
+
+def at_rest(estimator: Estimator, recording: Recording, spec: EstimateSpec, ticks: float) -> Tick:
+    """By a filter of a robot that is at rest in each frame. ticks: frames for which a load lasts."""
+    slip, offset = _slips(estimator, spec)
+    filtered = Filter(estimator, slip, ticks, offset)
+
+    def tick(frame: int) -> Estimate:
+        seen, sensed = recording.markers[frame], recording.displacement[frame]
+        return filtered.tick(seen, sensed, _whole(recording.command[frame]), _some(recording.force[frame]))
+
+    return tick
+
+
+def moving(estimator: Estimator, recording: Recording, spec: EstimateSpec, motion: MotionModel, ticks: float) -> Tick:
+    """By the filter on the condensed dynamics. motion: of the same model."""
+    (slip, offset), period = _slips(estimator, spec), recording.period
+    doubt = unknown_of(spec.dynamics, slip / np.sqrt(period), offset, ticks * period, estimator.model.length)
+    filtered = MarkerFilter(estimator, motion, spec.dynamics.driven, doubt)
+
+    def tick(frame: int) -> Estimate:
+        after = recording.time[frame] - recording.time[frame - 1] if frame else 0.0
+        seen, sensed = recording.markers[frame], recording.displacement[frame]
+        return filtered.tick(seen, sensed, _whole(recording.command[frame]), after)
+
+    return tick
+
+
+def _slips(estimator: Estimator, spec: EstimateSpec) -> tuple[float, float]:
+    """mm: slip from frame to frame, and offset."""
+    reach = float(np.abs(estimator.model.reach).max())
+    return spec.actuators.slip or SLIP * reach, spec.actuators.offset or OFFSET * reach
 
 
 def write_estimates(path: Path, found: Sequence[Estimate], recording: Recording, estimator: Estimator) -> None:

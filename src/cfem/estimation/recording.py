@@ -34,12 +34,16 @@ class Recording:
 
 
 def read_recording(
-    path: Path, markers: Sequence[str], rows: Rows, actuator_units: Sequence[tuple[str, str]]
+    path: Path, markers: Sequence[str], rows: Rows, actuator_units: Sequence[tuple[str, str]], forces: bool = False
 ) -> Recording:
-    """InputError naming the file, the row and the column of what is wrong."""
+    """forces: whether commands are. InputError naming the file, the row and the column of what is wrong."""
     units = {"time": "s"} | {f"{name}.{axis}": "mm" for name in markers for axis in AXES}
     for name, (displacement, force) in zip(rows.actuators, actuator_units, strict=True):
-        units |= {f"{name}.displacement": displacement, f"{name}.command": displacement, f"{name}.force": force}
+        units |= {
+            f"{name}.displacement": displacement,
+            f"{name}.force": force,
+            f"{name}.command": force if forces else displacement,
+        }
     columns = read_table(path, units)
     count = len(next(iter(columns.values()), ()))
     if not count:

@@ -1,14 +1,21 @@
 """What `estimate.yaml` says: which recording, which markers, what may push."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
-from cfem.predict.estimate_spec import ActuatorSensorsSpec, LoadsSpec
+from cfem.predict.estimate_spec import ActuatorSensorsSpec, DynamicsSpec, LoadsSpec
+
+
+class RecordedDynamicsSpec(DynamicsSpec):
+    """A filter on the dynamics that the model has learned. Standard deviations."""
+
+    driven: Literal["displacement", "force"] = "displacement"
+    """What the actuators are told: unit of `ACTUATOR.command`. Forces need such columns."""
 
 
 class EstimateSpec(Spec):
@@ -29,11 +36,19 @@ class EstimateSpec(Spec):
     """Unknown forces. None unless given."""
     actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
     """What is known of the actuators."""
+    dynamics: RecordedDynamicsSpec | None = None
+    """A robot that moves from frame to frame, of a model that has learned to. At rest in each frame unless given."""
     each_frame: bool = False
     """Whether each frame is estimated alone. All frames before it count otherwise."""
     truth: Path | None = None
     """Table of true forces and displacements, columns `ROW.force [N]` of the loaded rows and `ACTUATOR.displacement
     [mm]`, to compare with."""
+
+    @model_validator(mode="after")
+    def _one_filter(self):
+        if self.dynamics is not None and self.each_frame:
+            raise ValueError("dynamics go from frame to frame: leave out each_frame")
+        return self
 
     @model_validator(mode="after")
     def _names_differ(self):

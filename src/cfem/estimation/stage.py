@@ -28,7 +28,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec, base = load_spec(spec_path, EstimateSpec, overrides), spec_path.parent
     return Stage(
         name="estimate",
-        version=1,
+        version=2,
         spec=spec,
         inputs={name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None},
         out=out or base / spec.out,
@@ -46,15 +46,17 @@ def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
     from cfem.predict.load import load_model
 
     model = load_model(base / spec.model)
-    recording = read_recording(base / spec.recording, list(spec.markers), model.rows, model.actuator_units)
+    forces = spec.dynamics is not None and spec.dynamics.driven == "force"
+    recording = read_recording(base / spec.recording, list(spec.markers), model.rows, model.actuator_units, forces)
     demand_units(spec, model.actuator_units)
     _demand_noise(spec, recording)
     estimator = _estimator(spec, model)
     truth = {}
     if spec.truth is not None:
         truth = read_truth(base / spec.truth, estimator.loaded, model.rows, len(recording))
+    tick = _tick(spec, base, estimator, recording)
     with progress("frames", len(recording)) as advance:
-        found = list(estimates(estimator, recording, spec, _ticks(spec, recording, base), lambda: advance(1)))
+        found = list(estimates(tick, recording, lambda: advance(1)))
     write_estimates(folder / TABLE, found, recording, estimator)
     return summarise(found, estimator, list(spec.markers), truth)
 
@@ -76,10 +78,32 @@ def _estimator(spec: EstimateSpec, model: Any) -> Any:
     )
 
 
+def _tick(spec: EstimateSpec, base: Path, estimator: Any, recording: Any) -> Any:
+    from cfem.estimation import frames
+
+    if spec.each_frame:
+        return frames.each_alone(estimator, recording)
+    if spec.dynamics is None:
+        return frames.at_rest(estimator, recording, spec, _ticks(spec, recording, base))
+    from cfem.motion.load import load_motion
+
+    if recording.period is None:
+        what = "has no column 'time [s]', and dynamics go from time to time"
+        raise InputError(what, where=str(base / spec.recording), do="record the times, or leave dynamics out")
+    if spec.actuators.force is not None:
+        what = "load cells measure inertia too, which the filter on the dynamics does not take apart"
+        raise SpecError(what, where="actuators.force", do="leave it out, or leave dynamics out")
+    if spec.dynamics.driven == "force" and not np.isfinite(recording.command).all():
+        raise InputError("lacks commanded forces", where=str(base / spec.recording), do="record ACTUATOR.command [N]")
+    return frames.moving(estimator, recording, spec, load_motion(base / spec.model), _ticks(spec, recording, base))
+
+
 def _demand_noise(spec: EstimateSpec, recording: Any) -> None:
     """Of what was recorded."""
     for name in ("displacement", "force"):
         if np.isfinite(getattr(recording, name)).any() and getattr(spec.actuators, name) is None:
+            if name == "force" and spec.dynamics is not None:
+                continue
             what = f"the recording has the actuators' {name}s, and their noise is missing"
             raise SpecError(what, where=f"actuators.{name}", do="state its standard deviation")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.core.judgement import KEY, NOISE_RATIO, poor
 from cfem.predict.estimate import Estimator
-from cfem.predict.estimate_answer import Estimate
+from cfem.predict.estimate_answer import Estimate, innovation_ratio
 
 LOST = 0.5  # share of frames without an estimate, or of a marker that fits nowhere
 COVERED = 1.959964  # standard deviations of a 95 % interval
@@ -23,6 +23,9 @@ def summarise(
     outliers = Counter(markers[number] for one in found for number in one.outliers)
     unseen = Counter(name for one in found for name in one.unseen)
     headline = [f"{len(found)} frames, {len(good)} estimated; the markers miss the model by {ratio:.2f} of their noise"]
+    innovation = innovation_ratio([one.innovation for one in good])
+    if innovation is not None:
+        headline.append(f"frames miss what the one before led to expect by {innovation:.2f} of its variance")
     last = found[-1]
     for place, name in enumerate(estimator.loaded, estimator.model.rows.n_a):
         value, sd = 1e3 * last.loads[place - estimator.model.rows.n_a], 1e3 * last.deviation[place]
@@ -50,6 +53,7 @@ def summarise(
         "frames": len(found),
         "estimated": len(good),
         "noise_ratio": ratio if good else None,
+        "innovation": innovation,
         "outliers": dict(outliers),
         "unseen": dict(unseen),
     }

@@ -20,6 +20,7 @@ from scipy.sparse import hstack
 
 from cfem.core.errors import InputError
 from cfem.core.reading import take
+from cfem.motion.inner_skin import InnerSkin
 from cfem.predict.chebyshev import Basis
 from cfem.predict.energy import unpacking
 from cfem.predict.series import input_derivatives
@@ -91,7 +92,9 @@ class MotionModel:
     """static: the energy model (cfem.predict.potential.PotentialPredictor) of form displacement; arrays: of motion.npz:
     to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale (n_q,): the
     unit of each of q in which M and F are learned, stiffness: kappa, N mm, curve (n_e n_r (n_r + 1) / 2, M): series of
-    E, or none; viscosity: that each loss form is multiplied by."""
+    E, or none, and what `InnerSkin` takes, or none; viscosity: that each loss form is multiplied by.
+
+    skin: how the inner motions move it, None where that was not learned"""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
         if static.form != "displacement" or static.parameters or not hasattr(static, "parts"):
@@ -118,6 +121,7 @@ class MotionModel:
         if "curve" in arrays:
             outputs = n_e * self.n_r * (self.n_r + 1) // 2
             self._curve_T = np.ascontiguousarray(take(arrays, "curve", (outputs, len(indices))).T)
+        self.skin = InnerSkin(arrays, self.n_r) if "skin" in arrays else None
         self._slopes = hstack(input_derivatives(indices, to_box, n_a), format="csc").T.tocsr()
         self._unpack = unpacking(self.n_q)
         self.inner = self.stiffness * np.eye(self.n_r)
@@ -150,6 +154,12 @@ class MotionModel:
             return found
         E = (terms @ self._curve_T).reshape(len(terms), n_e, -1)[:, :, self._unpack_r]
         return found | {"E": E[0]} | ({"dE": E[1:]} if slopes else {})
+
+    def paths(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """H and dH of `Place` at delta_a (n_a,) mm."""
+        terms = self._terms(delta_a)
+        H = (terms @ self._H_T).reshape(len(terms), self.rows.n_e, self.n_r)
+        return H[0], H[1:]
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n_a,), (n_a, n_a): grad Psi and its Hessian at delta_a (n_a,) mm."""

@@ -20,8 +20,18 @@ class MarkedPlant:
         self._plant, self._nodes = plant, surface.nodes
         self._weights = [on_triangles(one, surface.rest, surface.triangles)[0] for one in (markers, points)]
 
+    @property
+    def moves(self) -> bool:
+        return getattr(self._plant, "moves", False)
+
+    def settle(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Of a plant that moves."""
+        return self._seen(self._plant.settle(u, kind))
+
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        found = self._plant.step(u, kind)
+        return self._seen(self._plant.step(u, kind))
+
+    def _seen(self, found: Measurement) -> Measurement:
         if found.status != "converged":
             return found
         x = self._plant.x[self._nodes]

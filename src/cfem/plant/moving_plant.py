@@ -39,6 +39,11 @@ class MovingFemPlant:
         self._told = np.zeros(robot.rows.n_a)
         self.steps = self.factorizations = self.refused = 0
 
+    @property
+    def x(self) -> np.ndarray:
+        """(n, 3) mm where its nodes are now."""
+        return self._motion.x
+
     def settle(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
         """Stands still under u before the first tick. NumericalError where there is no such equilibrium."""
         u, problem = np.asarray(u, float), self._problems[0]

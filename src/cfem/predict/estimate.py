@@ -121,8 +121,8 @@ class Estimator:
 
     def at(self, p: np.ndarray) -> "Estimator":
         """Of the robot with other values p (n_p,) of the parameters: cheap."""
-        found = copy.copy(self)
-        shared = {name: getattr(self, name) for name in ("_markers", "_modes", "scale", "box", "middle", "before")}
+        found, kept = copy.copy(self), ("scale", "box", "middle", "before")
+        shared = {name: getattr(self, name) for name in ("marker_series", "mode_series", *kept)}
         if "_tensions" in vars(self):
             shared["_tensions"] = self._tensions
         object.__setattr__(found, "p", np.asarray(p, float))
@@ -150,11 +150,11 @@ class Estimator:
         return phi.reshape(-1, phi.shape[2])
 
     @cached_property
-    def _markers(self) -> ModeSeries:
+    def marker_series(self) -> ModeSeries:
         return self._series(self.marker_map)
 
     @cached_property
-    def _modes(self) -> ModeSeries:
+    def mode_series(self) -> ModeSeries:
         return self._series(np.eye(len(self.model.skin)))
 
     @cached_property
@@ -181,7 +181,7 @@ class Estimator:
 
     def places(self, x: np.ndarray) -> np.ndarray:
         """(m, 3) mm the markers where the unknowns are x (n_a + n_w,)."""
-        return self.rest + self._markers(*self._apart(x))[0].reshape(-1, 3)
+        return self.rest + self.marker_series(*self._apart(x))[0].reshape(-1, 3)
 
     def tensions(self, x: np.ndarray) -> np.ndarray:
         """(n_a,) N forces of the actuators where the unknowns are x (n_a + n_w,)."""
@@ -204,18 +204,21 @@ class Estimator:
         self, measured: ArrayLike, sensed: ArrayLike | None, forces: ArrayLike | None, known: Known, x: np.ndarray
     ) -> Estimate:
         """As `estimate`, from what is known before and a first guess x (n_a + n_w,)."""
-        measured = np.asarray(measured, float)
-        if measured.shape != self.markers.shape:
-            raise InputError(f"expected {len(self.markers)} markers of three numbers, got {measured.shape}")
-        there = np.isfinite(measured).all(axis=1)
-        where = np.where(there[:, None], measured, 0.0) - self.rest
+        where, there = self.from_rest(np.asarray(measured, float))
 
         def missing(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            y, by_x = self._markers(*self._apart(x))
+            y, by_x = self.marker_series(*self._apart(x))
             return (y.reshape(-1, 3) - where) / self.noise, by_x.reshape(*where.shape, -1) / self.noise
 
         problem = Residuals(missing, there, known, self._sensors(sensed, forces))
         return self._answer(minimise(problem, x, self.scale, self.box, lambda: self._near(where, there, x)), there)
+
+    def from_rest(self, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 3) mm of the markers from their places at rest, and (m,) which of them were seen."""
+        if measured.shape != self.markers.shape:
+            raise InputError(f"expected {len(self.markers)} markers of three numbers, got {measured.shape}")
+        there = np.isfinite(measured).all(axis=1)
+        return np.where(there[:, None], measured, 0.0) - self.rest, there
 
     def _near(self, where: np.ndarray, there: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Of x and the states that the model was trained on, the one from which half of the markers (m, 3) are least
@@ -229,7 +232,7 @@ class Estimator:
     def starts(self) -> tuple[np.ndarray, np.ndarray]:
         """States (k, n_a) mm of the actuators, and (k, m, 3) mm where the markers are seen then, from rest."""
         states, none = self.model.domain.states[:STARTS, : self.model.rows.n_a], np.zeros(len(self.loaded))
-        return states, np.array([self._markers(one, none)[0].reshape(-1, 3) for one in states])
+        return states, np.array([self.marker_series(one, none)[0].reshape(-1, 3) for one in states])
 
     def _sensors(self, sensed: ArrayLike | None, forces: ArrayLike | None) -> tuple[Sensor, ...]:
         """What misses of displacements and forces of the actuators, by x, for those that were measured."""
@@ -256,7 +259,7 @@ class Estimator:
         covariance = np.linalg.inv(normal) * np.outer(self.scale, self.scale)
         weak = np.sqrt(np.diag(covariance)) > UNSEEN * self.scale
         weak |= np.linalg.norm(scaled, axis=0) < 1.0  # nothing moves with it
-        s, by_x = self._modes(*self._apart(found.x))
+        s, by_x = self.mode_series(*self._apart(found.x))
         n_a, marker = self.model.rows.n_a, found.r[: 3 * int(found.kept.sum())]
         return Estimate(
             found.status,
@@ -270,6 +273,7 @@ class Estimator:
             tuple(name for name, one in zip(self.unknowns, weak, strict=True) if one),
             float(np.sqrt(np.mean(marker**2))) if len(marker) else 0.0,
             found.iterations,
+            found.innovation,
         )
 
     def _apart(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -292,6 +296,10 @@ class Estimator:
             by_a = np.vstack([G, self.model.skin.gradient(found.delta_a, q)])[self.loaded_rows]
             C = C + G @ here.W_aa @ by_a.T
         return C @ found.loads
+
+    def compliance(self, delta_a: np.ndarray) -> np.ndarray:
+        """(n_e, n_w) mm/N: of the effectors by the loads at delta_a (n_a,) mm, actuators locked."""
+        return self._compliance(self._here(delta_a))
 
     def _here(self, delta_a: np.ndarray) -> Condensed:
         return self.model.at_displacement(delta_a, self.p)

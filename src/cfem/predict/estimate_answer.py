@@ -1,5 +1,6 @@
 """What an estimate says."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,9 @@ class Estimate:
     """One state. delta_a (n_a,) mm; loads (n_w,) N on the chosen rows; covariance (n_a + n_w, n_a + n_w) of both in
     this order; rows (k,) mm of the skin, and their covariance (k, k); delta_e (n_e,) mm; outliers: numbers of markers
     that do not fit; unseen: names of unknowns that the measurements do not tell; noise: root mean square of the
-    residuals of the other markers over their standard deviation, about 1 or less where all is as assumed."""
+    residuals of the other markers over their standard deviation, about 1 or less where all is as assumed; innovation:
+    the square of what the frame missed of what was known before it, over its covariance, and of how many numbers, which
+    is its mean where all is as assumed."""
 
     status: EstimateStatus
     delta_a: np.ndarray
@@ -25,6 +28,7 @@ class Estimate:
     unseen: tuple[str, ...]
     noise: float
     iterations: int
+    innovation: tuple[float, int]
 
     @property
     def deviation(self) -> np.ndarray:
@@ -34,3 +38,10 @@ class Estimate:
     @property
     def converged(self) -> bool:
         return self.status is EstimateStatus.CONVERGED
+
+
+def innovation_ratio(innovations: Sequence[tuple[float, int]]) -> float | None:
+    """The mean square of what frames missed over what was expected, 1 where all is as assumed; None of no frames."""
+    squares = [square for square, numbers in innovations if numbers > 0]
+    count = sum(numbers for _, numbers in innovations if numbers > 0)
+    return float(sum(squares) / count) if count else None

@@ -110,6 +110,12 @@ class Minimum:
     kept: np.ndarray
     iterations: int
 
+    @property
+    def innovation(self) -> tuple[float, int]:
+        """The sum of squares, which is nu^T S^-1 nu of what was missed before (nu, of covariance S), and of how many
+        numbers."""
+        return float(self.r @ self.r), len(self.r) - len(self.x)
+
 
 def minimise(
     problem: Residuals, x: np.ndarray, scale: np.ndarray, box: np.ndarray, elsewhere: Callable[[], np.ndarray]

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
-from cfem.core.units import Force, Time
+from cfem.core.units import Force, Length, Time
 
 
 class LoadsSpec(Spec):
@@ -27,6 +27,20 @@ class LoadsSpec(Spec):
         if self.along is not None and (len(self.along) != len(self.rows) or not any(self.along)):
             raise ValueError(f"along: expected {len(self.rows)} numbers, one for each row, and not all 0")
         return self
+
+
+class DynamicsSpec(Spec):
+    """A robot that moves from frame to frame: a filter on the dynamics that its model has learned. Standard
+    deviations."""
+
+    push: Annotated[Length, Field(gt=0)] = 0.03
+    """Displacement of the effectors by forces that nobody states, each lasting a hundredth of a second, at rest."""
+    swing: Annotated[Length, Field(gt=0)] | None = None
+    """Vibration of the effectors at the start. 5 % of the robot's length unless given."""
+    stiffness: Annotated[float, Field(ge=0)] = 0.1
+    """Stiffness over the model's, as a share, at the start."""
+    wander: Annotated[float, Field(ge=0)] = 0.1
+    """Change of the stiffness in a second, as a share of that."""
 
 
 class ActuatorSensorsSpec(Spec):

@@ -30,12 +30,14 @@ INDEPENDENT = 1e-9  # of the largest eigenvalue of the scaled stiffness of (Z, Y
 class Chosen:
     """m states, k inner motions of stiffness 1 N mm each, independent of each other in it. M (m, n, n), n = n_a + k:
     mass of the actuators' quasi-static motions and these; loss (m, j, n, n) of each material; e (m, n_e, k) mm; curve
-    (m, n_e, k, k) mm: second derivative of the effectors' places by the amplitudes, None where it is not known."""
+    (m, n_e, k, k) mm: second derivative of the effectors' places by the amplitudes; skin (m, n_s, k) mm: how they move
+    the rows of the skin; both None where they are not known."""
 
     M: np.ndarray
     loss: np.ndarray
     e: np.ndarray
     curve: np.ndarray | None = None
+    skin: np.ndarray | None = None
 
 
 def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
@@ -53,13 +55,14 @@ def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
 @dataclass(frozen=True)
 class _State:
     """Of one state, in vibrations of the rows' motions with the actuators held, p of them, of unit mass: squares (p,)
-    1/s^2; fields (p, f) of all that may be chosen from; M, loss, e as in `Chosen`, with all p."""
+    1/s^2; fields (p, f) of all that may be chosen from; M, loss, e, skin as in `Chosen`, with all p."""
 
     squares: np.ndarray
     fields: np.ndarray
     M: np.ndarray
     loss: np.ndarray
     e: np.ndarray
+    skin: np.ndarray
 
 
 def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
@@ -81,7 +84,8 @@ def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
     if D is not None:
         w = _wrenches(of_wrenches, Q)
         curve = np.einsum("mie,mejk,mjl,mkn->miln", _stiff(moving), D, w, w, optimize=True)
-    return Chosen(M, loss, np.array([one.e[:, :p] for one in states]) @ Q, curve)
+    e, skin = (np.array([getattr(one, name)[:, :p] for one in states]) @ Q for name in ("e", "skin"))
+    return Chosen(M, loss, e, curve, skin if skin.shape[1] else None)
 
 
 def _state(moving: Any, index: int) -> _State:
@@ -107,7 +111,9 @@ def _state(moving: Any, index: int) -> _State:
     amplitudes = (shapes.T @ K / size) * inverse[:, None]  # of (Z, Y), the actuators held
     fields = np.hstack([amplitudes[:, n + a] @ K_aa, amplitudes[:, e], amplitudes[:, n + e]])
     both = np.hstack([X, shapes])
-    return _State(1 / inverse, fields, both.T @ M @ both, both.T @ F @ both, by_rows[e] @ shapes)
+    return _State(
+        1 / inverse, fields, both.T @ M @ both, both.T @ F @ both, by_rows[e] @ shapes, by_rows[rows.s] @ shapes
+    )
 
 
 def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:

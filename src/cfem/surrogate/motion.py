@@ -61,6 +61,12 @@ def fit_motion(
     if "curve" in parts:
         outputs = len(series) - parts["curve"].shape[1]
         arrays |= {"series": series[:outputs], "curve": series[outputs:]}
+    if chosen.skin is not None:
+        observed = Observations(((),), chosen.skin.reshape(len(z), 1, -1) / reach, n_a)
+        series, _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
+        arrays |= {"skin_indices": series.indices, "skin": series.coefficients.T.copy()}
+        facts["terms"]["skin"] = len(series.indices)
+        facts["held_out"]["skin"] = min((record["error"] for record in records), default=None)
     return arrays | {"stiffness": np.array(1 / reach**2)}, facts
 
 

@@ -45,7 +45,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec, base = load_spec(spec_path, TrainSpec, overrides), spec_path.parent
     return Stage(
         name="train",
-        version=8,
+        version=9,
         spec=spec,
         inputs={"dataset": base / spec.dataset} | _models(_placed(spec.model, base)),
         out=out or base / spec.out,

@@ -1,7 +1,6 @@
 """`cfem control` of a robot that moves between ticks, from YAML to the table."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,13 +11,8 @@ from cfem.control.stage import run
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
-from cfem.robot import stage as mesh_stage
-from cfem.sample.stage import run as sample
-from cfem.surrogate.stage import run as train
 
-PIPELINE = Path(__file__).parents[3] / "pipelines" / "bar"
 QUIET = Options(quiet=True)
-SAMPLES = ["splits.train.rows=10", "splits.test.rows=2", "skeleton=3", "skin=null", "dynamics=true"]
 SPEC = """
 scene: scene.yaml
 mesh: ../../data/bar/mesh
@@ -43,18 +37,16 @@ loop:
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory):
-    root = tmp_path_factory.mktemp("bar")
-    pipeline = shutil.copytree(PIPELINE, root / "pipelines" / "bar")
-    scene = pipeline / "scene.yaml"
-    heavy = "material: {young: 1 MPa, poisson: 0.45, density: 1070 kg/m^3, viscosity: {relaxation: 3 ms}}"
-    text = scene.read_text().replace("material: {young: 1 MPa, poisson: 0.45}", heavy)
-    scene.write_text(text.replace("size: 8 mm", "size: 12 mm\n  element: tet4"))
-    (pipeline / "moving.yaml").write_text(SPEC)
-    mesh_stage.run(scene, [], None, QUIET)
-    sample(pipeline / "sample.yaml", SAMPLES, None, QUIET, workers=1)
-    train(pipeline / "train.yaml", ["samples=null"], None, QUIET)
-    return root
+def root(moving_bar):
+    (moving_bar / "pipelines" / "bar" / "moving.yaml").write_text(SPEC)
+    return moving_bar
+
+
+ESTIMATE = """{markers: {a: {mm: [12, -5, -5]}, b: {mm: [48, 5, 5]}, c: {mm: [60, -5, 5]}, d: {mm: [36, 5, -5]}},
+ noise: 0.05 mm, lost: 0.05, loads: {rows: [tip.y, tip.z], largest: 10 mN}}"""
+
+
+ADAPTING = "{adapting: {mode: closed, adapt: {noise: 0.1 mm}}}"
 
 
 def control(root, out, *overrides):
@@ -73,6 +65,32 @@ def test_a_lap_in_finite_elements_that_move(root, tmp_path):
     assert len(mpc) == 30 and {row["status"] for row in mpc} == {"converged"}
     begin = [row["x_e"] for row in table if row["tick"] == 1 and row["controller"] in ("static", "mpc")]
     assert np.ptp(begin, axis=0).max() < 0.3  # both stood still before they began
+
+
+def test_markers_instead_of_the_tip(root, tmp_path):
+    """Controllers of a robot that moves, on what the filter on the dynamics makes of markers."""
+    bare = "{pi: {mode: closed, gains: {integral: 0.05}}, mpc: {mode: closed, mpc: {horizon: 10}}}"
+    overrides = (f"loop.estimate={ESTIMATE}", f"loop.controllers={bare}", "loop.sensor={delay: 1}")
+    push = "loop.disturbance={tick: 10, force: {mN: [0, 5, 5]}}"
+    found = control(root, tmp_path / "out", *overrides, push)["loop"]["eight at 10 Hz"]
+    for one in found.values():
+        told = one["estimate"]
+        assert told["samples"] == 28 and told["estimated"] >= 27
+        assert told["shape"]["median"] < 0.1 and told["covered"] > 0.85
+        assert 0.5 < told["innovation"] < 2.0
+    assert found["mpc"]["error"]["mean"] < 0.5 * found["pi"]["error"]["mean"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (f"loop.controllers={ADAPTING}", "adapt takes the robot to be at rest"),
+        ("loop.estimate.actuators={force: 20 mN}", "load cells measure inertia too"),
+    ],
+)
+def test_what_does_not_go_with_a_moving_estimate_is_refused(root, tmp_path, wrong, said):
+    with pytest.raises(SpecError, match=said):
+        control(root, tmp_path / "out", f"loop.estimate={ESTIMATE}", "loop.sensor={delay: 1}", wrong)
 
 
 def test_what_saturates_is_told(root, tmp_path):

@@ -65,6 +65,7 @@ def standing_at(goal: np.ndarray, search: Pilot, rest_e: np.ndarray) -> Condense
 
 def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation, start: Condensed) -> Mpc:
     own: MpcSpec = spec.mpc
+    estimate = at.loop.estimate
     forces, known = pilot.command == "force", motion.static.domain
     command, course = pilot.limits.lambda_a, pilot.limits.delta_a
     if not forces:
@@ -75,7 +76,11 @@ def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation,
     bounds = Bounds(command, np.full(len(full), pilot.rate), course, _planes(own, len(at.rest_e)))
     plan = Plan(own.horizon, cost, bounds, pilot.settings.backend, own.moves)
     clocked = Clocked(motion, pilot.command, 1 / at.loop.rate, start.delta_a)
-    doubt = None if spec.mode == "open" else doubt_of(own.doubt, at.loop.sensor.noise)
+    doubt = (
+        None
+        if spec.mode == "open"
+        else doubt_of(own.doubt, at.loop.sensor.noise or (estimate.noise if estimate else 0.0))
+    )
     return Mpc(clocked, plan, at.rest_e, start, doubt)
 
 
