@@ -43,7 +43,7 @@ def root(moving_bar):
 
 
 ESTIMATE = """{markers: {a: {mm: [12, -5, -5]}, b: {mm: [48, 5, 5]}, c: {mm: [60, -5, 5]}, d: {mm: [36, 5, -5]}},
- noise: 0.05 mm, lost: 0.05, loads: {rows: [tip.y, tip.z], largest: 10 mN}}"""
+ noise: 0.05 mm, lost: 0.05, loads: {rows: [tip.y, tip.z], largest: 10 mN, lasts: 50 ms}}"""
 
 
 ADAPTING = "{adapting: {mode: closed, adapt: {noise: 0.1 mm}}}"
