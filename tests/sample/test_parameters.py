@@ -5,9 +5,9 @@ import pytest
 from pydantic import ValidationError
 from robot.scenes import scene
 
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, from_shares
 from cfem.core.errors import SpecError
-from cfem.sample.parameters import drawn, scene_parameters, with_values
+from cfem.sample.parameters import scene_parameters, with_values
 from cfem.sample.spec import ParameterSpec, SampleSpec
 
 WEIGHT = {"gravity": "{acceleration: {m/s^2: [0, 0, -9.81]}}"}
@@ -83,11 +83,11 @@ def test_two_parameters_may_not_share_a_key():
 def test_values_are_drawn_evenly_in_their_coordinate():
     nu = Parameter("nu", "material.poisson", "1", 0.4, 0.49, 0.3, "log(1-2p)")
     radius = Parameter("r", "actuators.0.radius", "mm", 1.0, 3.0, 2.0)
-    np.testing.assert_allclose(drawn([nu, radius], np.zeros(2)), [0.4, 1.0])
-    np.testing.assert_allclose(drawn([nu, radius], np.ones(2)), [0.49, 3.0])
-    middle = drawn([nu, radius], np.array([0.5, 0.5]))
+    np.testing.assert_allclose(from_shares([nu, radius], np.zeros(2)), [0.4, 1.0])
+    np.testing.assert_allclose(from_shares([nu, radius], np.ones(2)), [0.49, 3.0])
+    middle = from_shares([nu, radius], np.array([0.5, 0.5]))
     assert (1 - 2 * middle[0]) ** 2 == pytest.approx(0.2 * 0.02) and middle[1] == pytest.approx(2.0)
-    assert drawn([], np.zeros(0)).shape == (0,)
+    assert from_shares([], np.zeros(0)).shape == (0,)
 
 
 def test_values_are_put_where_their_keys_say_and_nowhere_else(tmp_path):

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from cfem.active.choose import choose, disagreement
 from cfem.active.fill import COMMITTEE, largest_error, model
-from cfem.condensed.parameters import coordinates, sampled
+from cfem.condensed.parameters import sampled, shares
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole
 from cfem.core.progress import doing
@@ -24,7 +24,6 @@ from cfem.dataset.reader import Dataset, as_dataset, column_array, read_table
 from cfem.dataset.schema import SKIN
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import artefact, shard
-from cfem.sample.parameters import range_coordinates
 from cfem.sample.pool import with_workers
 from cfem.sample.shard import Piece
 from cfem.sample.solver import SolverFactory
@@ -103,10 +102,8 @@ def places(known: Dataset, delta_a: np.ndarray, form: str) -> tuple[np.ndarray, 
     u = (delta_a - reach[:, 0]) / (reach[:, 1] - reach[:, 0])
     learned = sampled(known.parameters)
     every = np.array([one["reference"] for one in known.meta.get("parameters", [])])
-    if learned:
-        low, high = range_coordinates(learned)
-        q = coordinates(learned, np.array([one.reference for one in learned]))
-        u = np.hstack([u, np.tile((q - low) / (high - low), (n, 1))])
+    own = shares(learned, np.array([one.reference for one in learned]))
+    u = np.hstack([u, np.tile(own, (n, 1))])
     if form != "displacement":
         raise InputError("sampling around a task needs a model of form displacement")
     return delta_a, np.tile(every, (n, 1)), u

@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from cfem.active.choose import choose, disagreement
 from cfem.active.place import effectors, place
-from cfem.condensed.parameters import sampled, values
+from cfem.condensed.parameters import from_shares, sampled
 from cfem.core.progress import doing
 from cfem.dataset.reader import Dataset, as_dataset, column_array
 from cfem.dataset.schema import parameters_of
@@ -24,7 +24,6 @@ from cfem.dataset.writer import content_hash, write_table
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
 from cfem.sample import artefact, tour
-from cfem.sample.parameters import range_coordinates
 from cfem.sample.plan import actuation
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
@@ -160,11 +159,7 @@ def parameters_at(training: Dataset, predictor: Predictor, u: np.ndarray) -> np.
     """(m, n_p) all parameters of the model at shares u (m, n_q) of the ranges of the sampled ones."""
     p = np.tile([one.reference for one in predictor.parameters], (len(u), 1))
     learned = sampled(parameters_of(training.meta))
-    if learned:
-        low, high = range_coordinates(learned)
-        p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = values(
-            learned, low + u * (high - low)
-        )
+    p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = from_shares(learned, u)
     return p
 
 

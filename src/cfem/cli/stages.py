@@ -13,38 +13,30 @@ from cfem.cli.options import Check, Force, Json, Out, Quiet, Set, Spec, Strict, 
 from cfem.cli.run import run_command
 
 _SAMPLE = "Solve many states of the robot by finite elements and store them. Resumes an interrupted run."
-_PREDICT = "Predict other load cases of a calibrated robot, with intervals; with errors where they were measured."
 
 
 def add_stages(app: typer.Typer) -> None:
     """Adds them to the program."""
-    _stage(app, _plain("robot"), "Mesh a scene and check the quality of the mesh.", "mesh")
-    _stage(app, _sample, _SAMPLE, "sample")
-    _stage(app, _sample, _SAMPLE, "simulate-sample", hidden=True)
-    _stage(app, _merge, "Join the parts that `sample --shard` solved into one dataset.", "merge")
-    _stage(app, _plain("surrogate"), "Fit a small model to the samples, and measure its error on test states.", "train")
-    _stage(
-        app,
-        _plain("export"),
-        "Write a model as arrays, ONNX, TorchScript, C or a page, and compare each with the original.",
-        "export",
-    )
-    _stage(
-        app, _plain("control"), "Follow trajectories with a model; the finite-element robot is the judge.", "control"
-    )
-    _stage(app, _plain("motion"), "Move a model by commands over time; full finite elements beside it.", "simulate")
-    _stage(
-        app,
-        _plain("calibrate"),
-        "Find parameters of a robot from measurements, with confidence intervals.",
-        "calibrate",
-    )
-    _stage(app, _plain("estimation"), "Find the state of a robot, and forces on it, from recorded markers.", "estimate")
-    _stage(app, _plain("measurements"), "Turn recordings of camera systems into a table of load cases.", "measurements")
-    _stage(app, _plain("cases"), "Find parameters of a robot and its rig from measured load cases.", "calibrate-cases")
-    _stage(app, _plain("cases.prediction"), _PREDICT, "predict-cases")
-    _stage(app, _plain("design"), "Find the best designs, and check them by finite elements.", "optimize-design")
-    _stage(app, _plain("report"), "Make one HTML page of the results.", "report")
+    model = "Write a model as arrays, ONNX, TorchScript, C or a page, and compare each with the original."
+    found = "Predict other load cases of a calibrated robot, with intervals; with errors where they were measured."
+    for name, run, summary in (
+        ("mesh", _plain("robot"), "Mesh a scene and check the quality of the mesh."),
+        ("sample", _sample, _SAMPLE),
+        ("merge", _merge, "Join the parts that `sample --shard` solved into one dataset."),
+        ("train", _plain("surrogate"), "Fit a small model to the samples, and measure its error on test states."),
+        ("export", _plain("export"), model),
+        ("control", _plain("control"), "Follow trajectories with a model; the finite-element robot is the judge."),
+        ("simulate", _plain("motion"), "Move a model by commands over time; full finite elements beside it."),
+        ("calibrate", _plain("calibrate"), "Find parameters of a robot from measurements, with confidence intervals."),
+        ("estimate", _plain("estimation"), "Find the state of a robot, and forces on it, from recorded markers."),
+        ("measurements", _plain("measurements"), "Turn recordings of camera systems into a table of load cases."),
+        ("calibrate-cases", _plain("cases"), "Find parameters of a robot and its rig from measured load cases."),
+        ("predict-cases", _plain("cases.prediction"), found),
+        ("optimize-design", _plain("design"), "Find the best designs, and check them by finite elements."),
+        ("report", _plain("report"), "Make one HTML page of the results."),
+    ):
+        _stage(app, name, run, summary)
+    _stage(app, "simulate-sample", _sample, _SAMPLE, hidden=True)
 
 
 def _every_stage(
@@ -59,7 +51,7 @@ def _every_stage(
     """The options of every stage."""
 
 
-def _stage(app: typer.Typer, run: Callable[..., Any], summary: str, name: str, hidden: bool = False) -> None:
+def _stage(app: typer.Typer, name: str, run: Callable[..., Any], summary: str, hidden: bool = False) -> None:
     """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own."""
 
     def command(set_, out, force, check, strict, json, quiet, **own) -> None:

@@ -1,6 +1,6 @@
 """Design and material parameters p: what a family of robots differs in, and the coordinates in which it is smooth."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -35,42 +35,42 @@ class Parameter:
 
 def coordinates(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """(..., n_p) values of `parameters` -> (..., n_p) their coordinates."""
-    p = np.asarray(p, float)
-    return np.stack([_FORWARD[one.coordinate](p[..., i]) for i, one in enumerate(parameters)], axis=-1)
+    return _each(parameters, _FORWARD, p)
 
 
 def values(parameters: Sequence[Parameter], q: np.ndarray) -> np.ndarray:
     """The inverse of `coordinates`."""
-    return np.stack([_BACK[one.coordinate](q[..., i]) for i, one in enumerate(parameters)], axis=-1)
+    return _each(parameters, _BACK, q)
 
 
 def slopes(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """(..., n_p) d coordinate / d p."""
-    p = np.asarray(p, float)
-    return np.stack([_SLOPE[one.coordinate](p[..., i]) for i, one in enumerate(parameters)], axis=-1)
+    return _each(parameters, _SLOPE, p)
+
+
+def _each(parameters: Sequence[Parameter], functions: Mapping[str, Callable], x: np.ndarray) -> np.ndarray:
+    """(..., n_p) the function of each one's coordinate, of its own column of x."""
+    x = np.asarray(x, float)
+    columns = [functions[one.coordinate](x[..., i]) for i, one in enumerate(parameters)]
+    return np.stack(columns, axis=-1) if columns else x[..., :0]
 
 
 def shares(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """(..., n_p) values -> (..., n_p) in [0, 1]: place of their coordinates between those of the ends of the range."""
-    if not parameters:
-        return np.asarray(p, float)[..., :0]
-    low, high = ends(parameters)
+    low, high = range_coordinates(parameters)
     return (coordinates(parameters, p) - low) / (high - low)
 
 
 def from_shares(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
     """The inverse of `shares`."""
-    if not parameters:
-        return np.asarray(z, float)[..., :0]
-    low, high = ends(parameters)
-    return values(parameters, low + z * (high - low))
+    low, high = range_coordinates(parameters)
+    return values(parameters, low + np.asarray(z, float)[..., : len(parameters)] * (high - low))
 
 
-def ends(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
+def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
     """(n_p,) coordinates of the lower and of the higher end of each range."""
-    return tuple(
-        coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
-    )
+    low, high = np.array([[one.low, one.high] for one in parameters]).reshape(-1, 2).T
+    return coordinates(parameters, low), coordinates(parameters, high)
 
 
 def to_json(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameters import Parameter, ends, shares
+from cfem.condensed.parameters import Parameter, range_coordinates, shares
 from cfem.core.errors import InputError
 from cfem.parametric.family import FiniteElements, Kind
 from cfem.parametric.states import States
@@ -145,7 +145,7 @@ class Differentiable(FiniteElements):
         from cfem.equilibrium.problem import Problem
 
         family, _ = self._problem(p)
-        low, high = ends(self.parameters)
+        low, high = range_coordinates(self.parameters)
         sides, still = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
         for number, i in enumerate(free):
             behind, ahead, width = family.around(p, i, _STEP, problem.robot)

@@ -42,13 +42,9 @@ class ViscositySpec(Spec):
     """Terms of a Prony series, for a material that relaxes."""
 
 
-class Elastic(Spec):
-    """A hyperelastic material by its Young's modulus."""
+class _Material(Spec):
+    """What every material states."""
 
-    law: Literal["neo-hookean", "neo-hookean-log", "corotational", "st-venant-kirchhoff"] = "neo-hookean"
-    """The energy of the material."""
-    young: Stress = Field(gt=0)
-    """Young's modulus."""
     poisson: Poisson
     """Poisson's ratio, from 0 to 0.4999."""
     density: MaybeDensity = None
@@ -56,14 +52,26 @@ class Elastic(Spec):
     viscosity: ViscositySpec | None = None
     """Viscosity, none unless given."""
 
+
+class Elastic(_Material):
+    """A hyperelastic material by its Young's modulus."""
+
+    law: Literal["neo-hookean", "neo-hookean-log", "corotational", "st-venant-kirchhoff"] = "neo-hookean"
+    """The energy of the material."""
+    young: Stress = Field(gt=0)
+    """Young's modulus."""
+
     @property
     def shape(self) -> None:
         """Such a law has no numbers but these."""
         return None
 
 
-class _Rubber(Spec):
+class _Rubber(_Material):
     """A law by its own constants."""
+
+    stiffness: Factor = 1.0
+    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
 
     @property
     def young(self) -> float:
@@ -81,14 +89,6 @@ class MooneyRivlin(_Rubber):
     """Constant of the first invariant."""
     c01: Stress
     """Constant of the second invariant."""
-    poisson: Poisson
-    """Poisson's ratio, from 0 to 0.4999."""
-    stiffness: Factor = 1.0
-    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
-    density: MaybeDensity = None
-    """Density. Needed under gravity and for motion only."""
-    viscosity: ViscositySpec | None = None
-    """Viscosity, none unless given."""
 
     @model_validator(mode="after")
     def _stiff(self):
@@ -118,14 +118,6 @@ class Yeoh(_Rubber):
     """Constant of the second power."""
     c3: Stress = 0.0
     """Constant of the third power."""
-    poisson: Poisson
-    """Poisson's ratio, from 0 to 0.4999."""
-    stiffness: Factor = 1.0
-    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
-    density: MaybeDensity = None
-    """Density. Needed under gravity and for motion only."""
-    viscosity: ViscositySpec | None = None
-    """Viscosity, none unless given."""
 
     @property
     def shear(self) -> float:
@@ -148,14 +140,6 @@ class Ogden(_Rubber):
     """Modulus of each term."""
     alpha: list[float] = Field(min_length=1)
     """Exponent of each term, as many as mu."""
-    poisson: Poisson
-    """Poisson's ratio, from 0 to 0.4999."""
-    stiffness: Factor = 1.0
-    """Factor on all moduli: what a calibration finds where the batch is stiffer or softer than the constants."""
-    density: MaybeDensity = None
-    """Density. Needed under gravity and for motion only."""
-    viscosity: ViscositySpec | None = None
-    """Viscosity, none unless given."""
 
     @model_validator(mode="after")
     def _stiff(self):

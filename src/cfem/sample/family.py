@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfem.condensed.parameters import Parameter, coordinates, sampled, values
+from cfem.condensed.parameters import Parameter, coordinates, range_coordinates, sampled, values
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
@@ -14,7 +14,7 @@ from cfem.robot.deform import Deformation
 from cfem.robot.designs import Designs
 from cfem.robot.on_mesh import on_mesh
 from cfem.robot.spec import SceneSpec
-from cfem.sample.parameters import range_coordinates, with_values
+from cfem.sample.parameters import with_values
 
 _MOVES_BASE = ("geometry", "actuators", "effectors")  # keys of what moves a mesh before its free form
 # Surfaces and places are smooth functions of parameters, in closed form: differenced over this share of a range.

@@ -1,13 +1,14 @@
-"""Which numbers of a scene vary from row to row: from the keys and ranges that the user writes to Parameters,
-and from shares of the ranges to values."""
+"""Which numbers of a scene vary from row to row: from the keys and ranges that the user writes to Parameters, and
+from values to scenes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.parameters import Coordinate, Parameter, coordinates, values
+from cfem.condensed.parameters import Coordinate, Parameter
 from cfem.core.errors import SpecError
+from cfem.core.origin import key_path
 from cfem.core.spec import Spec, load_spec
 from cfem.core.units import unit_of
 from cfem.robot.spec import SceneSpec
@@ -26,7 +27,7 @@ def scene_parameters(asked: Mapping[str, ParameterSpec], path: Path) -> tuple[Pa
 
 
 def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> Parameter:
-    key, where = _split(spec.key), f"parameters.{name}"
+    key, where = key_path(spec.key), f"parameters.{name}"
     if key[0] not in _FREE or "region" in key:
         what = f"key: '{spec.key}' changes the mesh, or nothing"
         raise SpecError(what, where=where, do=f"use a number under one of {', '.join(_FREE)}")
@@ -48,10 +49,6 @@ def _coordinate(key: Key) -> Coordinate:
     return {"poisson": "log(1-2p)", "young": "log", "stiffness": "log"}.get(str(key[-1]), "linear")
 
 
-def _split(key: str) -> Key:
-    return tuple(int(part) if part.isdigit() else part for part in key.split("."))
-
-
 def _number(scene: SceneSpec, key: Key, where: str) -> tuple[float, str]:
     """Value and unit of the number at `key`."""
     node, unit = scene, "1"
@@ -71,7 +68,7 @@ def _number(scene: SceneSpec, key: Key, where: str) -> tuple[float, str]:
 def with_values(scene: SceneSpec, keys: Sequence[str], p: np.ndarray) -> SceneSpec:
     """The scene with other numbers at `keys`."""
     for key, value in zip(keys, p, strict=True):
-        scene = _replaced(scene, _split(key), float(value))
+        scene = _replaced(scene, key_path(key), float(value))
     return scene
 
 
@@ -86,23 +83,3 @@ def _replaced(node, key: Key, value: float):
     if isinstance(node, list):
         return [_replaced(item, rest, value) if index == part else item for index, item in enumerate(node)]
     return node.model_copy(update={part: _replaced(getattr(node, part), rest, value)})
-
-
-def drawn(parameters: Sequence[Parameter], u: np.ndarray) -> np.ndarray:
-    """(n_p,) values for shares u (n_p,) of the ranges, evenly in the parameters' coordinates."""
-    if not parameters:
-        return np.zeros(0)
-    low, high = range_coordinates(parameters)
-    return values(parameters, low + u * (high - low))
-
-
-def place(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
-    """(n_p,) coordinates of p."""
-    return coordinates(parameters, p) if parameters else np.zeros(0)
-
-
-def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
-    """(n_p,) coordinates of the lower and of the higher end of each range."""
-    return tuple(
-        coordinates(parameters, np.array([getattr(one, end) for one in parameters])) for end in ("low", "high")
-    )

@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from cfem.condensed import Condensed, Rows, pack_upper
 from cfem.condensed.packing import pack_symmetric3
-from cfem.condensed.parameters import sampled, slopes
+from cfem.condensed.parameters import coordinates, from_shares, sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.restrict import onto_patch, slopes_onto_patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
@@ -25,7 +25,6 @@ from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
 from cfem.sample import tally
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import demand_states, knots_bytes, read_knots
-from cfem.sample.parameters import drawn, place
 from cfem.sample.plan import actuation
 from cfem.sample.skin import Seen, find_skin, patches, probed, shown_nodes
 from cfem.sample.solver import Facts, Solver
@@ -150,8 +149,8 @@ def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) 
         (asked, X), p = piece.contact.actuation(u, facts.patch, facts.compliance), np.zeros(0)
     else:
         asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
-        p = drawn(parameters, u[n_a:])
-    q = place(parameters, p)
+        p = from_shares(parameters, u[n_a:])
+    q = coordinates(parameters, p)
     solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
     known = _knot(facts, piece, u, p, solved)
     return Solved(u, asked, X, p, solved, known, time.perf_counter() - begin)
@@ -184,7 +183,7 @@ def _again(solver: Solver, piece: Piece, row: Solved) -> Solved:
 
 
 def _knot(facts: Facts, piece: Piece, u: np.ndarray, p: np.ndarray, solved: Equilibrium) -> Knot | None:
-    q = place(sampled(facts.parameters), p)
+    q = coordinates(sampled(facts.parameters), p)
     return knot(u, solved, contacts=piece.contact is not None, q=q) if solved.converged else None
 
 

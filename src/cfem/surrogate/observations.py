@@ -49,8 +49,7 @@ class Observations:
 def inputs(dataset: Any, form: Form) -> tuple[np.ndarray, np.ndarray]:
     """s (m, n_a), the displacements or multipliers, and q (m, n_q), the coordinates of the sampled parameters."""
     s = dataset.delta_a if form == "displacement" else dataset.lambda_a
-    parameters = parameters_of(dataset)
-    return s, coordinates(parameters, dataset.p) if parameters else np.zeros((len(s), 0))
+    return s, coordinates(parameters_of(dataset), dataset.p)
 
 
 def parameters_of(dataset: Any) -> tuple:
