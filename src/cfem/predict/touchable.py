@@ -9,11 +9,12 @@ Patches p of the skin are where it may be touched. Their places follow from the 
 s_0, e_0 and the compliances C are the model's at delta_a. L_pq is what the modes leave of the compliance between two
 patches. It is local: it falls with their distance and turns with them, by R_p, the rotation of a patch since rest that
 fits its nodes best (Kabsch, 1976). E_p is how a force on patch p changes its own part L_pp: a body that is dented
-stiffens. Seen in the patches L and E change little: polynomials in delta_a of degree two, or of one where that has many
+stiffens. Seen in the patches L and E change little: polynomials in delta_a of degree three, less where that has many
 terms, through finite elements at as few states."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.linalg import qr
@@ -29,7 +30,7 @@ from cfem.predict.protocol import Predictor
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 TRUSTED = 0.3  # largest share of the motion by forces that is of second order
 HALVINGS = 4  # of how much of E is taken, before none is
-TERMS = 10  # of the polynomial through L: of degree two where that has no more
+TERMS, MOST = 10, 3  # of the polynomials through L and E, and their highest degree
 NONE = np.zeros(0)
 
 
@@ -297,11 +298,15 @@ def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
 
 
 def degrees(n_a: int) -> np.ndarray:
-    """(terms, n_a) degrees of the polynomial through L, the lower ones first."""
-    one = np.eye(n_a, dtype=np.int64)
-    two = [one[i] + one[j] for i in range(n_a) for j in range(i, n_a)]
-    found = np.array([0 * one[0], *one, *two])
-    return found if len(found) <= TERMS else found[: 1 + n_a]
+    """(terms, n_a) degrees of the polynomial through L, the lower ones first: of the highest total degree, MOST at
+    most, that has no more than TERMS."""
+    found = [np.zeros(n_a, dtype=np.int64)]
+    for degree in range(1, MOST + 1):
+        more = [np.bincount(axes, minlength=n_a) for axes in combinations_with_replacement(range(n_a), degree)]
+        if degree > 1 and len(found) + len(more) > TERMS:
+            break
+        found += more
+    return np.array(found)
 
 
 def touch_states(domain: Domain, n_a: int) -> np.ndarray:

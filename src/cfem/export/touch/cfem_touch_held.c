@@ -38,13 +38,14 @@ static double in_box(double delta, int i) {
     return 2.0 * (delta - cfem_patch_box[0][i]) / (cfem_patch_box[1][i] - cfem_patch_box[0][i]) - 1.0;
 }
 
-/* Of the polynomial of degree 2 at most of what the modes leave; or its derivative by delta_a, number slope_of. */
+/* Of the polynomial of degree 3 at most of what the modes leave; or its derivative by delta_a, number slope_of. */
 static double local_term(const double *delta_a, int term, int slope_of) {
     double found = 1.0;
     for (int i = 0; i < NA; i++) {
         const int degree = cfem_patch_local_degrees[term][i];
         const double z = in_box(delta_a[i], i), by = 2.0 / (cfem_patch_box[1][i] - cfem_patch_box[0][i]);
-        const double value[] = {1.0, z, 2.0 * z * z - 1.0}, slope[] = {0.0, by, 4.0 * z * by};
+        const double value[] = {1.0, z, 2.0 * z * z - 1.0, (4.0 * z * z - 3.0) * z};
+        const double slope[] = {0.0, by, 4.0 * z * by, (12.0 * z * z - 3.0) * by};
         found *= (i == slope_of ? slope : value)[degree];
     }
     return found;
