@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.cases.spec import Layout
 from cfem.core.errors import InputError, SpecError
+from cfem.core.semicolons import read_rows
 from cfem.core.units import parse_quantity
 
 _SMALL, _LARGE = 1 / 30, 30.0  # of the robot's length: places beyond are of another unit
@@ -111,15 +112,16 @@ def _rows(path: Path) -> list[dict[str, str]]:
         raise InputError("no such file", where=str(path))
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file, skipinitialspace=True))
+            header, *records = [record for record in read_rows(file) if record] or [[]]
     except (UnicodeDecodeError, csv.Error):
         raise InputError("is not a table of comma-separated values", where=str(path)) from None
-    if not rows:
+    if not records:
         raise InputError("holds no load cases", where=str(path))
-    short = next((number for number, row in enumerate(rows) if None in row.values() or None in row), None)
+    short = next((number for number, record in enumerate(records) if len(record) != len(header)), None)
     if short is not None:
-        raise InputError(f"row {short + 2} has not as many cells as the header", where=str(path))
-    return rows
+        what = f"row {short + 2} has {len(records[short])} cells, the header {len(header)}"
+        raise InputError(what, where=str(path), do="numbers with a decimal comma need semicolons between cells")
+    return [dict(zip(header, record, strict=True)) for record in records]
 
 
 def _number(path: Path, row: dict[str, str], number: int, column: str) -> float:

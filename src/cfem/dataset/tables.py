@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.core.semicolons import read_rows
 from cfem.core.units import parse_quantity
 
 # The system unit of each column that a table may have.
@@ -56,7 +57,7 @@ def _read_yaml(path: Path, units: Units) -> dict[str, np.ndarray]:
 def _read_csv(path: Path, units: Units) -> dict[str, np.ndarray]:
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:  # spreadsheets write a mark first
-            header, *records = [record for record in csv.reader(file, skipinitialspace=True) if record]
+            header, *records = [record for record in read_rows(file) if record]
     except (ValueError, UnicodeDecodeError, csv.Error):
         raise InputError("is not a table of comma-separated values", where=str(path)) from None
     wrong = next((i for i, record in enumerate(records) if len(record) != len(header)), None)

@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
+from cfem.core.semicolons import read_rows
 from cfem.measurements.recording import Recording, make_recording
 
 _UNITS = {"mm": 1.0, "millimeters": 1.0, "millimetres": 1.0, "cm": 10.0, "centimeters": 10.0, "m": 1e3}
@@ -26,7 +27,7 @@ def read_recording(path: Path, unit: float | None = None) -> Recording:
         return _c3d(path, unit)
     try:
         with open(path, newline="", encoding="utf-8-sig", errors="replace") as file:
-            rows = [[cell.strip() for cell in row] for row in csv.reader(file)]
+            rows = [[cell.strip() for cell in row] for row in read_rows(file)]
     except csv.Error:
         raise InputError("is not a table of comma-separated values", where=str(path)) from None
     if rows and rows[0] and rows[0][0] == "Format Version":

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError, SpecError
+from cfem.core.semicolons import with_point
 from cfem.core.units import parse_quantity
 from cfem.tensile.forms import Mode
 
@@ -94,7 +95,7 @@ def _number(path: Path, titles: list[str], row: tuple[int, list[str]], column: i
     if column >= len(cells):
         raise InputError(f"{len(cells)} cells, the titles are {len(titles)}", where=where)
     try:
-        value = float(cells[column])
+        value = float(with_point(cells[column]))
     except ValueError:
         do = "write numbers with a point" if "," in cells[column] else None
         raise InputError(f"'{titles[column]}': '{cells[column]}' is not a number", where=where, do=do) from None
