@@ -1,18 +1,20 @@
 """The whole shape and an unknown push from a few noisy markers on the finite-element robot.
 
 python benchmarks/estimate.py SCENE MODEL [--states 20] [--frames 200] [--seeds 1000] [--markers 5] [--noise 0.1]
-                              [--push 0.02] [--tension 0.02] [--along]
+                              [--push 0.02] [--tension 0.02] [--along] [--bound]
 
 Each state has random displacements of the actuators, a push of stated size (N) in a random direction at the first
 effector, noise on markers, 0.05 mm on the actuators' displacements and, with --tension, so much (N) on their forces.
 With --along, the direction of the push is known, as that of a push along the surface's normal at a known place. The
 robot holds still for all frames, whose noise differs. Prints errors of the surface (root mean square, mm) and of the
 push, one frame alone and after all; the share of 95 % intervals that hold, on finite elements and, for loads, slips and
-noise drawn as the filter assumes, on so many seeds of the model; and what an estimate costs."""
+noise drawn as the filter assumes, on so many seeds of the model; and what an estimate costs. With --bound, prints only
+the least error of the push that any estimate can promise, by frames and markers."""
 
 import argparse
 import time
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,7 @@ from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_filter import Filter
 from cfem.predict.load import load_model
 from cfem.predict.markers import markers_near
+from cfem.predict.push_bound import Seen, frames_for, push_errors
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -41,13 +44,37 @@ def main() -> None:
     parser.add_argument("--push", type=float, default=0.02)
     parser.add_argument("--tension", type=float)
     parser.add_argument("--along", action="store_true")
+    parser.add_argument("--bound", action="store_true")
     given = parser.parse_args()
     model, robot = load_model(given.model), build_robot(*load_scene_and_mesh(given.scene))
     tip = model.rows.effectors[:3]
+    if given.bound:
+        return bound(given, model, tip)
     places = markers_near(model, given.markers)
     estimator = Estimator(model, places, given.noise, tip, given.push, SENSOR, given.tension or 1.0)
     finite_elements(given, model, robot, estimator)
     drawn(given, estimator)
+
+
+def bound(given, model, tip) -> None:
+    """A direction known: the median of those of so many states."""
+    rng, states = np.random.default_rng(0), model.domain.states[:, : model.rows.n_a]
+    drawn = [(states[rng.integers(len(states))], rng.normal(size=3)) for _ in range(given.states)]
+    seen = Seen(SLIP, 1.0, sensed=True, forces=bool(given.tension))
+    print(
+        "least error of the push %, median of states, after frames: " + " ".join(map(str, MARKS)) + " | frames for 10 %"
+    )
+    for count in (5, 10, 20, 40):
+        places, rows, enough = markers_near(model, count), [], []
+        for delta, direction in drawn:
+            along = direction if given.along else None
+            size = given.push / (1 if given.along else np.sqrt(3))
+            one = Estimator(model, places, given.noise, tip, size, SENSOR, given.tension or 1.0, along=along)
+            errors = list(islice(push_errors(one, delta, seen), MARKS[-1]))
+            rows.append([errors[mark - 1] for mark in MARKS])
+            enough.append(frames_for(one, delta, seen, 0.1) or np.inf)
+        told = " ".join(f"{100 * one:.0f}" for one in np.median(rows, axis=0))
+        print(f"{count} markers: {told} | {np.median(enough):.0f}")
 
 
 def finite_elements(given, model, robot, estimator) -> None:

@@ -39,7 +39,7 @@ def each_alone(estimator: Estimator, recording: Recording) -> Tick:
 
 def at_rest(estimator: Estimator, recording: Recording, spec: EstimateSpec, ticks: float) -> Tick:
     """By a filter of a robot that is at rest in each frame. ticks: frames for which a load lasts."""
-    slip, offset = _slips(estimator, spec)
+    slip, offset = slips(estimator, spec)
     filtered = Filter(estimator, slip, ticks, offset)
 
     def tick(frame: int) -> Estimate:
@@ -51,7 +51,7 @@ def at_rest(estimator: Estimator, recording: Recording, spec: EstimateSpec, tick
 
 def moving(estimator: Estimator, recording: Recording, spec: EstimateSpec, motion: MotionModel, ticks: float) -> Tick:
     """By the filter on the condensed dynamics. motion: of the same model."""
-    (slip, offset), period = _slips(estimator, spec), recording.period
+    (slip, offset), period = slips(estimator, spec), recording.period
     doubt = unknown_of(spec.dynamics, slip / np.sqrt(period), offset, ticks * period, estimator.model.length)
     filtered = MarkerFilter(estimator, motion, spec.dynamics.driven, doubt)
 
@@ -63,7 +63,7 @@ def moving(estimator: Estimator, recording: Recording, spec: EstimateSpec, motio
     return tick
 
 
-def _slips(estimator: Estimator, spec: EstimateSpec) -> tuple[float, float]:
+def slips(estimator: Estimator, spec: EstimateSpec) -> tuple[float, float]:
     """mm: slip from frame to frame, and offset."""
     reach = float(np.abs(estimator.model.reach).max())
     return spec.actuators.slip or SLIP * reach, spec.actuators.offset or OFFSET * reach

@@ -58,7 +58,8 @@ def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
     with progress("frames", len(recording)) as advance:
         found = list(estimates(tick, recording, lambda: advance(1)))
     write_estimates(folder / TABLE, found, recording, estimator)
-    return summarise(found, estimator, list(spec.markers), truth)
+    seen = _seen(spec, estimator, recording, base)
+    return summarise(found, estimator, list(spec.markers), truth, seen)
 
 
 def _estimator(spec: EstimateSpec, model: Any) -> Any:
@@ -96,6 +97,17 @@ def _tick(spec: EstimateSpec, base: Path, estimator: Any, recording: Any) -> Any
     if spec.dynamics.driven == "force" and not np.isfinite(recording.command).all():
         raise InputError("lacks commanded forces", where=str(base / spec.recording), do="record ACTUATOR.command [N]")
     return frames.moving(estimator, recording, spec, load_motion(base / spec.model), _ticks(spec, recording, base))
+
+
+def _seen(spec: EstimateSpec, estimator: Any, recording: Any, base: Path) -> Any:
+    """What bounds how well a push can be told; None where nothing pushes, or the robot moves."""
+    from cfem.estimation.frames import slips
+    from cfem.predict.push_bound import Seen
+
+    if not estimator.loaded or spec.dynamics is not None:
+        return None
+    sensed, forces = (bool(np.isfinite(one).any()) for one in (recording.displacement, recording.force))
+    return Seen(*slips(estimator, spec), _ticks(spec, recording, base), sensed, forces)
 
 
 def _demand_noise(spec: EstimateSpec, recording: Any) -> None:

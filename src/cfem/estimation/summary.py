@@ -9,15 +9,22 @@ import numpy as np
 from cfem.core.judgement import KEY, NOISE_RATIO, poor
 from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_answer import Estimate, innovation_ratio
+from cfem.predict.push_bound import MOST, Seen, frames_for, push_error
 
+WANTED = 0.1  # of a push: the error that is asked for
 LOST = 0.5  # share of frames without an estimate, or of a marker that fits nowhere
 COVERED = 1.959964  # standard deviations of a 95 % interval
 
 
 def summarise(
-    found: Sequence[Estimate], estimator: Estimator, markers: Sequence[str], truth: Mapping[str, np.ndarray]
+    found: Sequence[Estimate],
+    estimator: Estimator,
+    markers: Sequence[str],
+    truth: Mapping[str, np.ndarray],
+    seen: Seen | None,
 ) -> dict[str, Any]:
-    """Results with headline and judgement; truth (f,) by unknown, where it is known."""
+    """Results with headline and judgement; truth (f,) by unknown, where it is known; seen: what bounds how well a push
+    can be told, where that is asked."""
     good = [one for one in found if one.converged]
     ratio = float(np.sqrt(np.mean([one.noise**2 for one in good]))) if good else np.nan
     outliers = Counter(markers[number] for one in found for number in one.outliers)
@@ -57,10 +64,27 @@ def summarise(
         "outliers": dict(outliers),
         "unseen": dict(unseen),
     }
+    if seen is not None and good:
+        results["push"], line = _push(good, estimator, seen)
+        headline.append(line)
     if truth:
         results["truth"], line = _against(found, estimator, truth)
         headline.append(line)
     return {"headline": headline, **results, **({KEY: judged} if judged else {})}
+
+
+def _push(good: Sequence[Estimate], estimator: Estimator, seen: Seen) -> tuple[dict[str, Any], str]:
+    """What an estimate of a push can promise, at the middle of where the robot stood."""
+    delta_a = np.median([one.delta_a for one in good], axis=0)
+    error = push_error(estimator, delta_a, seen, len(good))
+    enough = frames_for(estimator, delta_a, seen, WANTED)
+    line = (
+        f"of such a push, no estimate of {len(good)} frames is on average nearer than {100 * error:.2g} % of its size"
+    )
+    if error > WANTED:
+        more = f"takes {enough} frames" if enough else f"is out of reach of {MOST} frames"
+        line += f"; {100 * WANTED:.0f} % {more}: load cells, a direction that is known or more markers tell more"
+    return {"least_error": error, "frames_for_10_percent": enough}, line
 
 
 def _against(

@@ -123,8 +123,8 @@ class Estimator:
         """Of the robot with other values p (n_p,) of the parameters: cheap."""
         found, kept = copy.copy(self), ("scale", "box", "middle", "before")
         shared = {name: getattr(self, name) for name in ("marker_series", "mode_series", *kept)}
-        if "_tensions" in vars(self):
-            shared["_tensions"] = self._tensions
+        if "tension_series" in vars(self):
+            shared["tension_series"] = self.tension_series
         object.__setattr__(found, "p", np.asarray(p, float))
         q, softer = found.material
         moved = {name: one.at(q, softer) if hasattr(one, "at") else one for name, one in shared.items()}
@@ -158,7 +158,7 @@ class Estimator:
         return self._series(np.eye(len(self.model.skin)))
 
     @cached_property
-    def _tensions(self) -> ForceSeries:
+    def tension_series(self) -> ForceSeries:
         if not isinstance(self.model, SpectralPredictor):
             kind = self.model.meta["kind"]
             what = f"actuator forces need a model of kind spectral, got '{kind}'"
@@ -250,7 +250,7 @@ class Estimator:
         return x[:n_a], np.eye(n_a, len(x))
 
     def _forces(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return self._tensions(*self._apart(x))
+        return self.tension_series(*self._apart(x))
 
     def _answer(self, found: Minimum, there: np.ndarray) -> Estimate:
         scaled = found.J * self.scale
