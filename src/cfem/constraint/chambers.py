@@ -5,39 +5,25 @@ growth is linear in the strains (gamma, kappa) of the rod, and on an element of 
 
     V = int A (1 + gamma_x + kappa_y z - kappa_z y) ds = sum over elements, A (h + e . (1, 0, 0, 0, z, -y))"""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from cfem.constraint.strained import Strained
-from cfem.mechanics.beam import Beam, response
+from cfem.constraint.rod_row import RodRow, Strained
+from cfem.mechanics.beam import Beam
 
 
 @dataclass(frozen=True)
-class RodChambers:
-    """A row that acts on the strains of a rod, not on nodes. weights (m, 6): d delta / d e, mm^2 and mm^3."""
+class RodChambers(RodRow):
+    """weights (m, 6): d delta / d e, mm^2 and mm^3."""
 
-    beam: Beam
     weights: np.ndarray
-    cliques: ClassVar[tuple[np.ndarray, ...]] = ()
-    nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
-    rest: ClassVar[np.ndarray] = np.zeros(1)
     units: ClassVar[tuple[str, str]] = ("mm^3", "MPa")
 
     def strained(self, e: np.ndarray) -> Strained:
         """At the strains e (m, 6) of the rod."""
         return Strained(float((self.weights * e).sum()), self.weights)
-
-    def value(self, x: np.ndarray) -> np.ndarray:
-        return np.array([(self.weights * response(self.beam, x).strain.e).sum()])
-
-    def gradient(self, x: np.ndarray) -> np.ndarray:
-        return np.zeros((1, 0, 3))
-
-    def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
-        return ()
 
 
 def make_rod_chambers(beam: Beam, centres: np.ndarray, area: float, elements: np.ndarray) -> RodChambers:

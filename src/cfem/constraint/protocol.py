@@ -1,7 +1,7 @@
 """What mechanics needs to know of whatever touches a body."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -29,3 +29,13 @@ class Constraint(Watched, Protocol):
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
         """(g, 3 k, 3 k) a batch; the sum of all these, node by node, is the second derivative of the value."""
+
+
+class Linear:
+    """What a constraint without curvature on nodes says of it."""
+
+    cliques: ClassVar[tuple[np.ndarray, ...]] = ()
+
+    def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
+        """None."""
+        return ()

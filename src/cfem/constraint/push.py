@@ -10,17 +10,17 @@ from typing import ClassVar
 import numpy as np
 
 from cfem.constraint.attachment import Attachment
+from cfem.constraint.protocol import Linear
 
 
 @dataclass(frozen=True)
-class Push:
+class Push(Linear):
     """nodes (k,); weights (k,) of sum 1; direction (3,), a unit vector; rest (1,) mm."""
 
     nodes: np.ndarray
     weights: np.ndarray
     direction: np.ndarray
     rest: np.ndarray
-    cliques: ClassVar[tuple[np.ndarray, ...]] = ()
     units: ClassVar[tuple[str, str]] = ("mm", "N")
 
     def value(self, x: np.ndarray) -> np.ndarray:
@@ -28,9 +28,6 @@ class Push:
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         return (self.weights[:, None] * self.direction)[None]
-
-    def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
-        return ()
 
 
 def make_push(points: Sequence[Attachment], direction: np.ndarray) -> Push:

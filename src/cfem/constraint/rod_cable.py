@@ -9,14 +9,13 @@ strain e (rod.py) the cable's tangent is t = (1, r') + gamma + kappa x r with ga
 a polygon through points of the sections cuts the bend short by kappa h^2 / 12, as much as a thin rod's cable is off its
 axis."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 
-from cfem.constraint.strained import Strained
+from cfem.constraint.rod_row import RodRow, Strained
 from cfem.core.errors import SpecError
 from cfem.mechanics.beam import Beam, response
 
@@ -24,20 +23,16 @@ _POINTS = np.array([-1, 1]) / np.sqrt(3)  # of Gauss's rule on each piece
 
 
 @dataclass(frozen=True)
-class RodCable:
+class RodCable(RodRow):
     """q points along the cable: element (q,) that each lies in; weight (q,) mm; along (q, 3) = (1, r') and B (q, 3, 6)
     1/mm: t = along + B e. shares (q,): tension there, of that at the start; friction: coefficient in the channel."""
 
-    beam: Beam
     element: np.ndarray
     weight: np.ndarray
     along: np.ndarray
     B: np.ndarray
     shares: np.ndarray
     friction: float = 0.0
-    cliques: ClassVar[tuple[np.ndarray, ...]] = ()
-    nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
-    rest: ClassVar[np.ndarray] = np.zeros(1)
     units: ClassVar[tuple[str, str]] = ("mm", "N")
 
     @property
@@ -71,15 +66,6 @@ class RodCable:
         return tuple(
             RodCable(self.beam, self.element[i], self.weight[i], self.along[i], self.B[i], np.ones(1)) for i in one
         )
-
-    def value(self, x: np.ndarray) -> np.ndarray:
-        return np.array([self.strained(response(self.beam, x).strain.e).value])
-
-    def gradient(self, x: np.ndarray) -> np.ndarray:
-        return np.zeros((1, 0, 3))
-
-    def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
-        return ()
 
     def _tangent(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         t = self.along + (self.B @ e[self.element][:, :, None])[:, :, 0]

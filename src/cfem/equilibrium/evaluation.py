@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cfem.constraint.strained import Strained
+from cfem.constraint.rod_row import Strained
 from cfem.mechanics.body import Response
 from cfem.mechanics.factorization import Factor
 

@@ -11,9 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from cfem.constraint.cable import Cable
-from cfem.constraint.chambers import RodChambers
 from cfem.constraint.protocol import Watched
-from cfem.constraint.rod_cable import RodCable
+from cfem.constraint.rod_row import RodRow
 from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import beam as rod
@@ -61,14 +60,11 @@ class Problem:
                 self.kinematics = replace(like.kinematics, X=self.rest)
         if self.body.beam is not None:
             self._joined = self.kinematics.unknowns(joints).reshape(-1, 12)
+        self._rod_rows = tuple(row for row in robot.active if isinstance(row, RodRow))
+        columns = np.cumsum([0] + [len(row.rest) for row in robot.active])[:-1]
+        self._strained = columns[np.array([isinstance(row, RodRow) for row in robot.active], dtype=bool)]
         # whether anything acts on nodes: where a rod and its chambers are all, there is nothing to gather from them
-        rows = [row for row in robot.active if not _on_strains(row)]
-        self._nodal = bool(self.body.solids or rows or robot.loads is not None)
-        # rows that act on the strains of a rod
-        columns = np.cumsum([0] + [len(row.rest) for row in robot.active])
-        strained = [(column, row) for column, row in zip(columns, robot.active, strict=False) if _on_strains(row)]
-        self._strained = np.array([column for column, _ in strained], dtype=int)
-        self._rod_rows = tuple(row for _, row in strained)
+        self._nodal = bool(self.body.solids or len(self._rod_rows) < len(robot.active) or robot.loads is not None)
         self._bulk_over_volume = bulk_over_volume(self.body) if self.body.n_pressures else np.empty(0)
         self.finite = robot.loads is None or bool(np.isfinite(robot.loads).all())
         self.loads = robot.loads if self.finite else None
@@ -101,7 +97,7 @@ class Problem:
         if strained:
             pulls = np.stack([row.by_e for row in strained], axis=-1)
             H[:, self._strained] += self._on_unknowns(at.beam.gradient.swapaxes(1, 2) @ pulls)
-        delta = [None if _on_strains(row) else row.value(x) - row.rest for row in self.robot.active]
+        delta = [None if isinstance(row, RodRow) else row.value(x) - row.rest for row in self.robot.active]
         growths = iter(strained)
         delta = np.concatenate([[next(growths).value] if each is None else each for each in delta])
         return Evaluation(x, at.pressure, load, at, force, delta, H, strained=strained)
@@ -269,7 +265,3 @@ def curvature_form(row: Watched, x: np.ndarray, motions: np.ndarray) -> np.ndarr
         mine = motions[clique].reshape(len(clique), 3 * clique.shape[1], motions.shape[2])
         form += np.einsum("gik,gil->kl", mine, blocks @ mine)
     return form
-
-
-def _on_strains(row: Watched) -> bool:
-    return isinstance(row, RodChambers | RodCable)

@@ -1,0 +1,41 @@
+"""Rows that act on the strains of a rod, not on nodes."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cfem.constraint.protocol import Linear
+from cfem.mechanics.beam import Beam, response
+
+
+@dataclass(frozen=True)
+class Strained:
+    """Of one row at strains e (m, 6): its value; by_e (m, 6), its derivative; second (m, 6, 6), None where the row is
+    linear."""
+
+    value: float
+    by_e: np.ndarray
+    second: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class RodRow(Linear, ABC):
+    """A row of a rod: of its m elements' strains e (m, 6), and of no node."""
+
+    beam: Beam
+    nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
+    rest: ClassVar[np.ndarray] = np.zeros(1)
+
+    @abstractmethod
+    def strained(self, e: np.ndarray) -> Strained:
+        """Value and derivatives by the strains e (m, 6)."""
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        """(1,) at positions x (n, 3) mm."""
+        return np.array([self.strained(response(self.beam, x).strain.e).value])
+
+    def gradient(self, x: np.ndarray) -> np.ndarray:
+        """(1, 0, 3): no node moves it."""
+        return np.zeros((1, 0, 3))
