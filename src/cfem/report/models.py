@@ -55,7 +55,8 @@ def models_section(
         parts += [trust_chart(trusts, prefix), trust_table(summaries)]
     text = (
         "All errors are those at the test states, which no training has seen. The loss is the mean squared error of "
-        "the entries of W and delta_free, standardised by the test set. W is checked at random states between samples."
+        "the entries of W and delta_free, standardised by the test set, as in the paper. `cfem train` prints that of "
+        "whole vectors, which does not depend on the axes of the scene. W is checked at random states between samples."
     )
     facts = {"models": {name: dict(results) for name, results in models.items()}, "trust": summaries}
     return Section(title, text, tuple(parts), facts)
