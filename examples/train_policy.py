@@ -13,35 +13,42 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from cfem.gym.environments import RobotVectorEnv
+from cfem.gym import TASKS
+from cfem.gym.environments import RobotVectorEnv, world_of
+from cfem.gym.moving_tasks import MOVING
 from cfem.gym.save_policy import save_policy
-from cfem.gym.tasks import TASKS
 from cfem.gym.train import Mean, errors, train
-from cfem.gym.world import World
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("model", type=Path, help="folder of a spectral model")
+    parser.add_argument("model", type=Path, help="folder of a spectral model; moving tasks: with dynamics")
     parser.add_argument("out", type=Path, help="file of the policy, .onnx")
-    parser.add_argument("--task", default="reach", choices=list(TASKS))
+    parser.add_argument("--task", default="reach", choices=TASKS)
     parser.add_argument("--steps", type=int, default=600_000)
     parser.add_argument("--robots", type=int, default=256, help="in a batch")
     parser.add_argument("--width", type=int, default=64, help="of the two hidden layers")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--randomise", type=json.loads, default={}, help="keys of cfem.gym.world.Randomised, JSON")
+    parser.add_argument(
+        "--randomise",
+        type=json.loads,
+        default={},
+        help="keys of cfem.gym.world.Randomised, or of MovingRandomised, as JSON",
+    )
     parser.add_argument("--observe-parameters", action="store_true", help="tell the policy the robot's parameters")
     given = parser.parse_args()
     torch.set_num_threads(given.threads)
-    options = {"task": given.task, "randomise": given.randomise, "observe_parameters": given.observe_parameters}
+    options = {"task": given.task, "randomise": given.randomise}
+    if given.task not in MOVING:
+        options["observe_parameters"] = given.observe_parameters
     env = RobotVectorEnv(given.model, given.robots, **options)
-    unseen = World(env.world.model, count=1024, seed=10**6, **options)  # robots, goals and starts
+    unseen = world_of(env.world.model, count=1024, seed=10**6, **options)  # robots, goals and starts
     cpu, wall = time.process_time(), time.perf_counter()
 
     def tell(learner) -> None:
         unseen.reset(np.arange(unseen.count))
-        off = errors(Mean(learner.policy), unseen)
+        off = errors(Mean(learner.policy), unseen, *((150, 90) if given.task in MOVING else (60, 10)))
         spent = f"{time.process_time() - cpu:.1f} s of CPU, {time.perf_counter() - wall:.1f} s"
         off = f"error mean {off.mean():.3f}, 95 % below {np.quantile(off, 0.95):.3f} mm"
         print(f"{learner.num_timesteps} steps, {spent}: {off}", flush=True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from gym.moving import moving
 from surrogate.stored import train_folder
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -17,16 +18,21 @@ def model(tmp_path_factory):
     return load_model(train_folder(tmp_path_factory.mktemp("plain"), "{kind: spectral, max_degree: 8}", train=60))
 
 
+def of(name, model):
+    return moving(model) if "Moving" in name else model
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", cfem.gym.NAMES)
 def test_gymnasium_finds_nothing_wrong(model, name):
     from gymnasium.utils.env_checker import check_env
 
-    check_env(gymnasium.make(name, model=model).unwrapped, skip_render_check=True)
+    check_env(gymnasium.make(name, model=of(name, model)).unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize("name", cfem.gym.NAMES)
 def test_a_batch_of_one_is_the_single_environment(model, name):
+    model = of(name, model)
     one = gymnasium.make(name, model=model).unwrapped
     many = gymnasium.make_vec(name, 1, vectorization_mode="vector_entry_point", model=model)
     seen, _ = one.reset(seed=3)

@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gym.moving import moving
 from surrogate.stored import train_folder
 
 from cfem.control.inverse import Limits, ridge_of
-from cfem.control.policy import PolicyController
+from cfem.control.policy import MovingPolicyController, PolicyController
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError
+from cfem.gym.moving_world import MovingWorld
 from cfem.gym.policy import Policy
 from cfem.gym.tasks import observation
 from cfem.gym.world import World
@@ -94,7 +96,7 @@ def test_a_policy_of_another_robot_is_refused(model, saved, tmp_path):
     onnx.save(other, str(tmp_path / "other.onnx"))
     with pytest.raises(InputError, match="another robot"):
         PolicyController(pilot_of(model), model.rest_e, Policy(tmp_path / "other.onnx"))
-    with pytest.raises(InputError, match="policies command displacements"):
+    with pytest.raises(InputError, match="commands displacements, and the loop commands forces"):
         PolicyController(pilot_of(model, "force"), model.rest_e, Policy(saved[0]))
 
 
@@ -104,3 +106,42 @@ def test_what_is_no_policy_is_refused(tmp_path):
     (tmp_path / "text.onnx").write_text("no model")
     with pytest.raises(InputError, match="is no policy of cfem"):
         Policy(tmp_path / "text.onnx")
+
+
+@pytest.fixture(scope="module")
+def moving_saved(model, tmp_path_factory):
+    from cfem.gym.save_policy import save_policy
+
+    calm = {"stiffness": 0.0, "viscosity": 0.0, "delay": 0, "noise": 0.0}
+    world, path = (
+        MovingWorld(moving(model), "moving-follow", 3, randomise=calm),
+        tmp_path_factory.mktemp("m") / "f.onnx",
+    )
+    weights = 0.1 * np.random.default_rng(0).standard_normal((2, world.sizes[0]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        save_policy(Towards(weights), path, world)
+    return path, world, weights
+
+
+def test_a_policy_in_a_loop_commands_what_it_commands_in_its_environment(model, moving_saved):
+    """The controller of the loop sees the samples and goals of one robot of the batch, tick by tick."""
+    path, world, weights = moving_saved
+    world.reset(np.arange(3))
+    pilot, rest_e = pilot_of(model, "force"), model.rest_e
+    start = world.states.q[:2, 1] * world.model.scale[:2]
+    controller = MovingPolicyController(pilot, rest_e, Policy(path), start, world.tick)
+    assert controller.belief.u == pytest.approx(world.u[1], rel=1e-4)
+    measured = None
+    for _ in range(8):
+        told = controller.tick(
+            rest_e + world.goals.path[1, world.t[1] + 1], measured, rest_e + world.goals.path[1, world.t[1] + 1 :]
+        )
+        world.step(np.clip(world.observe() @ weights.T, -1, 1))
+        assert told.u == pytest.approx(world.u[1], rel=1e-3, abs=1e-3)
+        measured = SimpleNamespace(x_e=rest_e + world.states.tip[1], t=1)
+
+
+def test_a_policy_of_another_rate_is_refused(model, moving_saved):
+    with pytest.raises(InputError, match="trained for ticks of"):
+        MovingPolicyController(pilot_of(model, "force"), model.rest_e, Policy(moving_saved[0]), None, 0.02)

@@ -26,7 +26,7 @@ def begun(model, task, count=40, **options):
 def test_a_step_is_finite_and_ends_by_time(model, task):
     world, rng = begun(model, task), np.random.default_rng(0)
     for tick in range(1, world.length + 1):
-        rewards, errors, over = world.step(rng.uniform(-1, 1, (40, 2)))
+        rewards, errors, _, over = world.step(rng.uniform(-1, 1, (40, 2)))
         assert np.isfinite(rewards).all() and (errors >= 0).all() and over.all() == (tick == world.length)
         seen = world.observe()
         assert seen.shape == (40, world.sizes[0]) and seen.dtype == np.float32 and np.abs(seen).max() <= LARGEST
@@ -38,7 +38,7 @@ def test_goals_can_be_reached(model):
     pool = world.task._pool
     world.goals.path[:] = pool.tip[:40, None]
     world.u = pool.delta_a[:40].copy()
-    rewards, errors, _ = world.step(np.zeros((40, 2)))
+    rewards, errors, _, _ = world.step(np.zeros((40, 2)))
     assert errors.max() < 1e-3 and rewards.min() > 0.99
 
 
@@ -47,7 +47,7 @@ def test_a_smaller_error_is_rewarded(model):
     pool = world.task._pool
     world.goals.path[:] = pool.tip[:1, None]
     world.u = np.stack([pool.delta_a[0], pool.delta_a[0] + 0.5])
-    rewards, errors, _ = world.step(np.zeros((2, 2)))
+    rewards, errors, _, _ = world.step(np.zeros((2, 2)))
     assert errors[0] < errors[1] and rewards[0] > rewards[1]
 
 
@@ -129,3 +129,14 @@ def test_what_is_randomised_differs_from_episode_to_episode(model):
 def test_an_unknown_task_is_refused(model):
     with pytest.raises(InputError, match="no task 'dance'"):
         World(model, "dance", 1)
+
+
+def test_the_goal_that_is_observed_is_that_of_the_end_of_the_tick(model):
+    """As a loop of `cfem control` tells it to a policy, with where it goes on to in the tick after that."""
+    world = begun(model, "follow", randomise={"parameters": False})
+    seen, n_e = world.observe(), world.model.rows.n_e
+    goal = seen[:, :n_e] * world.scales.scale + world.states.tip
+    assert goal == pytest.approx(world.goals.path[:, 1], abs=1e-4)
+    ahead = seen[:, 2 * n_e : 3 * n_e] * world.scales.near
+    small = np.abs(ahead).max(axis=1) < LARGEST * world.scales.near
+    assert ahead[small] == pytest.approx((world.goals.path[:, 2] - world.goals.path[:, 1])[small], abs=1e-4)

@@ -46,10 +46,13 @@ def _measuring(
 ) -> Any:
     start = None if at.start is None else at.start.delta_a
     if spec.policy is not None:
-        from cfem.control.policy import PolicyController
+        from cfem.control.policy import MovingPolicyController, PolicyController
         from cfem.gym.policy import Policy
 
-        return PolicyController(pilot, at.rest_e, Policy(base / spec.policy), start)
+        policy = Policy(base / spec.policy)
+        if policy.moving:
+            return MovingPolicyController(pilot, at.rest_e, policy, start, 1 / at.loop.rate)
+        return PolicyController(pilot, at.rest_e, policy, start)
     if spec.adapt is None:
         return built.controller_of(spec, pilot, gains, motion, at)
     model, loop = pilot.model, at.loop

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from cfem.control.design import Bound
 from cfem.control.loop import ReachStatus
+from cfem.control.moving.mpc import Told
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import InputError
 from cfem.gym.policy import Policy
@@ -21,8 +22,7 @@ class PolicyController:
     def __init__(self, pilot: Pilot, rest_e: np.ndarray, policy: Policy, start: np.ndarray | None = None):
         rows = pilot.model.rows
         policy.demand_robot(rows.effectors, rows.actuators)
-        if pilot.command != "displacement":
-            raise InputError("policies command displacements", where=str(policy.path), do="set command.kind so")
+        _demand_command(pilot, policy)
         self._pilot, self._rest_e, self._policy = pilot, rest_e, policy
         self._told = policy.told(_parameters(pilot.model, policy))
         self.belief = Belief.at(pilot, np.zeros(rows.n_a) if start is None else np.asarray(start, float))
@@ -42,6 +42,58 @@ class PolicyController:
         at = self._pilot.model.at_displacement(u)
         self.belief = Belief(self.belief.iterate.moved(at), u, ReachStatus.CONVERGED.value)
         return self.belief
+
+
+class MovingPolicyController:
+    """Of a policy for robots that move, ticked every dt s, which hears a few samples and knows goals ahead. pilot: its
+    limits bound commands; start: where the robot stands, at rest unless given. InputError for a policy of another robot
+    or rate."""
+
+    def __init__(self, pilot: Pilot, rest_e: np.ndarray, policy: Policy, start: np.ndarray | None, dt: float):
+        rows, tick = pilot.model.rows, policy.moving["tick"]
+        policy.demand_robot(rows.effectors, rows.actuators)
+        _demand_command(pilot, policy)
+        if abs(dt / tick - 1) > 1e-6:
+            what = f"was trained for ticks of {tick:g} s, and the loop has ticks of {dt:g} s"
+            raise InputError(what, where=str(policy.path), do=f"set rate: {1 / tick:g} Hz, or train it again")
+        stands = Belief.at(pilot, np.zeros(rows.n_a) if start is None else np.asarray(start, float))
+        self._pilot, self._rest_e, self._policy = pilot, rest_e, policy
+        self.aimed = rest_e + stands.iterate.condensed.delta_e
+        self.belief = Told(stands.u, ReachStatus.CONVERGED.value, stands.delta_a)
+        history = policy.moving["history"]
+        self._tips = np.tile(stands.iterate.condensed.delta_e, (history, 1))
+        self._told = np.tile(stands.u, (history, 1))
+
+    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Told:
+        """As of `PolicyController`; without a new sample the last one counts again."""
+        self.aimed = np.asarray(goal, float)
+        if measured is not None:
+            tip = measured.x_e - self._rest_e
+            tip = tip if np.isfinite(tip).all() else self._tips[0]
+            self._tips = np.concatenate([tip[None], self._tips[:-1]])
+        goals = self.aimed[None] if ahead is None or not len(ahead) else np.asarray(ahead, float)
+        u, last, pilot = (
+            self._policy.moving_command(self._tips, self._told, goals - self._rest_e),
+            self._told[0],
+            self._pilot,
+        )
+        limits = pilot.limits.lambda_a if pilot.command == "force" else pilot.limits.delta_a
+        u = np.clip(np.clip(u, last - pilot.rate, last + pilot.rate), *limits.T)
+        self._told = np.concatenate([u[None], self._told[:-1]])
+        self.belief = Told(
+            u, ReachStatus.CONVERGED.value, u if pilot.command == "displacement" else self.belief.delta_a
+        )
+        return self.belief
+
+
+def _demand_command(pilot: Pilot, policy: Policy) -> None:
+    wanted = policy.facts["command"]
+    if pilot.command != wanted:
+        raise InputError(
+            f"is a policy that commands {wanted}s, and the loop commands {pilot.command}s",
+            where=str(policy.path),
+            do=f"set command.kind: {wanted}",
+        )
 
 
 def _parameters(model: Any, policy: Policy) -> np.ndarray:

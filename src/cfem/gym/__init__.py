@@ -1,12 +1,14 @@
 """Learned robots as Gymnasium environments: `import cfem.gym` then `cfem.gym.register()` makes known
-cfem/Reach-v0, cfem/Follow-v0, cfem/Press-v0 and cfem/Carry-v0.
+cfem/Reach-v0, cfem/Follow-v0, cfem/Press-v0, cfem/Carry-v0, and of models that move cfem/MovingReach-v0 and
+cfem/MovingFollow-v0.
 
     env = gymnasium.make("cfem/Reach-v0", model="models/soft-finger/spectral")
     many = gymnasium.make_vec("cfem/Reach-v0", 1024, vectorization_mode="vector_entry_point", model=...)
 
 It needs `pip install 'cfem[gym]'`."""
 
-NAMES = {f"cfem/{task.capitalize()}-v0": task for task in ("reach", "follow", "press", "carry")}
+TASKS = ("reach", "follow", "press", "carry", "moving-reach", "moving-follow")
+NAMES = {f"cfem/{task.title().replace('-', '')}-v0": task for task in TASKS}
 
 
 def register() -> None:

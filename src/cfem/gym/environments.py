@@ -8,12 +8,20 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from cfem.gym.moving_tasks import MOVING
+from cfem.gym.moving_world import MovingWorld
 from cfem.gym.tasks import LARGEST
 from cfem.gym.world import World
+from cfem.motion.model import MotionModel
 from cfem.predict.protocol import Predictor
 
 
-def _spaces(world: World) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
+def world_of(model: Any, task: str, count: int, **options: Any) -> World | MovingWorld:
+    """The batch behind an environment. Arguments as `RobotEnv`."""
+    return (MovingWorld if task in MOVING else World)(model, task, count, **options)
+
+
+def _spaces(world: World | MovingWorld) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
     seen, acts = world.sizes
     return (
         gymnasium.spaces.Box(-LARGEST, LARGEST, (seen,), np.float32),
@@ -22,15 +30,19 @@ def _spaces(world: World) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
 
 
 class RobotEnv(gymnasium.Env):
-    """One robot. model: folder of a spectral model, or the model; options: of `World`."""
+    """One robot. model: folder of a spectral model, or the model; options: of `World`, or of `MovingWorld`."""
 
     metadata = {"render_modes": []}
 
     def __init__(
-        self, model: Predictor | Path | str, task: str = "reach", render_mode: str | None = None, **options: Any
+        self,
+        model: Predictor | MotionModel | Path | str,
+        task: str = "reach",
+        render_mode: str | None = None,
+        **options: Any,
     ):
         self.render_mode = render_mode
-        self.world = World(model, task, 1, **options)
+        self.world = world_of(model, task, 1, **options)
         self.observation_space, self.action_space = _spaces(self.world)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
@@ -40,8 +52,9 @@ class RobotEnv(gymnasium.Env):
         return self.world.observe()[0], self._info(None)
 
     def step(self, action: np.ndarray):
-        rewards, errors, over = self.world.step(np.asarray(action)[None])
-        return self.world.observe()[0], float(rewards[0]), False, bool(over[0]), self._info(float(errors[0]))
+        rewards, errors, failed, over = self.world.step(np.asarray(action)[None])
+        info = self._info(float(errors[0]))
+        return self.world.observe()[0], float(rewards[0]), bool(failed[0]), bool(over[0]), info
 
     def _info(self, error: float | None) -> dict[str, Any]:
         info = {"tip": self.world.states.tip[0].copy(), "command": self.world.u[0].copy()}
@@ -62,14 +75,14 @@ class RobotVectorEnv(VectorEnv):
 
     def __init__(
         self,
-        model: Predictor | Path | str,
+        model: Predictor | MotionModel | Path | str,
         num_envs: int = 1,
         task: str = "reach",
         render_mode: str | None = None,
         **options: Any,
     ):
         self.render_mode, self.num_envs = render_mode, num_envs
-        self.world = World(model, task, num_envs, **options)
+        self.world = world_of(model, task, num_envs, **options)
         self.single_observation_space, self.single_action_space = _spaces(self.world)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -81,11 +94,12 @@ class RobotVectorEnv(VectorEnv):
         return self.world.observe(), {}
 
     def step(self, actions: np.ndarray):
-        rewards, errors, over = self.world.step(actions)
+        rewards, errors, failed, over = self.world.step(actions)
         info: dict[str, Any] = {"error": errors, "_error": np.ones(self.num_envs, bool)}
         seen = self.world.observe()
-        if over.any():
-            info["final_obs"], info["_final_obs"] = seen.copy(), over
-            self.world.reset(np.flatnonzero(over))
+        ended = failed | over
+        if ended.any():
+            info["final_obs"], info["_final_obs"] = seen.copy(), ended
+            self.world.reset(np.flatnonzero(ended))
             seen = self.world.observe()
-        return seen, rewards, np.zeros(self.num_envs, bool), over, info
+        return seen, rewards, failed, over, info

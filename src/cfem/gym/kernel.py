@@ -6,88 +6,12 @@ delta >= u, with loads w on the effectors, found by Newton's method: each step i
 under the same bounds. Forces are told to the others: the minimum of Psi - w . e - lambda . delta. The first step from
 where a robot was is that of its last Hessian and costs no series."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
-import cfem.mechanics.compiling  # noqa: F401  says so while it compiles
+from cfem.gym.lanes import LANES, add_up, fill_basis
 
-NEWTON, LANES = 14, 256  # evaluations of a robot; robots whose series are summed side by side
-
-
-class Series(NamedTuple):
-    """Chebyshev series for the loops. to_box (n, n), offset (n,); term m is the product of the factors first[m] to
-    first[m + 1]: T of degree[k] of input axis[k]; values (outputs, terms), each padded with zeros to a multiple of 2
-    and of 4; highest: the largest degree."""
-
-    to_box: np.ndarray
-    offset: np.ndarray
-    first: np.ndarray
-    axis: np.ndarray
-    degree: np.ndarray
-    values: np.ndarray
-    highest: int
-
-    @classmethod
-    def of(cls, to_box: np.ndarray, offset: np.ndarray, indices: np.ndarray, rows: np.ndarray) -> "Series":
-        """indices (terms, n), rows (outputs, terms)."""
-        outputs, terms = rows.shape
-        values = np.zeros((outputs + outputs % 2, terms + -terms % 4))
-        values[:outputs, :terms] = rows
-        first = np.concatenate([[0], np.cumsum((indices > 0).sum(axis=1))])
-        term, axis = np.nonzero(indices)
-        degree = indices[term, axis].astype(np.int64)
-        to_box, offset = (np.ascontiguousarray(one, float) for one in (to_box, offset))
-        return cls(to_box, offset, first, axis, degree, values, max(int(indices.max()), 1))
-
-
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _basis(t, series, table, basis):
-    """basis (terms, LANES): of inputs t (n, LANES); table (n, highest + 1, LANES): room."""
-    n = t.shape[0]
-    for i in range(n):
-        x = table[i, 1]
-        for b in range(LANES):
-            table[i, 0, b] = 1
-            x[b] = series.offset[i]
-        for j in range(n):
-            one = series.to_box[i, j]
-            for b in range(LANES):
-                x[b] += one * t[j, b]
-        for k in range(2, table.shape[1]):
-            new, last, before = table[i, k], table[i, k - 1], table[i, k - 2]
-            for b in range(LANES):
-                new[b] = 2 * x[b] * last[b] - before[b]
-    for m in range(len(series.first) - 1):
-        row, begin, end = basis[m], series.first[m], series.first[m + 1]
-        if begin == end:
-            for b in range(LANES):
-                row[b] = 1
-            continue
-        factor = table[series.axis[begin], series.degree[begin]]
-        for b in range(LANES):
-            row[b] = factor[b]
-        for k in range(begin + 1, end):
-            factor = table[series.axis[k], series.degree[k]]
-            for b in range(LANES):
-                row[b] *= factor[b]
-
-
-@njit(cache=True, fastmath=True, error_model="numpy")
-def _sums(values, basis, out):
-    """out (outputs, LANES) = values @ basis, two rows and four terms at a time, which keeps sums in registers."""
-    out[:] = 0
-    for m in range(0, basis.shape[0], 4):
-        b0, b1, b2, b3 = basis[m], basis[m + 1], basis[m + 2], basis[m + 3]
-        for j in range(0, out.shape[0], 2):
-            one, two = out[j], out[j + 1]
-            c0, c1, c2, c3 = values[j, m], values[j, m + 1], values[j, m + 2], values[j, m + 3]
-            d0, d1, d2, d3 = values[j + 1, m], values[j + 1, m + 1], values[j + 1, m + 2], values[j + 1, m + 3]
-            for b in range(LANES):
-                v0, v1, v2, v3 = b0[b], b1[b], b2[b], b3[b]
-                one[b] += c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
-                two[b] += d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3
+NEWTON = 14  # evaluations of a robot
 
 
 @njit(cache=True, error_model="numpy")
@@ -234,8 +158,8 @@ def equilibria(u, w, forces, pulls, delta, known, q, softer, series, first_e, lo
                     x[i] = max(x[i], told[i])
             for i in range(n_a):
                 t[i, lane] = x[i]
-        _basis(t, series, table, basis)
-        _sums(series.values, basis, found)
+        fill_basis(t, series, table, basis)
+        add_up(series.values, basis, found)
         for lane in range(LANES):
             b = who[lane]
             if b < 0:

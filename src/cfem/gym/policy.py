@@ -10,16 +10,18 @@ import numpy as np
 from cfem.condensed.parameters import from_json, shares
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
+from cfem.gym.moving_tasks import moving_observation
 from cfem.gym.tasks import Scales, observation
 
 KEY = "cfem.policy"
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True)
 class Policy:
     """path: file of `cfem.gym.save_policy`. facts: its metadata; parameters: those of the robot that it wants to be
-    told, none of most policies. InputError where it is none."""
+    told, none of most policies; moving: `ahead`, `history` and `tick` of `cfem.gym.moving_world`, nothing for robots at
+    rest. InputError where it is none."""
 
     path: Path
 
@@ -35,16 +37,19 @@ class Policy:
             if facts["format"] != FORMAT:
                 raise ValueError("it is of another format, train it again")
             sizes = [len(facts[name]) for name in ("step", "low", "reach")]
-            parameters = from_json(facts["parameters"])
+            parameters, moving = from_json(facts["parameters"]), facts["moving"]
         except Exception as error:  # of onnxruntime, which share no class, of JSON, of the keys
             what = f"is no policy of cfem: {str(error).splitlines()[0][:200]}"
             raise InputError(what, where=str(self.path), do="write it by cfem.gym.save_policy.save_policy") from None
         n_a, n_e = len(facts["actuators"]), len(facts["effectors"])
         seen = 4 * n_e + n_a + len(parameters)
+        if moving:
+            seen = n_e * (1 + moving["ahead"] + moving["history"]) + n_a * moving["history"]
         if sizes != [n_a] * 3 or session.get_inputs()[0].shape[1] != seen:
             what = f"does not take the {seen} numbers of an observation of its robot"
             raise InputError(what, where=str(self.path), do="train it again")
         object.__setattr__(self, "parameters", parameters)
+        object.__setattr__(self, "moving", moving)
         object.__setattr__(self, "facts", facts)
         object.__setattr__(self, "_session", session)
         numbers = (np.asarray(facts[name], float) for name in ("step", "low", "reach"))
@@ -73,8 +78,16 @@ class Policy:
         self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
     ) -> np.ndarray:
         """(B, n_a) mm: as `command`, of many robots."""
+        return self._next(u, observation(self.scales, tip, u, goal, ahead, told))
+
+    def moving_command(self, tips: np.ndarray, us: np.ndarray, goals: np.ndarray) -> np.ndarray:
+        """(n_a,) mm or N: the next command after us (history, n_a) and samples tips (history, n_e) mm from rest, newest
+        first, to goals (k, n_e), of the end of this tick first, of which the last is taken to stay."""
+        goals = np.concatenate([goals, np.repeat(goals[-1:], self.moving["ahead"], axis=0)])[: self.moving["ahead"]]
+        return self._next(us[:1], moving_observation(self.scales, tips[None], us[None], goals[None]))[0]
+
+    def _next(self, u: np.ndarray, seen: np.ndarray) -> np.ndarray:
         scales: Scales = self.scales
-        seen = observation(scales, tip, u, goal, ahead, told)
         actions = self._session.run(None, {self._session.get_inputs()[0].name: seen})[0]
         move = np.clip(np.nan_to_num(actions.astype(float)), -1.0, 1.0) * scales.step
         return np.clip(u + move, scales.low, scales.reach)

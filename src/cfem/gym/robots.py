@@ -42,7 +42,8 @@ class Robots:
             kind, form = model.meta.get("kind"), model.form
             what = f"environments need a spectral model of form displacement, got kind '{kind}' of form '{form}'"
             raise InputError(what, do="train with `model: {kind: spectral}`")
-        from cfem.gym.kernel import Series, equilibria
+        from cfem.gym.kernel import equilibria
+        from cfem.gym.lanes import Series
 
         self.model, self._equilibria = model, equilibria
         parts, arrays = layout(model.rows.n_a, model.rows.n_e), model.arrays

@@ -8,17 +8,25 @@ from typing import Any
 
 from cfem.condensed.parameters import to_json
 from cfem.core.optional import demand
+from cfem.gym.moving_world import MovingWorld
 from cfem.gym.policy import FORMAT, KEY
 from cfem.gym.world import World
 
 
-def facts_of(world: World) -> dict[str, Any]:
+def facts_of(world: World | MovingWorld) -> dict[str, Any]:
     """What a controller needs beside the weights: plain data."""
-    scales, rows = world.scales, world.model.rows
+    scales, rows, own = world.scales, world.model.rows, {}
+    if isinstance(world, MovingWorld):
+        own = {"ahead": world.ahead, "history": world.history, "tick": world.tick}
+        parameters, command = [], world.command
+    else:
+        parameters, command = to_json(world.model.parameters) if world.observes_parameters else [], "displacement"
     return {
         "format": FORMAT,
         "task": world.name,
-        "parameters": to_json(world.model.parameters) if world.observes_parameters else [],
+        "command": command,
+        "moving": own,
+        "parameters": parameters,
         "effectors": list(rows.effectors),
         "actuators": list(rows.actuators),
         "scale": scales.scale,
@@ -29,7 +37,7 @@ def facts_of(world: World) -> dict[str, Any]:
     }
 
 
-def save_policy(module: Any, path: Path | str, world: World) -> None:
+def save_policy(module: Any, path: Path | str, world: World | MovingWorld) -> None:
     """module: a torch module, observations (B, n) -> actions (B, n_a), the mean of what it would try. Writes ONNX."""
     demand("torch", "onnx", "onnxscript", where="save_policy")
     import onnx

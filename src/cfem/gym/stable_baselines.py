@@ -9,33 +9,35 @@ from cfem.gym.environments import RobotVectorEnv
 
 
 class RobotVecEnv(VecEnv):
-    """env: a batch. Episodes end by time alone, which the infos say, so that values are bootstrapped."""
+    """env: a batch. Where an episode ends by time, the infos say so, so that values are bootstrapped."""
 
     def __init__(self, env: RobotVectorEnv):
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self._returns, self._actions = np.zeros(env.num_envs), None
+        self._returns, self._lengths, self._actions = np.zeros(env.num_envs), np.zeros(env.num_envs, int), None
 
     def reset(self) -> np.ndarray:
-        self._returns[:] = 0.0
+        self._returns[:], self._lengths[:] = 0.0, 0
         return self.env.reset(seed=self._seeds[0])[0]
 
     def step_async(self, actions: np.ndarray) -> None:
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        seen, rewards, _, over, info = self.env.step(self._actions)
+        seen, rewards, failed, late, info = self.env.step(self._actions)
+        over = failed | late
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._returns += rewards
+        self._lengths += 1
         for i in np.flatnonzero(over):
-            episode = {"r": float(self._returns[i]), "l": self.env.world.length, "t": 0.0}
+            episode = {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": 0.0}
             infos[i] = {
                 "terminal_observation": info["final_obs"][i],
-                "TimeLimit.truncated": True,
+                "TimeLimit.truncated": not failed[i],
                 "episode": episode,
                 "error": float(info["error"][i]),
             }
-        self._returns[over] = 0.0
+        self._returns[over], self._lengths[over] = 0.0, 0
         return seen, rewards.astype(np.float32), over, infos
 
     def close(self) -> None:

@@ -3,9 +3,9 @@
 Everything that a policy observes is known where a robot works: the measured effector, the last command, the goal. An
 observation is a row of numbers of about 1:
 
-    (goal - x) / scale      how far the goal is, n_e
+    (goal - x) / scale      how far the goal of the end of the tick that follows is, n_e
     (goal - x) / (5 near)   the same near the goal, n_e, at most 1
-    (goal' - goal) / near   how far the goal goes on in the next tick, n_e; Press: force that is missing, see there
+    (goal' - goal) / near   how far it goes on in the tick after that, n_e; Press: force that is missing, see there
     (x - x_rest) / scale    where the effector is, n_e
     2 u / reach - 1         the last command, n_a
     2 share - 1             where the robot is told its parameters: of the range of each (`observe_parameters`), n_p

@@ -1,4 +1,4 @@
-"""Policies by PPO of Stable-Baselines3, with settings for robots at rest in each tick."""
+"""Policies by PPO of Stable-Baselines3, with settings for robots at rest in each tick, and for robots that move."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,6 +9,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from cfem.gym.environments import RobotVectorEnv
+from cfem.gym.moving_world import MovingWorld
 from cfem.gym.stable_baselines import RobotVecEnv
 from cfem.gym.world import World
 
@@ -41,7 +42,7 @@ def train(
         n_steps=32,
         batch_size=4 * env.num_envs,
         n_epochs=6,
-        gamma=0.9,
+        gamma=0.95 if isinstance(env.world, MovingWorld) else 0.9,
         gae_lambda=0.9,
         learning_rate=lambda left: 1.5e-3 * max(left, 0.0) + 1e-5,  # the last rollout may end beyond the steps
         policy_kwargs={"net_arch": [width, width], "log_std_init": -1.0},
@@ -71,10 +72,14 @@ class _Parts(BaseCallback):
         return True
 
 
-def errors(policy: Mean, world: World, ticks: int = 60, last: int = 10) -> np.ndarray:
-    """(B,) mm, mean of the `last` of `ticks` ticks of an episode of each robot of the batch, begun before."""
+def errors(policy: Mean, world: World | MovingWorld, ticks: int = 60, last: int = 10) -> np.ndarray:
+    """(B,) mm, mean of the `last` of `ticks` ticks of an episode of each robot of the batch, begun before. A robot that
+    leaves what its model knows counts as one that stands at rest, and begins again."""
     found = []
     with torch.no_grad():
         for _ in range(ticks):
-            found.append(world.step(policy(torch.as_tensor(world.observe())).numpy())[1])
+            _, off, left, _ = world.step(policy(torch.as_tensor(world.observe())).numpy())
+            found.append(off)
+            if left.any():
+                world.reset(np.flatnonzero(left))
     return np.mean(found[-last:], axis=0)

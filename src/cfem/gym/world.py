@@ -109,8 +109,8 @@ class World:
         for name in FIELDS:
             getattr(self.states, name)[which] = getattr(moved, name)
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """actions (B, n_a) -> rewards (B,), errors (B,) mm, and whose episode is over (B,)."""
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """actions (B, n_a) -> rewards (B,), errors (B,) mm, whose episode has failed (none), and whose is over (B,)."""
         scales, every = self.scales, slice(None)
         move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
         self.u = np.clip(self.u + move, scales.low, scales.reach)
@@ -118,16 +118,16 @@ class World:
         self.t += 1
         errors = self.task.errors(self.states, self.goals, self.t)
         rewards = np.exp(-errors / scales.near) - errors / scales.scale
-        return rewards, errors, self.t >= self.length
+        return rewards, errors, np.zeros(self.count, bool), self.t >= self.length
 
     def observe(self) -> np.ndarray:
-        """(B, n) float32."""
+        """(B, n) float32. The goal is that of the end of the tick that follows, as in a loop of `cfem control`."""
         tip = self.task.tip(self.states, self.goals)
         if self.randomised.noise:
             tip = tip + self.randomised.noise * self.rng.standard_normal(tip.shape)
-        ahead = self.task.ahead(self.states, self.goals, self.t)
+        ahead = self.task.ahead(self.states, self.goals, self.t + 1)
         told = 2.0 * shares(self.model.parameters, self.p) - 1.0 if self.observes_parameters else self.p[:, :0]
-        return observation(self.scales, tip, self.u, self.goals.now(self.t), ahead, told)
+        return observation(self.scales, tip, self.u, self.goals.now(self.t + 1), ahead, told)
 
     def _felt(self, which: np.ndarray | slice) -> np.ndarray:
         felt = self.u[which] * self.gain[which] - self.slack[which]

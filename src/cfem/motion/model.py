@@ -101,7 +101,7 @@ class MotionModel:
             raise InputError(
                 "only energy models of form displacement without parameters can move", do="train kind: spectral"
             )
-        self.static, self.rows = static, static.rows
+        self.static, self.rows, self.arrays = static, static.rows, arrays
         self.losses = tuple(Loss(one["relaxation"], tuple(map(tuple, one["prony"]))) for one in viscosity)
         n_a, n_e = self.rows.n_a, self.rows.n_e
         self.scale = take(arrays, "scale", (None,))

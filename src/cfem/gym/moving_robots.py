@@ -1,0 +1,148 @@
+"""A batch of robots that move, with inertia and viscosity: what the moving environments act on."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.packing import upper_indices
+from cfem.core.errors import InputError
+from cfem.gym.robots import Robots
+from cfem.motion.model import MotionModel, layout
+from cfem.motion.modes import natural_modes, prewarp
+from cfem.predict.energy import layout as static_layout
+from cfem.predict.series import input_derivatives
+
+
+@dataclass
+class MovingStates:
+    """B robots, robots last: q, p, v, gain (n_q, B) as of `cfem.motion.step.Motion` in coordinates q / scale, lam and
+    held (n_a, B); u (n_a, B): the command that has been reached, N or mm; stiffness, viscosity (B,): times those of
+    the model; tip (B, n_e) mm from rest; outside (B,): how far the actuators are from the middle of the learned box, in
+    half widths; failed: steps of robots that were not solved in the last tick."""
+
+    q: np.ndarray
+    p: np.ndarray
+    v: np.ndarray
+    gain: np.ndarray
+    lam: np.ndarray
+    held: np.ndarray
+    u: np.ndarray
+    stiffness: np.ndarray
+    viscosity: np.ndarray
+    tip: np.ndarray
+    outside: np.ndarray
+    failed: int = 0
+
+    def put(self, which: np.ndarray, others: "MovingStates") -> None:
+        """others, k of them, in the places `which` (k,)."""
+        for name in ("q", "p", "v", "gain", "lam", "held", "u", "stiffness", "viscosity", "outside"):
+            getattr(self, name)[..., which] = getattr(others, name)
+        self.tip[which] = others.tip
+
+
+class MovingRobots:
+    """model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps of a tick. Mass and
+    viscosity are scaled so that steps of that length have the lowest natural frequency right
+    (`cfem.control.moving.clocked` says how). InputError for models of other kinds."""
+
+    def __init__(self, model: MotionModel, kind: str = "force", tick: float = 0.01, substeps: int = 1):
+        self.static = Robots(model.static)
+        from cfem.gym.moving_step import ticks
+
+        if any(one.prony for one in model.losses):
+            raise InputError(
+                "batches of robots that move know no Prony terms", do="use a material with relaxation alone"
+            )
+        self.model, self.kind, self.forces = model, kind, kind == "force"
+        self.tick, self.substeps, self._ticks = tick, substeps, ticks
+        about = model.static.domain.states[0, : model.n_a]
+        self.frequency = float(natural_modes(model, about, not self.forces, 1).frequency[0])
+        self._learned, self._effectors = learned(model, prewarp(self.frequency, tick / substeps))
+        self._scale = model.scale[: model.n_a, None]
+        self._small = 1e-6 * float((self.static.largest_force * self._scale[:, 0]).max())
+
+    def standing(self, u: np.ndarray, stiffness: np.ndarray, viscosity: np.ndarray) -> MovingStates:
+        """At rest under commands u (B, n_a). InputError where there is no such equilibrium."""
+        model, count = self.model, len(u)
+        start = self.static.start(count)
+        start.delta_a[:] = model.static.domain.states[0, : model.n_a]
+        found = self.static.move(start, u / stiffness[:, None] if self.forces else u, forces=self.forces)
+        if found.failed:
+            raise InputError(f"{found.failed} of {count} robots find no equilibrium under their first command")
+        q = np.zeros((model.n_q, count))
+        q[: model.n_a] = found.delta_a.T / self._scale
+        held = np.zeros((model.n_a, count))
+        if not self.forces:
+            held[:] = (found.delta_a <= u + 1e-9).T if self.static.pulls else 1.0
+        none, lam = np.zeros_like(q), found.lambda_a.T * stiffness * self._scale
+        out = np.zeros(count)
+        return MovingStates(
+            q,
+            none,
+            none.copy(),
+            none.copy(),
+            lam,
+            held,
+            np.array(u.T),
+            stiffness.copy(),
+            viscosity.copy(),
+            found.tip.copy(),
+            out,
+        )
+
+    def move(self, states: MovingStates, u: np.ndarray) -> None:
+        """`states` after a tick in which commands move evenly to u (B, n_a)."""
+        from cfem.gym.moving_kernel import Lanes
+
+        factor = self._scale if self.forces else 1 / self._scale
+        lanes = Lanes(
+            states.q, states.p, states.v, states.gain, states.u, states.lam, states.held, states.stiffness,
+            states.viscosity,
+        )  # fmt: skip
+        begin, end, tip = states.u * factor, np.ascontiguousarray(u.T) * factor, np.empty(states.tip.shape[::-1])
+        states.failed = self._ticks(
+            self._learned, self._effectors, lanes, begin, end, self.forces, self.static.pulls,
+            self.tick / self.substeps, self.substeps, self._small, tip, states.outside,
+        )  # fmt: skip
+        states.u, states.tip = np.array(u.T), np.ascontiguousarray(tip.T)
+
+    def forces_of(self, states: MovingStates) -> np.ndarray:
+        """(B, n_a) N, of the actuators in the last step."""
+        return (states.lam / self._scale).T
+
+
+def learned(model: MotionModel, warp: float) -> tuple[Any, Any]:
+    """The series of the loops, in coordinates q / scale, with warp^2 times the mass and warp times the viscosity."""
+    from cfem.gym.lanes import Series
+    from cfem.gym.moving_kernel import Learned
+    from cfem.gym.moving_step import Effectors
+
+    n_a, n_e, n_r, scale = model.n_a, model.rows.n_e, model.n_r, model.scale
+    static, of = model.static.arrays, static_layout(model.n_a, n_e)
+    own, where = model.arrays, layout(model.n_q, n_r, n_e, len(model.losses))
+    first, second = upper_indices(n_a)
+    pull, stiff = (static["series"][of[name]] for name in ("gradient", "hessian"))
+    forces = np.concatenate([pull * scale[:n_a, None], stiff * (scale[first] * scale[second])[:, None]])
+    root, lost = warp * own["series"][where["M"]], np.sqrt(warp) * own["series"][where["H"].stop :]
+    slopes = input_derivatives(own["indices"], own["to_box"], n_a)
+    inertia = [root, *(scale[a] * (slopes[a] @ root.T).T for a in range(n_a)), lost]
+    bends = [_scaled(own["series"][where["H"]], n_e, scale[n_a:])]
+    if "curve" in own:
+        first, second = upper_indices(n_r)
+        bends.append(_scaled(own["curve"], n_e, scale[n_a:][first] * scale[n_a:][second]))
+
+    def series(arrays: dict[str, np.ndarray], rows: np.ndarray) -> Series:
+        return Series.of(arrays["to_box"] * scale[:n_a], arrays["offset"], arrays["indices"], rows)
+
+    relaxation = np.array([one.relaxation for one in model.losses])
+    kappa, smallest = model.stiffness * scale[n_a:] ** 2, 1e-6 / float(scale.min())
+    return (
+        Learned(series(static, forces), series(own, np.concatenate(inertia)), relaxation, kappa, model.n_q, smallest),
+        Effectors(series(static, static["series"][of["effector"]]), series(own, np.concatenate(bends)), "curve" in own),
+    )
+
+
+def _scaled(rows: np.ndarray, n_e: int, factors: np.ndarray) -> np.ndarray:
+    """Rows of each effector times the factors."""
+    return (rows.reshape(n_e, len(factors), -1) * factors[:, None]).reshape(len(rows), -1)

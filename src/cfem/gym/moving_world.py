@@ -1,0 +1,137 @@
+"""A batch of episodes of robots that move: as `cfem.gym.world`, with inertia, viscosity, and sensors that are late."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.gym.moving_robots import MovingRobots
+from cfem.gym.moving_tasks import MOVING, ahead_of, moving_observation
+from cfem.gym.tasks import Goals, Scales
+from cfem.motion.model import MotionModel
+
+POOL = 4096  # goals that there are
+LEFT = 1.2  # half widths of the learned box, beyond which nothing is known of a robot
+GONE = -10.0  # reward of leaving it
+
+
+@dataclass(frozen=True)
+class MovingRandomised:
+    """What differs from episode to episode. stiffness, viscosity: shares by which the robot's may be more or less than
+    the model's; delay: ticks by which samples may be late; noise: mm, of each coordinate of a sample."""
+
+    stiffness: float = 0.15
+    viscosity: float = 0.3
+    delay: int = 1
+    noise: float = 0.1
+
+
+class MovingWorld:
+    """B episodes of a task. model: one that moves, or its folder; command: force or displacement; rate: ticks a second,
+    Hz, each of `substeps` steps in time; step: share of the reach by which an action of 1 changes a command; largest:
+    share of the largest command of the training that may be commanded; randomise: a `MovingRandomised` or its keys;
+    length: ticks of an episode, the task's unless given; seed: of the goals that there are; ahead: goals that are
+    observed, history: samples and commands."""
+
+    def __init__(
+        self,
+        model: MotionModel | Path | str,
+        task: str,
+        count: int,
+        command: str = "force",
+        rate: float = 100.0,
+        substeps: int = 1,
+        step: float = 0.2,
+        largest: float = 0.65,
+        randomise: MovingRandomised | dict[str, Any] | None = None,
+        length: int | None = None,
+        seed: int = 0,
+        ahead: int = 8,
+        history: int = 4,
+    ):
+        if task not in MOVING or command not in ("force", "displacement"):
+            do = f"use one of {', '.join(MOVING)}, and command force or displacement"
+            raise InputError(f"there is no task '{task}' with command '{command}'", do=do)
+        if min(ahead, history) < 1:
+            raise InputError(f"ahead and history must be at least 1, got {ahead} and {history}")
+        if not isinstance(model, MotionModel):
+            from cfem.motion.load import load_motion
+
+            model = load_motion(Path(model))
+        self.robots = MovingRobots(model, command, 1.0 / rate, substeps)
+        self.model, self.count, self.name, self.command = model, count, task, command
+        self.randomised = (
+            randomise if isinstance(randomise, MovingRandomised) else MovingRandomised(**(randomise or {}))
+        )
+        self.ahead, self.history, self.tick = ahead, history, 1.0 / rate
+        rng = np.random.default_rng(seed)
+        self.task = MOVING[task](self.robots.static, np.zeros((POOL, 0)), rng, self.tick)
+        self.length = self.task.length if length is None else length
+        low, high = self._bounds(largest)
+        self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
+        self.rng = np.random.default_rng(seed)
+        n_e, n_a = model.rows.n_e, model.rows.n_a
+        stays = not hasattr(self.task, "curves")
+        path = np.zeros((count, 1 if stays else self.task.length + 1, n_e))
+        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, n_e)))
+        self.u, self.t, self.delay = np.tile(low, (count, 1)), np.zeros(count, int), np.zeros(count, int)
+        self.states = self.robots.standing(self.u, np.ones(count), np.ones(count))
+        self.samples = np.zeros((count, history + self.randomised.delay, n_e))
+        self.told = np.zeros((count, history, n_a))
+
+    def _bounds(self, largest: float) -> tuple[np.ndarray, np.ndarray]:
+        model = self.model.static
+        if self.command == "displacement":
+            low, high = np.asarray(model.reach, float).T
+        else:
+            high = self.robots.static.largest_force
+            low = np.zeros_like(high) if self.robots.static.pulls else -high
+        return low, low + largest * (high - low)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Of an observation and of an action."""
+        rows = self.model.rows
+        return rows.n_e * (1 + self.ahead + self.history) + rows.n_a * self.history, rows.n_a
+
+    def reset(self, which: np.ndarray) -> None:
+        """New episodes for the robots `which` (k,), each at rest at a random place."""
+        size, rng, kinds, scales = len(which), self.rng, self.randomised, self.scales
+        self.task.begin(self.goals, which, rng)
+        stiffness = 1.0 + kinds.stiffness * rng.uniform(-1, 1, size)
+        viscosity = 1.0 + kinds.viscosity * rng.uniform(-1, 1, size)
+        u = scales.low + rng.uniform(0.05, 0.7, (size, len(scales.low))) * (scales.reach - scales.low)
+        self.states.put(which, self.robots.standing(u, stiffness, viscosity))
+        self.u[which], self.t[which] = u, 0
+        self.delay[which] = rng.integers(0, kinds.delay + 1, size)
+        self.told[which] = u[:, None]
+        self.samples[which] = self._sample(which)[:, None]
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """actions (B, n_a) -> rewards (B,), errors (B,) mm, who has left what the model knows, and whose episode is
+        over."""
+        scales = self.scales
+        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
+        self.u = np.clip(self.u + move, scales.low, scales.reach)
+        self.robots.move(self.states, self.u)
+        self.t += 1
+        left = ~(self.states.outside <= LEFT) | ~np.isfinite(self.states.tip).all(axis=1)
+        if left.any():  # what they are does not matter: they begin again
+            self.states.tip[left] = 0.0
+        self.told = np.concatenate([self.u[:, None], self.told[:, :-1]], axis=1)
+        self.samples = np.concatenate([self._sample(slice(None))[:, None], self.samples[:, :-1]], axis=1)
+        errors = self.task.errors(self.states, self.goals, self.t)
+        rewards = np.exp(-errors / scales.near) - errors / scales.scale
+        return np.where(left, GONE, rewards), errors, left, self.t >= self.length
+
+    def observe(self) -> np.ndarray:
+        """(B, n) float32."""
+        which = self.delay[:, None] + np.arange(self.history)
+        tips = np.take_along_axis(self.samples, which[:, :, None], axis=1)
+        return moving_observation(self.scales, tips, self.told, ahead_of(self.goals, self.t, self.ahead))
+
+    def _sample(self, which: np.ndarray | slice) -> np.ndarray:
+        tip = self.states.tip[which]
+        return tip + self.randomised.noise * self.rng.standard_normal(tip.shape)
