@@ -36,8 +36,8 @@ def summarise(
     last = found[-1]
     for place, name in enumerate(estimator.loaded, estimator.model.rows.n_a):
         value, sd = 1e3 * last.loads[place - estimator.model.rows.n_a], 1e3 * last.deviation[place]
-        seen = f"observed in {len(found) - unseen[name]} of {len(found)} frames"
-        headline.append(f"{name}: {value:.3g} mN in the last frame, standard deviation {sd:.2g} mN; {seen}")
+        often = f"observed in {len(found) - unseen[name]} of {len(found)} frames"
+        headline.append(f"{name}: {value:.3g} mN in the last frame, standard deviation {sd:.2g} mN; {often}")
     if outliers:
         headline.append("left out: " + ", ".join(f"{name} in {count} frames" for name, count in outliers.most_common()))
     judged = []
