@@ -215,6 +215,17 @@ def test_a_state_outside_of_the_data_is_reported(tmp_path):
     assert controller.step(np.zeros(3), delta_a=np.array([24.0, 24.0])).status & OUTSIDE
 
 
+@pytest.mark.parametrize("scalar", ["double", "float"])
+def test_rest_is_not_outside_though_every_training_state_pulls_a_little(tmp_path, scalar):
+    meta, arrays = spectral()
+    box = {name: [[0.5, 0.5], meta["domain"][name][1]] for name in ("delta_a", "lambda_a")}
+    pulled = meta | {"domain": meta["domain"] | box}
+    export(tmp_path, (pulled, arrays), None, scalar=scalar, controller={"observer": "measured"})
+    controller, rest = CompiledController(tmp_path), build(meta, arrays).rest_e
+    assert controller.step(rest, delta_a=np.zeros(2)).status & OUTSIDE == 0
+    assert controller.step(rest, delta_a=np.full(2, -3.0)).status & OUTSIDE
+
+
 def test_robots_do_not_share_state(tmp_path):
     model = build(*spectral())
     one, other = compiled(tmp_path), CompiledController(tmp_path)

@@ -9,8 +9,9 @@ from export.pages import ROBOTS, page_of, skin_of
 from export.test_page_data import unpacked
 
 from cfem.core.errors import InputError
+from cfem.export.at_rest import right_at_rest, with_rest
 from cfem.export.embedding import Embedding
-from cfem.export.page import page, right_at_rest, with_rest
+from cfem.export.page import page
 from cfem.export.page_data import Packed
 from cfem.export.spec import CSpec
 from cfem.predict.load import build

@@ -9,6 +9,7 @@ from cfem.condensed.given import vector
 from cfem.condensed.packing import upper_indices
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
+from cfem.export.at_rest import right_at_rest, with_rest
 from cfem.export.c_series import Group, trees_of
 from cfem.export.spec import ControllerSpec, CSpec
 from cfem.predict.energy import layout
@@ -247,6 +248,8 @@ def controller(
         "cfem_domain_lambda_a": domain.lambda_a / softer,
         "cfem_home": home,
     }
+    if right_at_rest(predictor, arrays, p):
+        arrays |= with_rest(predictor, arrays, p)
     defines = {
         "CFEM_NA": n_a,
         "CFEM_NE": n_e,

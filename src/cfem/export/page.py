@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.shown import length
+from cfem.export.at_rest import right_at_rest, with_rest
 from cfem.export.c_constants import controller, surrogate
 from cfem.export.embedding import Embedding
 from cfem.export.page_block import block, skin_series
@@ -36,7 +37,6 @@ SCRIPTS = (
 KINDS = ("spectral", "serial")
 LEAST = 1e-3  # mm: a smaller error is of no interest to those who look
 EXACT = 1e-7  # mm: the finest step of what is stored of places
-AT_REST = 5e-3  # of length and largest force: what a model may be off at rest, to be called right there
 POINT = ("x", "y", "z")
 
 
@@ -104,25 +104,6 @@ def page(
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
     return fill(said, data, meta["scene"], about(meta, predictor), concerns)
-
-
-def right_at_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> bool:
-    """Whether the model is right at rest, a state that is known without any sample."""
-    at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
-    off = np.abs(at.delta_e).max() / predictor.length
-    forced = (np.abs(at.lambda_a) / np.abs(constants["cfem_domain_lambda_a"]).max(axis=0)).max()
-    return bool(max(off, forced) < AT_REST)
-
-
-def with_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> dict[str, np.ndarray]:
-    """The box of the training states with the robot at rest in it, where every page begins. Training states pull a
-    little, so rest lies beside their box."""
-    at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
-    found = {}
-    for name, rest in (("cfem_domain_delta_a", at.delta_a), ("cfem_domain_lambda_a", at.lambda_a)):
-        low, high = constants[name]
-        found[name] = np.stack([np.minimum(low, rest), np.maximum(high, rest)])
-    return found
 
 
 def watched(predictor: Predictor) -> list[dict[str, Any]]:

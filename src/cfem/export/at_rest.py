@@ -1,0 +1,27 @@
+"""The robot at rest among the states that firmware and pages take as known."""
+
+import numpy as np
+
+from cfem.predict.protocol import Predictor
+
+AT_REST = 5e-3  # of length and largest force: what a model may be off at rest, to be called right there
+
+
+def right_at_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> bool:
+    """Whether the model is right at rest, a state that is known without any sample."""
+    at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
+    off = np.abs(at.delta_e).max() / predictor.length
+    forced = (np.abs(at.lambda_a) / np.abs(constants["cfem_domain_lambda_a"]).max(axis=0)).max()
+    return bool(max(off, forced) < AT_REST)
+
+
+def with_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> dict[str, np.ndarray]:
+    """The box of the training states with the robot at rest in it, where every robot begins. Training states pull a
+    little, so rest lies beside their box."""
+    at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
+    found = {}
+    for name, rest in (("cfem_domain_delta_a", at.delta_a), ("cfem_domain_lambda_a", at.lambda_a)):
+        low, high = constants[name]
+        rounding = 1e-5 * (high - low)  # of firmware in single precision
+        found[name] = np.stack([np.minimum(low, rest - rounding), np.maximum(high, rest + rounding)])
+    return found
