@@ -31,6 +31,7 @@ from cfem.robot.spec import SceneSpec, scene_meaning
 MOTION = motion.FILE
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c", "html": "page.html"}
 CONTROLLERS = {"c", "html"}
+IN_PYTHON = {"c contact": "contact in Python", "c estimate": "the estimator in Python"}  # not of the model alone
 PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
 NOTHING = Embedding()
 
@@ -143,8 +144,8 @@ def work(
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
-        f"{name}: {f'{size(sizes[name])}, ' if name in sizes else ''}largest relative difference from the trained "
-        f"model {error:.1e}"
+        f"{name}: {f'{size(sizes[name])}, ' if name in sizes else ''}largest relative difference from "
+        f"{IN_PYTHON.get(name, 'the trained model')} {error:.1e}"
         for name, error in parity.items()
     ]
     if report and report["parity"] is None:
