@@ -6,7 +6,7 @@ from surrogate.stored import train_folder
 
 from cfem.condensed.model import under_force
 from cfem.core.errors import InputError
-from cfem.gym.robots import LOADED, Robots
+from cfem.gym.robots import Robots
 from cfem.predict.load import load_model
 
 
@@ -69,7 +69,7 @@ def test_where_a_robot_was_changes_nothing(model):
 
 def test_a_load_at_held_forces_moves_the_effector_by_the_models_compliance(model):
     """W_ee is the compliance at held forces, which the batch does not use: it knows that at locked actuators."""
-    robots, rng = Robots(model, LOADED), np.random.default_rng(6)
+    robots, rng = Robots(model, loaded=range(3)), np.random.default_rng(6)
     u = np.full((3, 2), 0.4) * robots.largest_force
     start = robots.start(3)
     start.delta_a[:] = model.domain.states[0, :2]
@@ -82,7 +82,7 @@ def test_a_load_at_held_forces_moves_the_effector_by_the_models_compliance(model
 
 
 def test_a_load_that_pulls_a_cable_taut_or_slack_leaves_no_negative_tension(model):
-    robots, rng = Robots(model, LOADED), np.random.default_rng(7)
+    robots, rng = Robots(model, loaded=range(3)), np.random.default_rng(7)
     u = rng.uniform(0, 1, (200, 2)) * model.domain.delta_a[1]
     load = rng.standard_normal((200, 3))
     load *= 0.05 * robots.largest_force.max() / np.abs(load).max()
@@ -93,6 +93,17 @@ def test_a_load_that_pulls_a_cable_taut_or_slack_leaves_no_negative_tension(mode
     i = int(np.flatnonzero(~slack.any(axis=1))[0])
     here = model.at_displacement(u[i])
     assert found.lambda_a[i] == pytest.approx(here.lambda_a - here.effector_jacobian.T @ load[i])
+
+
+def test_loads_on_one_row_are_those_of_a_robot_with_all_rows(model):
+    """Rows and columns of the compliance, slopes and their derivatives, each in its place."""
+    rng = np.random.default_rng(8)
+    u = rng.uniform(0, 1, (50, 2)) * model.domain.delta_a[1]
+    load = np.zeros((50, 3))
+    load[:, 2] = -1e-3 * rng.random(50)
+    one, all_rows = Robots(model, loaded=(2,)), Robots(model, loaded=range(3))
+    found, wanted = one.move(one.start(50), u, loads=load[:, 2:]), all_rows.move(all_rows.start(50), u, loads=load)
+    assert found.tip == pytest.approx(wanted.tip) and found.lambda_a == pytest.approx(wanted.lambda_a, abs=1e-6)
 
 
 def test_each_robot_has_parameters_of_its_own(folders):

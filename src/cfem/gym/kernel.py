@@ -6,10 +6,12 @@ delta >= u, with loads w on the effectors, found by Newton's method: each step i
 under the same bounds. Forces are told to the others: the minimum of Psi - w . e - lambda . delta. The first step from
 where a robot was is that of its last Hessian and costs no series."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from cfem.gym.lanes import LANES, add_up, fill_basis
+from cfem.gym.lanes import LANES, add_up, fill_basis, room_of
 
 NEWTON = 14  # evaluations of a robot
 
@@ -86,114 +88,140 @@ def _quadratic(H, g, room, bounded, free, step, L, tolerance):
     return True
 
 
+class Law(NamedTuple):
+    """forces: whether commands are forces; pulls: whether no actuator pushes; longest: mm of one Newton step;
+    tolerance: N; loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians follow
+    (packed)."""
+
+    forces: bool
+    pulls: bool
+    longest: float
+    tolerance: float
+    loads: int
+
+
+class Place(NamedTuple):
+    """Of one robot: x where its actuators are, u its command, g and H (n_a, n_a) slope and Hessian of what is least;
+    room for a step: free, room, step, L."""
+
+    x: np.ndarray
+    u: np.ndarray
+    g: np.ndarray
+    H: np.ndarray
+    free: np.ndarray
+    room: np.ndarray
+    step: np.ndarray
+    L: np.ndarray
+
+
 @njit(cache=True, error_model="numpy")
-def _move(x, g, H, u, bounded, free, room, step, L, tolerance, longest):
-    """x (n,) by one step of Newton's method, at most `longest`, within the bounds x >= u where bounded."""
-    n = len(x)
+def _move(at, law):
+    """at.x by one step of Newton's method, at most the longest, within the bounds x >= u where cables pull."""
+    x, g, H, u, free, room, step = at.x, at.g, at.H, at.u, at.free, at.room, at.step
+    n, bounded = len(x), law.pulls and not law.forces
     for i in range(n):
         room[i] = x[i] - u[i]
-        free[i] = not bounded or room[i] > 0 or g[i] < -tolerance
-    if not _quadratic(H, g, room, bounded, free, step, L, tolerance):
+        free[i] = not bounded or room[i] > 0 or g[i] < -law.tolerance
+    if not _quadratic(H, g, room, bounded, free, step, at.L, law.tolerance):
         for i in range(n):
-            step[i] = -longest if g[i] > 0 else longest
+            step[i] = -law.longest if g[i] > 0 else law.longest
     most = 0.0
     for i in range(n):
         if free[i]:  # those at their bound are where they are told to be, however far
             most = max(most, abs(step[i]))
-    share = 1.0 if most <= longest else longest / most
+    share = 1.0 if most <= law.longest else law.longest / most
     for i in range(n):
         x[i] += share * step[i] if free[i] else step[i]
         if (bounded and x[i] < u[i]) or not free[i]:
             x[i] = u[i]
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
-def equilibria(u, w, forces, pulls, delta, known, q, softer, series, first_e, longest, tolerance, out):
-    """u (B, n_a): commands, forces: whether they are forces; pulls: whether no actuator pushes; w (B, n_e): loads on
-    the effectors in N, or (0, 0); delta (B, n_a): where the actuators were, and where they are then; known (B,):
-    whether out has the forces and the Hessian there; q (B, n_q), softer (B,): parameters; first_e: place of the
-    effectors' gradient among the outputs, which their Hessians follow; out (B, outputs): the series then, whose first
-    n_a are the forces, without those of the loads, and the next the Hessian (packed, of the energy alone); longest: mm
-    of one Newton step; tolerance: N. Returns how many did not converge."""
+@njit(cache=True, error_model="numpy")
+def _begin(b, at, law, delta, known, out):
+    """Where robot b is sought first: where the last Hessian leads to."""
+    n_a, place = len(at.x), len(at.x)
+    for i in range(n_a):
+        at.x[i] = delta[b, i]
+    if law.forces:
+        return
+    if not law.pulls or not known[b]:
+        for i in range(n_a):
+            at.x[i] = max(at.x[i], at.u[i]) if law.pulls else at.u[i]
+        return
+    for i in range(n_a):
+        at.g[i] = out[b, i]
+        for j in range(i, n_a):
+            at.H[i, j] = at.H[j, i] = out[b, place]
+            place += 1
+    _move(at, law)
+
+
+@njit(cache=True, error_model="numpy")
+def _slopes(b, lane, at, law, found, w, softer):
+    """g and H of robot b at at.x, loads taken off; `found` then has the actuators' forces without those of loads.
+    Returns what is left of the equations, N."""
+    n_a, place, size, loaded = len(at.x), len(at.x), 0.0, w.shape[1]
+    for i in range(n_a):
+        for r in range(loaded):
+            found[i, lane] -= found[law.loads + r * n_a + i, lane] * w[b, r] * softer
+        at.g[i] = found[i, lane] - (at.u[i] * softer if law.forces else 0.0)
+        if law.forces or (law.pulls and (at.g[i] < 0 or at.x[i] > at.u[i])):
+            size = max(size, abs(at.g[i]))
+        for j in range(i, n_a):
+            at.H[i, j] = found[place, lane]
+            for r in range(loaded):
+                second = law.loads + loaded * n_a + r * (n_a * (n_a + 1) // 2) + place - n_a
+                at.H[i, j] -= found[second, lane] * w[b, r] * softer
+            at.H[j, i] = at.H[i, j]
+            place += 1
+    return size
+
+
+@njit(cache=True, error_model="numpy")
+def equilibria(u, w, law, delta, known, q, softer, series, out):
+    """u (B, n_a): commands; w (B, k): loads on k effector rows in N, or (0, 0); delta (B, n_a): where the actuators
+    were, and where they are then; known (B,): whether out has the forces and the Hessian there; q (B, n_q), softer
+    (B,): parameters; out (B, outputs): the series then, whose first n_a are the forces, without those of the loads, and
+    the next the Hessian (packed, of the energy alone). Returns how many did not converge."""
     B, n_a = u.shape
     n, width = n_a + q.shape[1], out.shape[1]
-    t, table = np.zeros((n, LANES)), np.empty((n, series.highest + 1, LANES))
-    basis, found = np.zeros((series.values.shape[1], LANES)), np.empty((series.values.shape[0], LANES))
-    x, g, step, room = np.empty(n_a), np.empty(n_a), np.empty(n_a), np.empty(n_a)
-    H, L, free, told = (
-        np.empty((n_a, n_a)),
-        np.empty((n_a, n_a)),
-        np.empty(n_a, np.bool_),
-        np.empty(n_a),
-    )
+    t, sums = np.zeros((n, LANES)), room_of(series, n)
+    square, row = (n_a, n_a), np.empty((5, n_a))
+    at = Place(row[0], row[1], row[2], np.empty(square), np.empty(n_a, np.bool_), row[3], row[4], np.empty(square))
     who, left = np.full(LANES, -1), np.zeros(LANES, np.int64)  # which robot a lane works on; its evaluations left
-    following, busy, failed, bounded = 0, 0, 0, pulls and not forces
+    following, busy, failed = 0, 0, 0
     while following < B or busy > 0:
         for lane in range(LANES):  # a lane that is done takes the next robot
             if who[lane] >= 0 or following >= B:
                 continue
-            b = following
-            following += 1
-            busy += 1
-            who[lane], left[lane] = b, NEWTON
+            b, who[lane], left[lane] = following, following, NEWTON
+            following, busy = following + 1, busy + 1
             for i in range(n_a, n):
                 t[i, lane] = q[b, i - n_a]
             for i in range(n_a):
-                x[i] = delta[b, i]
-                told[i] = u[b, i]
-            if forces:
-                pass
-            elif not pulls:
-                x[:] = told
-            elif known[b]:
-                place = n_a
-                for i in range(n_a):
-                    g[i] = out[b, i]
-                    for j in range(i, n_a):
-                        H[i, j] = H[j, i] = out[b, place]
-                        place += 1
-                _move(x, g, H, told, bounded, free, room, step, L, tolerance, longest)
-            else:
-                for i in range(n_a):
-                    x[i] = max(x[i], told[i])
+                at.u[i] = u[b, i]
+            _begin(b, at, law, delta, known, out)
             for i in range(n_a):
-                t[i, lane] = x[i]
-        fill_basis(t, series, table, basis)
-        add_up(series.values, basis, found)
+                t[i, lane] = at.x[i]
+        fill_basis(t, series, sums.table, sums.basis)
+        add_up(series.values, sums.basis, sums.sums)
         for lane in range(LANES):
             b = who[lane]
             if b < 0:
                 continue
-            size, place = 0.0, n_a
             for i in range(n_a):
-                x[i], told[i] = t[i, lane], u[b, i]
-                g[i] = found[i, lane]
-                for r in range(w.shape[1]):
-                    g[i] -= found[first_e + r * n_a + i, lane] * w[b, r] * softer[b]
-                found[i, lane] = g[i]
-                if forces:
-                    g[i] -= told[i] * softer[b]
-                if forces or (pulls and (g[i] < 0 or x[i] > told[i])):
-                    size = max(size, abs(g[i]))
+                at.x[i], at.u[i] = t[i, lane], u[b, i]
+            size = _slopes(b, lane, at, law, sums.sums, w, softer[b])
             left[lane] -= 1
-            if size <= tolerance or left[lane] == 0:
-                failed += 0 if size <= tolerance else 1
-                for j in range(width):
-                    out[b, j] = found[j, lane]
+            if size > law.tolerance and left[lane] > 0:
+                _move(at, law)
                 for i in range(n_a):
-                    delta[b, i] = x[i]
-                known[b] = True
-                who[lane] = -1
-                busy -= 1
+                    t[i, lane] = at.x[i]
                 continue
+            failed += 0 if size <= law.tolerance else 1
+            for j in range(width):
+                out[b, j] = sums.sums[j, lane]
             for i in range(n_a):
-                for j in range(i, n_a):
-                    for r in range(w.shape[1]):
-                        second = first_e + w.shape[1] * n_a + r * (n_a * (n_a + 1) // 2) + place - n_a
-                        found[place, lane] -= found[second, lane] * w[b, r] * softer[b]
-                    H[i, j] = H[j, i] = found[place, lane]
-                    place += 1
-            _move(x, g, H, told, bounded, free, room, step, L, tolerance, longest)
-            for i in range(n_a):
-                t[i, lane] = x[i]
+                delta[b, i] = at.x[i]
+            known[b], who[lane], busy = True, -1, busy - 1
     return failed

@@ -1,6 +1,9 @@
 """A batch of robots of one model, in equilibrium under their commands: what the environments act on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +16,6 @@ from cfem.predict.protocol import Predictor
 from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
-LOADED = ("effector_gradient", "effector_hessian", "effector_compliance")
 PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
 
 
@@ -33,10 +35,10 @@ class States:
 
 
 class Robots:
-    """model: spectral, of form displacement. InputError for others. needs: effector_compliance for the compliance,
-    all of LOADED for loads."""
+    """model: spectral, of form displacement. InputError for others. needs: effector_compliance for the compliance;
+    loaded: effector rows on which there may be loads."""
 
-    def __init__(self, model: Predictor, needs: tuple[str, ...] = ()):
+    def __init__(self, model: Predictor, needs: tuple[str, ...] = (), loaded: Sequence[int] = ()):
         demand("numba", where="cfem.gym")
         if not isinstance(model, SpectralPredictor) or model.form != "displacement":
             kind, form = model.meta.get("kind"), model.form
@@ -45,17 +47,27 @@ class Robots:
         from cfem.gym.kernel import equilibria
         from cfem.gym.lanes import Series
 
-        self.model, self._equilibria = model, equilibria
-        parts, arrays = layout(model.rows.n_a, model.rows.n_e), model.arrays
-        rows, self._place = [], {}
-        for name in ("gradient", "hessian", "effector", *needs):
-            begin = sum(map(len, rows))
-            rows.append(_effector_hessian(model) if name == "effector_hessian" else arrays["series"][parts[name]])
-            self._place[name] = slice(begin, begin + len(rows[-1]))
-        self._outputs = sum(map(len, rows))
-        joined = np.concatenate(rows)
-        self._series = Series.of(arrays["to_box"], arrays["offset"], arrays["indices"], joined)
-        self._unpack = unpacking(model.rows.n_e)
+        self.model, self._equilibria, self._loaded = model, equilibria, list(loaded)
+        n_a, n_e = model.rows.n_a, model.rows.n_e
+        if loaded and max(loaded) >= n_e:
+            raise InputError("to carry, a robot needs an effector with rows x, y and z")
+        parts, series = layout(n_a, n_e), model.arrays["series"]
+        rows = {name: series[parts[name]] for name in ("gradient", "hessian", "effector", *needs)}
+        if loaded:
+            by = input_derivatives(model.arrays["indices"], model.arrays["to_box"], n_a)
+            chosen = rows["effector"][self._loaded]
+            rows["slopes"] = np.stack([(by[i] @ chosen.T).T for i in range(n_a)], axis=1).reshape(len(loaded) * n_a, -1)
+            pairs = list(zip(*upper_indices(n_a), strict=True))
+            bends = [(by[j] @ (by[i] @ chosen.T)).T for i, j in pairs]
+            rows["bends"] = np.stack(bends, axis=1).reshape(len(loaded) * len(pairs), -1)
+            columns = unpacking(n_e)[:, self._loaded]
+            rows["yields"] = series[parts["effector_compliance"]][columns.ravel()]
+        ends = [0, *accumulate(map(len, rows.values()))]
+        self._place = {name: slice(*pair) for name, pair in zip(rows, pairwise(ends), strict=True)}
+        self._outputs = ends[-1]
+        joined = np.concatenate(list(rows.values()))
+        self._series = Series.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
+        self._unpack = unpacking(n_e)
         low, high = model.domain.lambda_a
         self.pulls = bool((low > -PUSHES * high).all())
         self.largest_force = high.copy()
@@ -77,8 +89,9 @@ class Robots:
         loads: np.ndarray | None = None,
     ) -> States:
         """Under commands u (B, n_a), displacements in mm or forces in N, parameters p (B, n_p): the scene's unless
-        given, and loads (B, n_e) N on the effectors. Loads count to the first order: they move the effectors by their
-        compliance at locked actuators, and change the actuators' forces by the gradient of where the effectors are."""
+        given, and loads (B, k) N on the loaded effector rows. Loads count to the first order: they move the effectors
+        by their compliance at locked actuators, and change the actuators' forces by the gradient of where the
+        effectors are."""
         model, count, place = self.model, len(u), self._place
         softer, q = np.ones(count), np.zeros((count, 0))
         if model.parameters:
@@ -90,24 +103,27 @@ class Robots:
         failed = self._equilibria(
             np.ascontiguousarray(u, float),
             np.zeros((0, 0)) if loads is None else np.ascontiguousarray(loads, float),
-            forces,
-            self.pulls,
+            self._law(forces),
             delta,
             states.hessian[:, 0] > 0,
             q,
             softer,
             self._series,
-            place["effector_gradient"].start if loads is not None else 0,
-            0.25 * float(np.abs(model.reach).max()),
-            self._tolerance,
             out,
         )
         C, tip = states.compliance, out[:, place["effector"]]
         if "effector_compliance" in place:
             C = out[:, place["effector_compliance"]][:, self._unpack] * softer[:, None, None]
         if loads is not None:
-            tip = tip + np.einsum("bij,bj->bi", C, loads)
+            yields, k = out[:, place["yields"]], len(self._loaded)
+            tip = tip + sum(yields[:, r::k] * (loads[:, r] * softer)[:, None] for r in range(k))
         return States(delta, out[:, place["gradient"]] / softer[:, None], out[:, place["hessian"]], tip, C, int(failed))
+
+    def _law(self, forces: bool) -> Any:
+        from cfem.gym.kernel import Law
+
+        first = self._place["slopes"].start if self._loaded else 0
+        return Law(forces, self.pulls, 0.25 * float(np.abs(self.model.reach).max()), self._tolerance, first)
 
     def random_parameters(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """(count, n_p), uniform in the coordinates in which the model is smooth."""
@@ -138,14 +154,6 @@ class Robots:
     def forces(self, shares: np.ndarray, p: np.ndarray) -> np.ndarray:
         """(B, n_a) N: shares (B, n_a) of the largest of the training, of each robot's stiffness."""
         return shares * self.largest_force / (self.model.softer(p)[:, None] if p.shape[1] else 1.0)
-
-
-def _effector_hessian(model: SpectralPredictor) -> np.ndarray:
-    """(n_e n_a (n_a + 1) / 2, M) series of the second derivatives of each effector row by delta_a, packed."""
-    n_a, series = model.rows.n_a, model.arrays["series"][layout(model.rows.n_a, model.rows.n_e)["effector"]]
-    by = input_derivatives(model.arrays["indices"], model.arrays["to_box"], n_a)
-    pairs = zip(*upper_indices(n_a), strict=True)
-    return np.stack([(by[j] @ (by[i] @ series.T)).T for i, j in pairs], axis=1).reshape(-1, series.shape[1])
 
 
 FIELDS = ("delta_a", "lambda_a", "hessian", "tip", "compliance")

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.core.errors import InputError
-from cfem.gym.robots import LOADED, Robots, States
+from cfem.gym.robots import Robots, States
 
 LARGEST = 10.0  # number in an observation
 
@@ -43,14 +42,15 @@ def observation(
     off = goal - tip
     close = np.clip(off / (5 * scales.near), -1.0, 1.0)
     parts = [off / scales.scale, close, ahead / scales.near, tip / scales.scale, share, told]
-    return np.clip(np.concatenate(parts, axis=1), -LARGEST, LARGEST).astype(np.float32)
+    seen = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
+    return np.clip(seen, -LARGEST, LARGEST, out=seen)
 
 
 class Reach:
     """Goals that stay where they are for an episode, drawn from where the robot can be. robots; p (m, n_p): those of
     which episodes are, each with goals of its own."""
 
-    length, needs = 50, ()
+    length, needs, loaded = 50, (), ()
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
         self._pool, self._p = robots.feasible(rng, p), p
@@ -69,7 +69,8 @@ class Reach:
 
     def errors(self, states: States, goals: "Goals", t: np.ndarray) -> np.ndarray:
         """(B,) mm."""
-        return np.linalg.norm(states.tip - goals.now(t), axis=1)
+        off = states.tip - goals.now(t)
+        return np.sqrt(np.einsum("bi,bi->b", off, off))
 
     def ahead(self, states: States, goals: "Goals", t: np.ndarray) -> np.ndarray:
         """(B, n_e) mm to where the goal will be in the next tick."""
@@ -83,8 +84,8 @@ class Follow(Reach):
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
         super().__init__(robots, p, rng)
-        self._p = p[: self.curves]
         self._load = self._loads(robots, rng)
+        self._p = p[: self.curves]
         states, places = robots.start(len(self._p)), []
         states.delta_a[:] = robots.model.domain.states[0, : len(robots.largest_force)]
         for share in self._shares(rng, (len(self._p), len(robots.largest_force))):
@@ -115,15 +116,13 @@ class Carry(Follow):
     held for a fifth of the episode, moved with a smooth start and end, held again. Weights pull along -z of the scene,
     and move the robot by at most about 5 % of its workspace; they count to the first order (`Robots.move`)."""
 
-    needs = LOADED
+    loaded = (2,)
 
     def _loads(self, robots: Robots, rng: np.random.Generator) -> np.ndarray:
-        if robots.model.rows.n_e < 3:
-            raise InputError("to carry, a robot needs an effector with rows x, y and z")
-        softest = np.median(self._pool.compliance[:, 2, 2])
-        load = np.zeros((len(self._p), robots.model.rows.n_e))
-        load[:, 2] = -0.05 * self.scale / softest * rng.random(len(load))
-        return load
+        pool = self._pool
+        softer = Robots(robots.model, ("effector_compliance",)).move(pool, pool.delta_a, self._p).compliance
+        softest = np.median(softer[:, 2, 2])
+        return -0.05 * self.scale / softest * rng.random((self.curves, 1))
 
     def _shares(self, rng: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
         begin, end = rng.uniform(0.15, 0.65, size), rng.uniform(0.15, 0.65, size)
@@ -178,7 +177,7 @@ class Press(Reach):
 @dataclass
 class Goals:
     """path (B, T + 1, n_e) mm from rest at each tick, or (B, 1, n_e) of goals that stay; of Press: normal (B, n_e) of
-    the plane there, depth (B,) mm; of Carry: load (B, n_e) N."""
+    the plane there, depth (B,) mm; of Carry: load (B, 1) N along z."""
 
     path: np.ndarray
     normal: np.ndarray

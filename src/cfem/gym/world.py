@@ -55,7 +55,7 @@ class World:
             do = "sample with `parameters:` and train again"
             raise InputError("the model has no parameters: it knows one robot only", do=do)
         kind = TASKS[task]
-        self.robots = Robots(model, kind.needs)
+        self.robots = Robots(model, kind.needs, kind.loaded)
         self.model, self.count, self.name = model, count, task
         self.randomised = randomise if isinstance(randomise, Randomised) else Randomised(**(randomise or {}))
         self.observes_parameters = observe_parameters
@@ -68,7 +68,7 @@ class World:
         n_e, n_a = model.rows.n_e, model.rows.n_a
         stays = not hasattr(self.task, "curves")
         path = np.zeros((count, 1 if stays else self.length + 1, n_e))
-        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, n_e)))
+        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, len(kind.loaded))))
         self.states, self.u, self.t = self.robots.start(count), np.zeros((count, n_a)), np.zeros(count, int)
         self.p = np.tile(self.robots.reference, (count, 1))
         self.slack, self.gain = np.zeros((count, n_a)), np.ones((count, n_a))
@@ -134,4 +134,4 @@ class World:
         return np.maximum(felt, self.scales.low)
 
     def _load(self, which: np.ndarray | slice) -> np.ndarray | None:
-        return self.goals.load[which] if "effector_gradient" in self.task.needs else None
+        return self.goals.load[which] if self.task.loaded else None
