@@ -235,8 +235,8 @@ def _pressed(tension: float) -> np.ndarray:
         points = ", ".join(f"[{a:.3f}, {b:.5f}, {c:.5f}]" for a, (b, c) in zip(x, off[:, None] * side, strict=True))
         problem, _ = _problem([f"actuators.0.points={{mm: [{points}]}}"])
         places, nodes = _markers(problem, tension)
-        beam = problem.body.beam
-        bent = np.linalg.norm(problem.evaluate(nodes, np.empty(0)).response.beam.strain.e[:, 4:], axis=1) / beam.length
+        beam = problem.body.rod
+        bent = np.linalg.norm(problem.evaluate(nodes, np.empty(0)).response.rod.strain.e[:, 4:], axis=1) / beam.length
         middle = np.cumsum(beam.length) - beam.length / 2
         out = np.interp(x, middle, PRESSES * tension * bent / 0.35)
     return places

@@ -193,7 +193,7 @@ def c_step_us(folder: Path, model: MotionModel) -> float | None:
 
 
 def sampling(problem: MovingProblem, test: Any) -> dict[str, Any]:
-    stresses = rod_stresses(problem, problem.mass) if problem.body.beam is not None else None
+    stresses = rod_stresses(problem, problem.mass) if problem.body.rod is not None else None
     near = solve(problem, displacement(test.delta_a[0]), slack=False)
 
     def spent(**more: Any) -> tuple[float, int]:

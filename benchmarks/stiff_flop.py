@@ -37,8 +37,8 @@ def trunk(element: str, slices: int, law: str = "corotational") -> Problem:
 def contracting_rod(slices: int) -> Problem:
     robot = trunk("beam", slices).robot
     axial = (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
-    stiffness = robot.body.beam.stiffness / [axial, 1, 1, 1, axial, axial]
-    return Problem(replace(robot, body=replace(robot.body, beam=replace(robot.body.beam, stiffness=stiffness))))
+    stiffness = robot.body.rod.stiffness / [axial, 1, 1, 1, axial, axial]
+    return Problem(replace(robot, body=replace(robot.body, rod=replace(robot.body.rod, stiffness=stiffness))))
 
 
 def tip(problem: Problem, pressures: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from support.rods import rod_body
 
 from cfem.constraint.cavity import make_cavity
 from cfem.constraint.chambers import make_rod_chambers
-from cfem.mechanics.rod import screw
+from cfem.mechanics.rod_element import screw
 
 CENTRE, HALF = np.array([3.0, -1.5]), 0.4
 STRAIN = np.array([0.08, 0.02, -0.03, 0.01, -0.02, 0.015])  # gamma, kappa (1/mm)
@@ -40,7 +40,7 @@ def test_growth_is_the_volume_that_the_section_sweeps():
     errors = []
     for elements in (80, 160):
         body, x, c, R = bent(elements)
-        chamber = make_rod_chambers(body.beam, CENTRE[None], (2 * HALF) ** 2, np.arange(elements))
+        chamber = make_rod_chambers(body.rod, CENTRE[None], (2 * HALF) ** 2, np.arange(elements))
         errors.append(abs(chamber.value(x)[0] - swept(c, R)))
     assert errors[1] < 1e-3 * abs(swept(c, R))
     assert errors[0] / errors[1] > 3.5  # the bilinear walls' error, of second order
@@ -48,8 +48,8 @@ def test_growth_is_the_volume_that_the_section_sweeps():
 
 def test_growth_is_that_of_the_centre_line_and_of_its_elements_alone():
     body, x, _, _ = bent(10)
-    first = make_rod_chambers(body.beam, CENTRE[None], 2.0, np.arange(5))
-    both = make_rod_chambers(body.beam, np.array([CENTRE, -CENTRE]), 2.0, np.arange(10))
+    first = make_rod_chambers(body.rod, CENTRE[None], 2.0, np.arange(5))
+    both = make_rod_chambers(body.rod, np.array([CENTRE, -CENTRE]), 2.0, np.arange(10))
     gamma, ky, kz = STRAIN[0], STRAIN[4], STRAIN[5]
     np.testing.assert_allclose(first.value(x), 50.0 * 2.0 * (gamma + ky * CENTRE[1] - kz * CENTRE[0]), rtol=1e-9)
     np.testing.assert_allclose(both.value(x), 2 * 100.0 * 2.0 * gamma, rtol=1e-9)

@@ -22,7 +22,7 @@ def moving_rod(elements, viscosity=(), centres=((0.0, 0.5),), loads=None):
     """support.rods with chambers along it, and mass."""
 
     def chambers(body):
-        return [make_rod_chambers(body.beam, [c], 0.5, np.arange(len(body.beam.length))) for c in centres]
+        return [make_rod_chambers(body.rod, [c], 0.5, np.arange(len(body.rod.length))) for c in centres]
 
     robot = rod_problem(elements, chambers, loads).robot
     return MovingProblem(replace(robot, density=DENSITY, viscosity=tuple(viscosity)))

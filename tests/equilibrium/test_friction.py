@@ -20,7 +20,7 @@ POINTS = np.array([[0, 0, 0.6], [100, 0, 0.6]])
 @pytest.fixture(scope="module")
 def rods():
     """Without friction, and with."""
-    free = rod_problem(10, lambda body: [make_rod_cable(body.beam, POINTS, "c")])
+    free = rod_problem(10, lambda body: [make_rod_cable(body.rod, POINTS, "c")])
     cable = replace(free.robot.actuators[0], friction=0.4)
     return free, Problem(replace(free.robot, actuators=(cable,)), like=free)
 
@@ -44,9 +44,9 @@ def test_moment_along_the_rod_is_the_tension_that_is_left(rods):
     """EI kappa = T(s) r on every element: the rod's own law, not the cable's."""
     _, rubbing = rods
     found, _ = solve_slipping(rubbing, force(np.array([0.05])), condense=False)
-    e = rubbing.body.beam and rubbing.evaluate(found.state.x, np.empty(0)).response.beam.strain.e
+    e = rubbing.body.rod and rubbing.evaluate(found.state.x, np.empty(0)).response.rod.strain.e
     turned = np.cumsum(np.abs(e[:, 4])) - np.abs(e[:, 4]) / 2
-    bending = rubbing.body.beam.stiffness[0, 4]
+    bending = rubbing.body.rod.stiffness[0, 4]
     np.testing.assert_allclose(bending * np.abs(e[:, 4]) / 10, 0.6 * 0.05 * np.exp(-0.4 * turned), rtol=5e-3)
 
 

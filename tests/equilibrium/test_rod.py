@@ -20,7 +20,7 @@ EA, _, _, GJ, EI, _ = SHAPE.stiffness(MATERIAL.young, MATERIAL.poisson)
 
 def chambers(*centres):
     """One along the whole rod at each (y, z), of 0.5 mm^2."""
-    return lambda body: [make_rod_chambers(body.beam, [c], 0.5, np.arange(len(body.beam.length))) for c in centres]
+    return lambda body: [make_rod_chambers(body.rod, [c], 0.5, np.arange(len(body.rod.length))) for c in centres]
 
 
 @pytest.mark.parametrize("elements", [1, 8])

@@ -34,11 +34,11 @@ def followed(problem, commands):
 @pytest.fixture(scope="module")
 def rod():
     points = np.array([[0, 0, OFF], [LENGTH, 0, OFF]])
-    return rod_problem(10, lambda body: [make_rod_cable(body.beam, points, "c", FRICTION)])
+    return rod_problem(10, lambda body: [make_rod_cable(body.rod, points, "c", FRICTION)])
 
 
 def turned(problem, at):
-    return abs(problem.evaluate(at.state.x, np.empty(0)).response.beam.strain.e[:, 4].sum())
+    return abs(problem.evaluate(at.state.x, np.empty(0)).response.rod.strain.e[:, 4].sum())
 
 
 def turned_in_closed_form(largest, now, bending):
@@ -53,7 +53,7 @@ def turned_in_closed_form(largest, now, bending):
 
 def test_a_rod_sticks_from_the_tip_as_its_cable_is_let_out(rod):
     tensions = [LARGEST, 0.048, 0.04, 0.03, 0.02]
-    bending = rod.body.beam.stiffness[0, 4]
+    bending = rod.body.rod.stiffness[0, 4]
     for tension, (at, _) in zip(tensions, followed(rod, tensions), strict=True):
         assert turned(rod, at) == pytest.approx(turned_in_closed_form(LARGEST, tension, bending), rel=1.5e-3)
 

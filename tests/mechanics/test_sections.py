@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.rods import rod_body
 
-from cfem.mechanics.beam import response
+from cfem.mechanics.rod import response
 
 BODY = rod_body(6)
 ROW = BODY.sections
@@ -25,10 +25,10 @@ def test_an_advance_changes_the_strains_by_what_the_step_says_to_first_order():
     motions = np.vstack([np.zeros(6), rng.standard_normal((6, 6)) * [10, 10, 10, 0.5, 0.5, 0.5]])
     x = BODY.mesh.X.copy()
     x[ROW.nodes] = ROW.advanced(x, motions)
-    before = response(BODY.beam, x)
+    before = response(BODY.rod, x)
     pairs = np.concatenate([motions[:-1], motions[1:]], axis=1)
     expected = before.strain.e + np.einsum("mij,mj->mi", before.strain.gradient, pairs)
     moved = x.copy()
     moved[ROW.nodes] = ROW.advanced(x, motions)
-    np.testing.assert_allclose(response(BODY.beam, moved).strain.e, expected, atol=1e-10)
+    np.testing.assert_allclose(response(BODY.rod, moved).strain.e, expected, atol=1e-10)
     np.testing.assert_allclose(moved[ROW.nodes[0]], x[ROW.nodes[0]], atol=1e-14)

@@ -100,7 +100,7 @@ def test_regions_without_viscosity_cost_nothing_and_rods_mix_materials():
     memory = settled(body, [Viscosity()], response(body, body.mesh.X))
     assert overstress(body, [Viscosity()], memory, 0.1).parts == (None,)
     rod = rod_body(4)
-    rod = replace(rod, beam=replace(rod.beam, numbers=np.array([0, 0, 1, 1])))
+    rod = replace(rod, rod=replace(rod.rod, numbers=np.array([0, 0, 1, 1])))
     memory = settled(rod, [Viscosity(), KELVIN], response(rod, rod.mesh.X))
     a, _ = overstress(rod, [Viscosity(), KELVIN], memory, 0.1).parts[0]
     np.testing.assert_allclose(a[:, 0], [0, 0, 0.2, 0.2])

@@ -12,8 +12,8 @@ from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.mechanics.beam import Section
 from cfem.mechanics.element import HEX_CORNERS
+from cfem.mechanics.rod import Section
 from cfem.robot.build import build_robot
 from cfem.robot.geometry import StiffFlop
 from cfem.robot.meshing import make_mesh

@@ -8,12 +8,12 @@ from cfem.constraint.effector import PointEffector
 from cfem.constraint.section_point import attach_to_sections
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.mechanics.beam import Section
 from cfem.mechanics.body import make_rod_body
 from cfem.mechanics.element import SECTIONED
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh, boundary_facets
+from cfem.mechanics.rod import Section
 from cfem.mechanics.sections import Sections
 
 LENGTH = 100.0

@@ -1,7 +1,7 @@
 """Chambers along a rod whose sections do not deform: delta = V - V0 in mm^3; the multiplier is the pressure in MPa.
 
 A plane section sweeps the volume A n . dr/ds ds at the centroid r of the chamber (the theorem of Pappus), so that the
-growth is linear in the strains (gamma, kappa) of the rod, and on an element of constant strain in its e (rod.py):
+growth is linear in the strains (gamma, kappa) of the rod, and on an element of constant strain (rod_element.py) in e:
 
     V = int A (1 + gamma_x + kappa_y z - kappa_z y) ds = sum over elements, A (h + e . (1, 0, 0, 0, z, -y))"""
 
@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from cfem.constraint.rod_row import RodRow, Strained
-from cfem.mechanics.beam import Beam
+from cfem.mechanics.rod import Rod
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class RodChambers(RodRow):
         return Strained(float((self.weights * e).sum()), self.weights)
 
 
-def make_rod_chambers(beam: Beam, centres: np.ndarray, area: float, elements: np.ndarray) -> RodChambers:
+def make_rod_chambers(rod: Rod, centres: np.ndarray, area: float, elements: np.ndarray) -> RodChambers:
     """Chambers (k,) of one pressure, each of `area` mm^2 along `elements`, centred at (y, z) of `centres` (k, 2) mm."""
-    weights = np.zeros((len(beam.length), 6))
+    weights = np.zeros((len(rod.length), 6))
     y, z = np.asarray(centres).T
     weights[elements] = area * np.array([len(y), 0.0, 0.0, 0.0, z.sum(), -y.sum()])
-    return RodChambers(beam, weights)
+    return RodChambers(rod, weights)

@@ -1,7 +1,8 @@
 """A cable in a straight channel of a rod: delta = l0 - l in mm; the multiplier is its tension in N.
 
 The channel keeps its place (y, z) = r(s) in the sections, linear in s between its points. On an element of constant
-strain e (rod.py) the cable's tangent is t = (1, r') + gamma + kappa x r with gamma, kappa = e / h, affine in e, so
+strain e (rod_element.py) the cable's tangent is t = (1, r') + gamma + kappa x r with gamma, kappa = e / h. It is affine
+in e, so that
 
     l = sum over elements, int |t| ds        dl/de = int B^T t / |t| ds        d2l/de2 = int B^T (1 - t t^T) B / |t| ds
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from cfem.constraint.rod_row import RodRow, Strained
 from cfem.core.errors import SpecError
-from cfem.mechanics.beam import Beam, response
+from cfem.mechanics.rod import Rod, response
 
 _POINTS = np.array([-1, 1]) / np.sqrt(3)  # of Gauss's rule on each piece
 
@@ -53,9 +54,9 @@ class RodCable(RodRow):
 
     def turned(self, x: np.ndarray) -> np.ndarray:
         """(q,) rad by which the cable turns before each point and after the one before, at positions x (n, 3) mm."""
-        e = response(self.beam, x).strain.e
+        e = response(self.rod, x).strain.e
         t, length = self._tangent(e)
-        bend = e[self.element, 3:] / self.beam.length[self.element, None]
+        bend = e[self.element, 3:] / self.rod.length[self.element, None]
         around = np.linalg.norm(np.cross(bend, t / length[:, None]), axis=1) * self.weight / 2
         return around + np.concatenate([[0.0], around[:-1]])
 
@@ -64,7 +65,7 @@ class RodCable(RodRow):
         """The cable around each of its points as a cable of its own, without friction."""
         one = (slice(i, i + 1) for i in range(len(self.weight)))
         return tuple(
-            RodCable(self.beam, self.element[i], self.weight[i], self.along[i], self.B[i], np.ones(1)) for i in one
+            RodCable(self.rod, self.element[i], self.weight[i], self.along[i], self.B[i], np.ones(1)) for i in one
         )
 
     def _tangent(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -72,10 +73,10 @@ class RodCable(RodRow):
         return t, np.linalg.norm(t, axis=1)
 
 
-def make_rod_cable(beam: Beam, points: np.ndarray, name: str, friction: float = 0.0) -> RodCable:
+def make_rod_cable(rod: Rod, points: np.ndarray, name: str, friction: float = 0.0) -> RodCable:
     """Through points (k, 3) mm at rest, in ascending x between the first section and the last. SpecError where they
     are not."""
-    stations = beam.sections.centres[:, 0]
+    stations = rod.sections.centres[:, 0]
     near = 1e-9 * np.ptp(stations)
     if not (np.diff(points[:, 0]) > near).all():
         what = f"cable '{name}': on a rod it runs from the base to the tip, so its points must ascend in x"
@@ -91,12 +92,12 @@ def make_rod_cable(beam: Beam, points: np.ndarray, name: str, friction: float = 
     element = np.clip(np.searchsorted(stations, places) - 1, 0, len(stations) - 2)
     piece = np.clip(np.searchsorted(points[:, 0], places) - 1, 0, len(points) - 2)
     slope = (np.diff(points, axis=0) / np.diff(points[:, 0])[:, None])[piece, 1:]
-    centres = beam.sections.centres[:, 1:]
+    centres = rod.sections.centres[:, 1:]
     y, z = (points[piece, 1:] - centres[element] + slope * (places - points[piece, 0])[:, None]).T
     B = np.zeros((len(places), 3, 6))
     B[:, [0, 1, 2], [0, 1, 2]] = 1.0
     # kappa x (0, y, z)
     B[:, 0, 4], B[:, 0, 5], B[:, 1, 3], B[:, 2, 3] = z, -y, -z, y
-    B /= beam.length[element][:, None, None]
+    B /= rod.length[element][:, None, None]
     along = np.column_stack([np.ones(len(places)), slope])
-    return RodCable(beam, element, np.repeat(half, 2), along, B, np.ones(len(places)), friction)
+    return RodCable(rod, element, np.repeat(half, 2), along, B, np.ones(len(places)), friction)

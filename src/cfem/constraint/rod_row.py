@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from cfem.constraint.protocol import Linear
-from cfem.mechanics.beam import Beam, response
+from cfem.mechanics.rod import Rod, response
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Strained:
 class RodRow(Linear, ABC):
     """A row of a rod: of its m elements' strains e (m, 6), and of no node."""
 
-    beam: Beam
+    rod: Rod
     nodes: ClassVar[np.ndarray] = np.empty(0, dtype=int)
     rest: ClassVar[np.ndarray] = np.zeros(1)
 
@@ -34,7 +34,7 @@ class RodRow(Linear, ABC):
 
     def value(self, x: np.ndarray) -> np.ndarray:
         """(1,) at positions x (n, 3) mm."""
-        return np.array([self.strained(response(self.beam, x).strain.e).value])
+        return np.array([self.strained(response(self.rod, x).strain.e).value])
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
         """(1, 0, 3): no node moves it."""

@@ -42,7 +42,7 @@ def viscous_power(problem: MovingProblem, at: Evaluation, v: np.ndarray) -> floa
     if over is None or not isinstance(at, MovingEvaluation):
         return 0.0
     power = float(np.sum(v * viscous.solid_force(problem.body, at.response, over)))
-    if at.response.beam is not None:
+    if at.response.rod is not None:
         sections = problem.body.sections
         # motions of both sections in the rod's unknowns: centre, and rotation times radius of gyration
         power += float(
@@ -62,4 +62,4 @@ def _strain_rate(problem: MovingProblem, at: Evaluation, v: np.ndarray, sections
     omega = (np.cross(R[:, :, 0], vx) + np.cross(dy, vy) + np.cross(dz, vz)) / 2
     motions = np.concatenate([centre, omega], axis=1)
     both = np.concatenate([motions[:-1], motions[1:]], axis=1)
-    return (at.response.beam.strain.gradient @ both[:, :, None])[:, :, 0]
+    return (at.response.rod.strain.gradient @ both[:, :, None])[:, :, 0]

@@ -86,9 +86,9 @@ class MovingProblem(Problem):
             by_solids = viscous.solid_force(self.body, at.response, step.overstress)
             moving = moving + by_solids
             added.append(np.linalg.norm(by_solids))
-            if at.response.beam is not None:
+            if at.response.rod is not None:
                 stress = viscous.rod_stress(self.body, at.response, step.overstress)
-                by_rod = self._on_unknowns((stress[:, None] @ at.response.beam.gradient).swapaxes(1, 2))[:, 0]
+                by_rod = self._on_unknowns((stress[:, None] @ at.response.rod.gradient).swapaxes(1, 2))[:, 0]
                 force += by_rod
                 added.append(np.linalg.norm(by_rod))
         force += self.kinematics.reduce(x, moving)
@@ -116,7 +116,7 @@ class MovingProblem(Problem):
             data = kinematics.stiffness(at.x, nodal, np.zeros_like(at.x))
         else:
             data = np.zeros(self.pattern.nnz)
-        if at.response.beam is not None:
+        if at.response.rod is not None:
             add_blocks(viscous.rod_stiffness(self.body, at.response, over), kinematics.joint_slots, data)
         return data
 

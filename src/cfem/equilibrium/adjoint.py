@@ -73,7 +73,7 @@ class Gradients:
 def gradients(linear: Linear, asked: Sequence[Weights], sides: Sequence[Sides]) -> Gradients:
     """sides: of each parameter. No factorisation."""
     problem, at, lam, Z = linear.problem, linear.at, linear.lam, linear.Z
-    if problem.robot.rigid or problem.body.beam is not None:
+    if problem.robot.rigid or problem.body.rod is not None:
         raise InputError("adjoint gradients of a robot with rigid groups are not implemented", do="use `jacobian`")
     act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
     shares, of = _columns(linear, asked)

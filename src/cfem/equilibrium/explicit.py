@@ -96,7 +96,7 @@ def row_curvatures(problem: Problem, x: np.ndarray, motions: np.ndarray) -> list
 def _deformations(problem: Problem, at: Evaluation) -> np.ndarray:
     """(n, 3, 3): mean of F over the cells of each node; 1 where there are none, or frames move the nodes."""
     D, count = np.zeros((*at.x.shape, 3)), np.zeros(len(at.x))
-    if problem.robot.rigid or problem.body.beam is not None:
+    if problem.robot.rigid or problem.body.rod is not None:
         return D + np.eye(3)
     for part, there in zip(problem.body.solids, at.response.solids, strict=True):
         mean = there.D.reshape(*part.weights.shape, 3, 3).mean(axis=1)
@@ -144,4 +144,4 @@ def _parts(
 
 def _same_body(problem: Problem, side: Problem) -> bool:
     mine, other = problem.robot, side.robot
-    return other.body is mine.body and other.loads is mine.loads and not mine.rigid and mine.body.beam is None
+    return other.body is mine.body and other.loads is mine.loads and not mine.rigid and mine.body.rod is None

@@ -139,6 +139,6 @@ class Stress(Field):
 
 
 def _points(problem: Problem, at: Evaluation) -> list[tuple[Solid, Response]]:
-    if problem.body.beam is not None:
+    if problem.body.rod is not None:
         raise InputError("strain and stress are those of solids, not of a rod", do="use another mesh.element")
     return list(zip(problem.body.solids, at.response.solids, strict=True))

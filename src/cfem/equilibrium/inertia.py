@@ -130,7 +130,7 @@ def loss_forms(problem: Problem, at: Evaluation, q: np.ndarray) -> np.ndarray:
     for index, number in enumerate(numbers):
         unit = viscous.damping(body, at.response, number)
         forms[index] = viscous.solid_form(body, at.response, unit, motions)
-        if at.response.beam is not None:
+        if at.response.rod is not None:
             forms[index] += problem.rod_form(viscous.rod_stiffness(body, at.response, unit), q)
     return forms
 

@@ -25,9 +25,9 @@ LEAST = 1e-3  # of the strongest component's energy
 def rod_stresses(problem: Problem, mass: sp.csr_array) -> np.ndarray:
     """(m, 6, k) N and N mm: stresses of the rod's elements, of energy 1 N mm each. Depends on the robot alone.
     mass: of `mass_of`."""
-    robot, beam = problem.robot, problem.body.beam
+    robot, rod = problem.robot, problem.body.rod
     n_a = robot.rows.n_a
-    weights = np.sqrt(beam.stiffness / beam.length[:, None])
+    weights = np.sqrt(rod.stiffness / rod.length[:, None])
     seen = []
     for share in np.vstack([np.zeros(n_a), qmc.Halton(n_a, seed=0).random(STATES)]):
         found = solve(problem, _actuation(problem, share), keep=True)

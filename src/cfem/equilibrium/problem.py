@@ -15,7 +15,7 @@ from cfem.constraint.protocol import Watched
 from cfem.constraint.rod_row import RodRow
 from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
 from cfem.equilibrium.robot import Robot
-from cfem.mechanics import beam as rod
+from cfem.mechanics import rod as rods
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import (
     bulk_over_volume,
@@ -46,7 +46,7 @@ class Problem:
         self.body = without(robot.body, owner) if robot.rigid else robot.body
         sections = self.body.sections
         groups = NO_JOINTS[:, 0] if sections is None else owner[sections.nodes[:, 0]]
-        joints = NO_JOINTS if self.body.beam is None else np.stack([groups[:-1], groups[1:]], axis=1)
+        joints = NO_JOINTS if self.body.rod is None else np.stack([groups[:-1], groups[1:]], axis=1)
         in_a_row = sections is not None and np.array_equal(groups, np.arange(-1, len(robot.rigid)))
         if like is None:
             cliques = [clique for row in robot.active for clique in row.cliques]
@@ -58,7 +58,7 @@ class Problem:
             self.kinematics, self._factor = like.kinematics, like._factor
             if self.rest is not like.rest and not robot.rigid:
                 self.kinematics = replace(like.kinematics, X=self.rest)
-        if self.body.beam is not None:
+        if self.body.rod is not None:
             self._joined = self.kinematics.unknowns(joints).reshape(-1, 12)
         self._rod_rows = tuple(row for row in robot.active if isinstance(row, RodRow))
         columns = np.cumsum([0] + [len(row.rest) for row in robot.active])[:-1]
@@ -91,12 +91,12 @@ class Problem:
         nodal = at.force if self.loads is None else at.force - load * self.loads
         force = self.kinematics.reduce(x, nodal) if self._nodal else np.zeros(self.pattern.n_dof)
         H = self.gradients(self.robot.active, x)
-        if at.beam is not None:
-            force += self._on_unknowns(at.beam.force[:, :, None])[:, 0]
-        strained = tuple(row.strained(at.beam.strain.e) for row in self._rod_rows)
+        if at.rod is not None:
+            force += self._on_unknowns(at.rod.force[:, :, None])[:, 0]
+        strained = tuple(row.strained(at.rod.strain.e) for row in self._rod_rows)
         if strained:
             pulls = np.stack([row.by_e for row in strained], axis=-1)
-            H[:, self._strained] += self._on_unknowns(at.beam.gradient.swapaxes(1, 2) @ pulls)
+            H[:, self._strained] += self._on_unknowns(at.rod.gradient.swapaxes(1, 2) @ pulls)
         delta = [None if isinstance(row, RodRow) else row.value(x) - row.rest for row in self.robot.active]
         growths = iter(strained)
         delta = np.concatenate([[next(growths).value] if each is None else each for each in delta])
@@ -143,7 +143,7 @@ class Problem:
         return self._with_rod(at, lam, self.kinematics.stiffness(at.x, data, self._unbalanced(at, lam))), dtheta
 
     def _with_rod(self, at: Evaluation, lam: np.ndarray, data: np.ndarray) -> np.ndarray:
-        if at.response.beam is not None:
+        if at.response.rod is not None:
             add_blocks(self._rod_blocks(at, lam), self.kinematics.joint_slots, data)
         return data
 
@@ -163,7 +163,7 @@ class Problem:
         return out + self._form_of_rod(at, lam, q)
 
     def _form_of_rod(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray | float:
-        if at.response.beam is None:
+        if at.response.rod is None:
             return 0.0
         return self.rod_form(self._rod_blocks(at, lam), q)
 
@@ -175,11 +175,11 @@ class Problem:
     def rod_strains(self, at: Evaluation, q: np.ndarray) -> np.ndarray:
         """(m, 6, k) mm and rad: how changes q (n_dof, k) of the unknowns strain the rod's elements."""
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
-        return at.response.beam.gradient @ mine
+        return at.response.rod.gradient @ mine
 
     def rod_forces(self, at: Evaluation, stress: np.ndarray) -> np.ndarray:
         """(n_dof, k) N on the unknowns, of stresses (m, 6, k) of the rod's elements, N and N mm."""
-        return self._on_unknowns(at.response.beam.gradient.swapaxes(1, 2) @ stress)
+        return self._on_unknowns(at.response.rod.gradient.swapaxes(1, 2) @ stress)
 
     def factor(self, at: Evaluation, lam: np.ndarray, cost: Cost, before: Evaluation | None = None) -> Tangent:
         """Raises SingularMatrixError."""
@@ -230,10 +230,10 @@ class Problem:
         """(m, 12, 12) N/mm tangent stiffness of the rod under the rows that pull at its strains."""
         tensions = lam[self._strained]
         pulled = sum((t * row.by_e for t, row in zip(tensions, at.strained, strict=True)), 0.0)
-        blocks = rod.stiffness(self.body.beam, at.response.beam, pulled)
+        blocks = rods.stiffness(self.body.rod, at.response.rod, pulled)
         bent = [t * row.second for t, row in zip(tensions, at.strained, strict=True) if row.second is not None]
         if bent:
-            gradient = at.response.beam.gradient
+            gradient = at.response.rod.gradient
             blocks = blocks - gradient.swapaxes(1, 2) @ sum(bent) @ gradient
         return blocks
 

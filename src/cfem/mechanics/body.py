@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.mechanics import beam as rod
+from cfem.mechanics import rod as rods
 from cfem.mechanics import solid as region
-from cfem.mechanics.beam import Beam, BeamResponse, Section
 from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.rod import Rod, RodResponse, Section
 from cfem.mechanics.sections import Sections
 from cfem.mechanics.solid import Solid, make_solid
 
@@ -28,13 +28,13 @@ _STIFFEST_WITH_BUBBLES = 0.499
 class Body:
     """mesh: at rest; element: whose nodes the mesh has; solids: its regions; cells: (m, n_nodes) of all of them, one
     region after the other: the order of element pressures; sections: rigid ones in a row, where the body is of these;
-    beam: a rod that joins them."""
+    rod: that joins them."""
 
     mesh: Mesh
     element: Element
     solids: tuple[Solid, ...]
     sections: Sections | None = None
-    beam: Beam | None = None
+    rod: Rod | None = None
 
     @property
     def cells(self) -> np.ndarray:
@@ -43,7 +43,7 @@ class Body:
     @property
     def shear(self) -> float:
         """MPa: the smallest shear modulus at rest."""
-        stiff = [] if self.beam is None else [float(self.beam.shear.min())]
+        stiff = [] if self.rod is None else [float(self.rod.shear.min())]
         return min([part.shear for part in self.solids] + stiff)
 
     @property
@@ -60,7 +60,7 @@ class Body:
 class Response:
     """Of a body at positions x and element pressures p: energy N mm; force (n, 3) N internal of the solids, with the
     given p; mismatch, pressure (m,) MPa and min_J as of its regions (solid.py), 0 or less also where sections of the
-    beam touch; beam: of its rod, whose forces act on the sections' frames (beam.py)."""
+    rod touch; rod: its own response, whose forces act on the sections' frames (rod.py)."""
 
     energy: float
     force: np.ndarray
@@ -68,7 +68,7 @@ class Response:
     pressure: np.ndarray
     min_J: float
     solids: tuple[region.Response, ...]
-    beam: BeamResponse | None = None
+    rod: RodResponse | None = None
 
 
 def make_body(
@@ -130,8 +130,8 @@ def make_rod_body(
     for each in materials:
         _check(each, element)
     moduli, rubber = [(each.young, each.poisson) for each in materials], [each.law.name in RUBBER for each in materials]
-    beam = rod.make_beam(sections, shape, moduli, np.array(numbers), rubber)
-    return Body(mesh, element, (), sections, beam)
+    rod = rods.make_rod(sections, shape, moduli, np.array(numbers), rubber)
+    return Body(mesh, element, (), sections, rod)
 
 
 def with_materials(body: Body, materials: Sequence[Material]) -> Body:
@@ -144,8 +144,8 @@ def with_materials(body: Body, materials: Sequence[Material]) -> Body:
         parameters, bulk = material.moduli
         return replace(part, law=material.law, parameters=parameters, bulk=bulk)
 
-    beam = None if body.beam is None else rod.with_moduli(body.beam, [(each.young, each.poisson) for each in materials])
-    return replace(body, solids=tuple(map(remade, body.solids)), beam=beam)
+    rod = None if body.rod is None else rods.with_moduli(body.rod, [(each.young, each.poisson) for each in materials])
+    return replace(body, solids=tuple(map(remade, body.solids)), rod=rod)
 
 
 def on_nodes(body: Body, mesh: Mesh) -> Body:
@@ -188,16 +188,16 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> R
     found = tuple(
         region.response(part, x, given[place] if len(given) else given, force) for part, place in body.parts()
     )
-    beam = None if body.beam is None else rod.response(body.beam, x)
+    rod = None if body.rod is None else rods.response(body.rod, x)
     none = np.empty(0)
     return Response(
-        energy=sum(each.energy for each in found) + (beam.energy if beam else 0.0),
+        energy=sum(each.energy for each in found) + (rod.energy if rod else 0.0),
         force=force,
         mismatch=np.concatenate([none, *(each.mismatch for each in found)]),
         pressure=np.concatenate([none, *(each.pressure for each in found)]),
-        min_J=float(np.min([each.min_J for each in found] + ([beam.shortest] if beam else []))),
+        min_J=float(np.min([each.min_J for each in found] + ([rod.shortest] if rod else []))),
         solids=found,
-        beam=beam,
+        rod=rod,
     )
 
 

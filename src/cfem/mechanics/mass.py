@@ -11,18 +11,18 @@ Rigid groups need nothing else: their nodes move rigidly (rigid_groups.py)."""
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.mechanics.beam import Beam
 from cfem.mechanics.body import Body
 from cfem.mechanics.element import shape, shape_derivatives
 from cfem.mechanics.mesh import tet_volumes
+from cfem.mechanics.rod import Rod
 
 
 def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:
     """(n, n) t of the nodes in each direction. density: t/mm^3, one or one a cell of the mesh (m,)."""
     mesh = body.mesh
     each = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
-    if body.beam is not None:
-        nodes, blocks = _of_rod(body.beam, each)
+    if body.rod is not None:
+        nodes, blocks = _of_rod(body.rod, each)
     else:
         nodes, blocks = mesh.cells, each[:, None, None] * _of_cells(mesh.X, mesh.cells)
     k, n = nodes.shape[1], len(mesh.X)
@@ -77,16 +77,16 @@ def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([1 - L.sum(axis=1), L]), 6 * half * (1 - u) ** 2 * (1 - v)
 
 
-def _of_rod(beam: Beam, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _of_rod(rod: Rod, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (m, 6), three of each of an element's sections, and (m, 6, 6) t; density of the cells. Three nodes say how
     a section moves: the others need no mass of their own."""
-    sections = beam.sections
-    each = density.reshape(len(beam.length), -1).mean(axis=1) * beam.length
+    sections = rod.sections
+    each = density.reshape(len(rod.length), -1).mean(axis=1) * rod.length
     chosen, motion = zip(*(_three(arm) for arm in sections.arm[:, :, 1:]), strict=True)
     three, motion = np.take_along_axis(sections.nodes, np.array(chosen), axis=1), np.array(motion)
     nodes = np.concatenate([three[:-1], three[1:]], axis=1)
-    shape = beam.shape
-    inertia = np.stack(np.broadcast_arrays(shape.area, shape.bending, shape.bending, beam.length)[:3])
+    shape = rod.shape
+    inertia = np.stack(np.broadcast_arrays(shape.area, shape.bending, shape.bending, rod.length)[:3])
     both = np.zeros((len(each), 2, 3, 6))
     both[:, 0, :, :3], both[:, 1, :, 3:] = motion[:-1], motion[1:]
     shared = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6

@@ -1,15 +1,16 @@
 """Rigid plane sections in a row: their frames, and how they move together.
 
 Sections that move each on their own by a linear step stretch what lies between them, the more the further they turn.
-They are moved by their relative motions instead: those of `rod.stretch`, linear in the step, from the first section to
-the last. A linear step of strains is then what it says, and equilibrium under pressure is one Newton step away."""
+They are moved by their relative motions instead: those of `rod_element.stretch`, linear in the step, from the first
+section to the last. A linear step of strains is then what it says, and equilibrium under pressure is one Newton step
+away."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from cfem.mechanics.rod import screw, stretch
+from cfem.mechanics.rod_element import screw, stretch
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.mechanics import beam as rod
+from cfem.mechanics import rod as rods
 from cfem.mechanics.body import Body, Response
 from cfem.mechanics.further_stress import add_stress, add_stress_stiffness, stress_form
 
@@ -71,7 +71,7 @@ def settled(body: Body, viscosity: Sequence[Viscosity], at: Response) -> Memory:
 def stresses(body: Body, at: Response) -> tuple[np.ndarray, ...]:
     """S of each region, MPa at the quadrature points (m q, 3, 3); N and N mm of a rod's elements (m, 6)."""
     solids = tuple(np.linalg.solve(np.eye(3) + each.D, each.P) for each in at.solids)
-    return solids if at.beam is None else (*solids, at.beam.stress)
+    return solids if at.rod is None else (*solids, at.rod.stress)
 
 
 def overstress(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: float) -> Overstress:
@@ -86,7 +86,7 @@ def overstress(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: f
             continue
         a, B = np.zeros((len(S), 1)), np.zeros_like(S)
         for number in numbers:
-            mine = body.beam.numbers == number
+            mine = body.rod.numbers == number
             terms = memory.terms[index][:, mine]
             a[mine], B[mine] = _of_step(viscosity[number], S[mine], before[mine], terms, dt, memory.dt)
         parts.append((a, B))
@@ -113,7 +113,7 @@ def remembered(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: f
     for index, (numbers, now, was) in enumerate(zip(_numbers(body), S, memory.S, strict=True)):
         Q = memory.terms[index].copy()
         for number in numbers:
-            mine = body.beam.numbers == number if index == len(body.solids) else slice(None)
+            mine = body.rod.numbers == number if index == len(body.solids) else slice(None)
             for i, (g, tau) in enumerate(viscosity[number].prony):
                 share = -g * tau / dt * np.expm1(-dt / tau)
                 Q[i, mine] = np.exp(-dt / tau) * Q[i, mine] + share * (now[mine] - was[mine])
@@ -150,13 +150,13 @@ def solid_form(body: Body, at: Response, over: Overstress, motions: np.ndarray) 
 def rod_stress(body: Body, at: Response, over: Overstress) -> np.ndarray:
     """(m, 6) N and N mm: Q of the rod."""
     a, B = over.parts[-1]
-    return a * at.beam.stress + B
+    return a * at.rod.stress + B
 
 
 def rod_stiffness(body: Body, at: Response, over: Overstress) -> np.ndarray:
     """(m, 12, 12) N/mm, of the rod's overstress alone."""
     a, _ = over.parts[-1]
-    return rod.stiffness_of(body.beam.stiffness * a, rod_stress(body, at, over), body.beam, at.beam)
+    return rods.stiffness_of(body.rod.stiffness * a, rod_stress(body, at, over), body.rod, at.rod)
 
 
 def damping(body: Body, at: Response, number: int) -> Overstress:
@@ -167,7 +167,7 @@ def damping(body: Body, at: Response, number: int) -> Overstress:
         if index < len(body.solids):
             parts.append((1.0, -S) if body.solids[index].number == number else None)
         else:
-            mine = (body.beam.numbers == number).astype(float)[:, None]
+            mine = (body.rod.numbers == number).astype(float)[:, None]
             parts.append((mine, -mine * S))
     return Overstress(tuple(parts))
 
@@ -175,4 +175,4 @@ def damping(body: Body, at: Response, number: int) -> Overstress:
 def _numbers(body: Body) -> list[list[int]]:
     """Materials of each region."""
     solids = [[part.number] for part in body.solids]
-    return solids if body.beam is None else [*solids, np.unique(body.beam.numbers).tolist()]
+    return solids if body.rod is None else [*solids, np.unique(body.rod.numbers).tolist()]

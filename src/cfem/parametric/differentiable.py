@@ -100,7 +100,7 @@ class Differentiable(FiniteElements):
         found, problem = self.solve(kind, u, p, keep=True)
         state, vibrations = self._state(p, found, problem)
         values, asked = slopes(state)
-        if problem.robot.rigid or problem.body.beam is not None:
+        if problem.robot.rigid or problem.body.rod is not None:
             if self.fields or self.vibrations:
                 what = "strain, stress and frequency of a robot with rigid groups have no derivatives yet"
                 raise InputError(what, where="by: fe")

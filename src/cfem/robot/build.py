@@ -20,13 +20,13 @@ from cfem.constraint.rod_cable import RodCable, make_rod_cable
 from cfem.constraint.section_point import attach_to_sections, make_section_effector
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
-from cfem.mechanics.beam import Beam, Section
 from cfem.mechanics.body import Body, make_body, make_rod_body
 from cfem.mechanics.element import ELEMENTS, SECTIONED
 from cfem.mechanics.load import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.rod import Rod, Section
 from cfem.mechanics.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, soft_finger, spec, stiff_flop, taper
@@ -167,8 +167,8 @@ def _actuator(
         return _chambers(scene.geometry, mesh, body, item)
     if isinstance(item, constraints.Push):
         return make_push(_points(mesh, item, item.points, sections, f"push '{item.name}'"), item.direction)
-    if body.beam is not None and _in_rod(body.beam, item):
-        return make_rod_cable(body.beam, cable_points(scene, item), item.name, item.friction)
+    if body.rod is not None and _in_rod(body.rod, item):
+        return make_rod_cable(body.rod, cable_points(scene, item), item.name, item.friction)
     points = _points(mesh, item, cable_points(scene, item), sections, f"cable '{item.name}'")
     return make_cable(points, item.pull_point, item.name, item.friction)
 
@@ -185,9 +185,9 @@ def _points(
     return points
 
 
-def _in_rod(beam: Beam, item: constraints.Cable) -> bool:
+def _in_rod(rod: Rod, item: constraints.Cable) -> bool:
     """Whether the cable runs in the rod from its held base on, so that its pull point moves nothing."""
-    return item.pull_point is None or abs(item.points[0, 0] - beam.sections.centres[0, 0]) < 1e-9
+    return item.pull_point is None or abs(item.points[0, 0] - rod.sections.centres[0, 0]) < 1e-9
 
 
 def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
@@ -197,12 +197,12 @@ def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
 
 
 def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraints.Chambers) -> Cavity | RodChambers:
-    if body.beam is None:
+    if body.rod is None:
         surface = stiff_flop.chamber_surface(geometry, mesh, item.module, item.chambers)
         return make_cavity(mesh.X, surface, item.name)
     centres = stiff_flop.chamber_centres(geometry, item.chambers)
     elements = stiff_flop.module_elements(geometry, mesh, item.module)
-    return make_rod_chambers(body.beam, centres, stiff_flop.chamber_area(geometry), elements)
+    return make_rod_chambers(body.rod, centres, stiff_flop.chamber_area(geometry), elements)
 
 
 def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.mechanics.beam import Section
 from cfem.mechanics.mesh import Mesh, boundary_facets
+from cfem.mechanics.rod import Section
 from cfem.robot.geometry import StiffFlop
 
 CHAMBERS, SIDES = 6, 12

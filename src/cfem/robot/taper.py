@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cfem.mechanics.beam import Section
 from cfem.mechanics.mesh import Mesh, boundary_facets, tet_volumes
+from cfem.mechanics.rod import Section
 from cfem.robot.cad import Frustum, Solid, Union
 from cfem.robot.geometry import Taper
 

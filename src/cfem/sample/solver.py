@@ -117,7 +117,7 @@ class FiniteElements:
             at_rest = onto_patch(rest.condensed, patch, np.zeros(patch.n))
             compliance = at_rest.W[at_rest.rows.active, at_rest.rows.active]
         mass, stresses = mass_of(robot) if self.dynamics else None, None
-        if mass is not None and robot.body.beam is not None and not self.parameters:
+        if mass is not None and robot.body.rod is not None and not self.parameters:
             stresses = rod_stresses(problem, mass)
         surface = outer_surface(robot.X, robot.body.mesh.facets)
         within = np.setdiff1d(np.arange(len(robot.X)), surface.nodes)

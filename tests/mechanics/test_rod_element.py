@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from cfem.mechanics.rod import curvature, screw, stretch
+from cfem.mechanics.rod_element import curvature, screw, stretch
 
 H = np.full(4, 2.0)
 
