@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cfem.condensed.model import Model, under_force
+from cfem.control.elsewhere import elsewhere
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.loop import Iterate, Reach, ReachStatus, Settings, by_displacement, by_force, reach
 from cfem.core.errors import InputError, NumericalError
@@ -82,6 +83,8 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
         found = reach(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
         if found.status is ReachStatus.QP_FAILED:
             return replace(belief, status=found.status.value, plan=found)
+        if getattr(pilot.model, "holds", False):
+            found = elsewhere(pilot.model, aim, limits, found, pilot.settings, by_displacement)
         return _within(pilot, found, limits)
     except NumericalError as error:
         return replace(belief, status=str(error), plan=None)

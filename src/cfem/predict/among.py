@@ -66,6 +66,11 @@ class Among:
         return Several(tuple(self.solid.values()))
 
     @property
+    def holds(self) -> bool:
+        """Whether friction may hold the robot, so that answers lie on either side of where it does."""
+        return self.mu > 0 and bool(self.solid)
+
+    @property
     def stiffness(self) -> float:
         """N/mm: that of the patches, the median."""
         return float(np.median(self.stiffnesses))
