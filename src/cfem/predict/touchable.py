@@ -188,8 +188,9 @@ class Held:
             return
         own = np.linalg.norm(np.linalg.solve(self._parts(chosen).own, self._dents(chosen, forces)), axis=(1, 2))
         self._dent_shares[chosen] = 2 * TRUSTED / np.maximum(own, 2 * TRUSTED)
+        smooth = self._bent(chosen, forces)
         for _ in range(HALVINGS):
-            if definite(self._bent(chosen, forces)):
+            if definite(self._dented(smooth, chosen, forces)):
                 return
             self._dent_shares[chosen] /= 2
         self._dent_shares[chosen] = 0.0
@@ -240,14 +241,18 @@ class Held:
         """(3 c, 3 c) mm/N of the places of chosen patches under forces (c, 3) N on them, positive semidefinite."""
         if forces is None or not forces.any():
             return self._parts(chosen).total
-        bent = self._bent(chosen, forces)
+        bent = self._dented(self._bent(chosen, forces), chosen, forces)
         return bent if definite(bent) else self._parts(chosen).total
 
     def _bent(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        parts, w, each = self._parts(chosen), self.work(chosen, forces), np.arange(len(chosen))
-        bent = parts.total + parts.U @ self.second(w)[-len(w) :] @ parts.U.T
-        bent.reshape(len(chosen), 3, len(chosen), 3)[each, :, each] += self._dents(chosen, forces)
-        return bent
+        """`compliance` but for dents."""
+        parts, w = self._parts(chosen), self.work(chosen, forces)
+        return parts.total + parts.U @ self.second(w)[-len(w) :] @ parts.U.T
+
+    def _dented(self, bent: np.ndarray, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        found, each = bent.copy(), np.arange(len(chosen))
+        found.reshape(len(chosen), 3, len(chosen), 3)[each, :, each] += self._dents(chosen, forces)
+        return found
 
     def _parts(self, chosen: np.ndarray) -> "_Parts":
         key = chosen.tobytes()

@@ -231,10 +231,10 @@ static void second(const double *w, double share, const cfem_touch_room *room, d
             for (int l = 0; l < K; l++) change[r][l] += share * w[k] * room->D[k][r][l];
 }
 
-/* `yields` under forces on patches; 1 where it is positive definite. */
-static int bend(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+/* `yields` under forces on patches, but for their dents. */
+static void bend(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
     const int n = 3 * count;
-    double w[K], change[NE + K][K], by[3][K], own[3][3];
+    double w[K], change[NE + K][K], by[3][K];
     work(count, patch, force, w);
     second(w, room->share, room, change);
     for (int i = 0; i < count; i++) {
@@ -246,10 +246,18 @@ static int bend(int count, const int *patch, double (*force)[3], cfem_touch_room
                     const int at = (3 * i + a) * n + 3 * j + b;
                     room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
                 }
-        dented(room, i, force[i], room->dent_share[patch[i]], own);
-        for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += own[a / 3][a % 3];
     }
+}
+
+/* Into W: `yields` with dents. Whether that is positive definite, which spoils W. */
+static int dent(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+    const int n = 3 * count;
     for (int i = 0; i < n * n; i++) room->W[i] = room->yields[i];
+    for (int i = 0; i < count; i++) {
+        double own[3][3];
+        dented(room, i, force[i], room->dent_share[patch[i]], own);
+        for (int a = 0; a < 9; a++) room->W[(3 * i + a / 3) * n + 3 * i + a % 3] += own[a / 3][a % 3];
+    }
     return cfem_definite(n, room->W);
 }
 
@@ -277,16 +285,24 @@ void cfem_touch_trust(int count, const int *patch, double (*force)[3], cfem_touc
     for (int i = 0; i < 3 * count; i++) most += fabs(force[i / 3][i % 3]);
     if (most == 0.0) return;
     for (int i = 0; i < count; i++) room->dent_share[patch[i]] = dent_share(i, 3 * count, force[i], room);
+    bend(count, patch, force, room);
     for (int halving = 0; halving < HALVINGS; halving++) {
-        if (bend(count, patch, force, room)) return;
+        if (dent(count, patch, force, room)) return;
         for (int i = 0; i < count; i++) room->dent_share[patch[i]] /= 2.0;
     }
     for (int i = 0; i < count; i++) room->dent_share[patch[i]] = 0.0;
 }
 
 void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
-    if (bend(count, patch, force, room)) return;
-    for (int i = 0; i < 9 * count * count; i++) room->yields[i] = room->total[i];
+    const int n = 3 * count;
+    bend(count, patch, force, room);
+    const int definite = dent(count, patch, force, room);
+    for (int i = 0; i < n * n && !definite; i++) room->yields[i] = room->total[i];
+    for (int i = 0; i < count && definite; i++) {
+        double own[3][3];
+        dented(room, i, force[i], room->dent_share[patch[i]], own);
+        for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += own[a / 3][a % 3];
+    }
 }
 
 void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]) {
