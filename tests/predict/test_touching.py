@@ -13,6 +13,7 @@ from cfem.equilibrium.patch_compliance import patch_response, with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.predict.held import Held
 from cfem.predict.load import load_model
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.predict.touching import TouchedStatus, touch_step
@@ -136,18 +137,18 @@ def test_what_does_not_fit_is_refused(touchable):
 def test_compliance_is_that_of_finite_elements_also_between_their_states(touchable, robot):
     chosen = np.arange(len(touchable.patches))
     for delta, known in zip(touchable.by_fe.states, touchable.by_fe.own, strict=True):  # as many states as terms
-        found = touchable.held(delta).compliance(chosen)
+        found = Held(touchable, delta).unpressed(chosen)
         assert np.abs(found - known).max() < 1e-3 * np.abs(known).max()
     between = touchable.by_fe.states.mean(axis=0)
     skin = touchable.model.skin
     truth = patch_response(robot, skin.watched, touchable.patches, between[None]).own[0]
-    assert np.abs(touchable.held(between).compliance(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
+    assert np.abs(Held(touchable, between).unpressed(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
 
 
 def test_a_dent_is_right_to_the_second_order_in_its_force(touchable, robot):
     """Against finite elements with a force on a patch: half of it leaves an eighth of the error."""
     delta = touchable.by_fe.states[0]
-    held, size = touchable.held(delta), np.diag(touchable.by_fe.own[0]).reshape(-1, 3).sum(axis=1)
+    held, size = Held(touchable, delta), np.diag(touchable.by_fe.own[0]).reshape(-1, 3).sum(axis=1)
     number = int(np.argmin(np.where(touchable.held_still, np.inf, size)))  # where what is local matters most
     touched = with_patches(robot, touchable.model.skin.nodes, touchable.patches, np.array([number]))
     settings, places, off = Settings(tolerance=1e-11), [], []
@@ -156,17 +157,37 @@ def test_a_dent_is_right_to_the_second_order_in_its_force(touchable, robot):
         force = share * direction
         at = Actuation(np.eye(1, 4), delta, np.concatenate([np.zeros(1), force[0]]))
         places.append(solve(Problem(touched), at, slack=False, settings=settings).delta_c)
-        moved = held.places(np.array([number]), force)[number] - held.free[number]
+        held.bear(np.array([number]), force)
+        moved = held.places()[number] - held.free[number]
         off.append(np.linalg.norm(moved - (places[-1] - places[0])))
     assert 6.0 < off[2] / off[1] < 10.0
     assert off[2] < 0.02 * np.linalg.norm(places[2] - places[0])
 
 
+@pytest.mark.parametrize("size", [0.01, 30.0])
+def test_places_yield_as_their_differences_say(touchable, size):
+    """Where all of the second order is taken, and where no more of it than is trusted."""
+    rng, held = np.random.default_rng(3), Held(touchable, DELTA)
+    chosen = np.flatnonzero(~touchable.held_still)[:6]
+    forces, h = size * rng.normal(size=(6, 3)), 1e-6 * size
+    found = np.empty((18, 18))
+    for i, one in enumerate(np.eye(18)):
+        ends = []
+        for sign in (1, -1):
+            held.bear(chosen, forces + sign * h * one.reshape(6, 3))
+            ends.append(held.places()[chosen].ravel())
+        found[:, i] = (ends[0] - ends[1]) / (2 * h)
+    held.bear(chosen, forces)
+    assert (held.share < 1) == (held.dent_share.min() < 1) == (size > 1)
+    exact = held.compliance()
+    np.testing.assert_allclose(found, exact, atol=2e-7 * np.abs(exact).max())
+
+
 def test_places_and_turns_are_those_of_the_surface(touchable):
-    held, skin = touchable.held(DELTA), touchable.model.skin
-    surface = skin.surface(held.rows)
+    held, skin = Held(touchable, DELTA), touchable.model.skin
+    surface = skin.surface(held.unloaded)
     assert np.allclose(held.free, touchable.patches.mean(surface), atol=1e-4)
-    R = touchable.turns(held.rows, np.arange(len(touchable.patches)))
+    R = touchable.turns(held.unloaded, np.arange(len(touchable.patches)))
     assert np.allclose(R @ R.swapaxes(1, 2), np.eye(3), atol=1e-12) and np.allclose(np.linalg.det(R), 1.0)
     angle = np.degrees(np.arccos((np.trace(R, axis1=1, axis2=2) - 1) / 2)).max()
     assert 1.0 < angle < 90.0  # the bar bends

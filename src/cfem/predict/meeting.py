@@ -13,7 +13,8 @@ from scipy.linalg import block_diag
 
 from cfem.contact.facing import Facing, facing, may_meet, patch_normals
 from cfem.core.errors import InputError
-from cfem.predict.touchable import Held, Touchable
+from cfem.predict.held import Held
+from cfem.predict.touchable import Touchable
 from cfem.predict.touching import ITERATIONS, MOST, OVERLAP, TOLERANCE, TouchedStatus
 from cfem.predict.touching_round import pressed
 
@@ -100,7 +101,7 @@ class _Meeting:
 
     def __init__(self, robots: Sequence[PlacedModel], deltas: Sequence[np.ndarray]):
         self.robots, self.iterations = robots, 0
-        self.held: list[Held] = [one.touchable.held(delta) for one, delta in zip(robots, deltas, strict=True)]
+        self.held: list[Held] = [Held(one.touchable, delta) for one, delta in zip(robots, deltas, strict=True)]
         counts = [len(one.touchable.patches) for one in robots]
         ends = np.cumsum([0, *counts])
         self.own = [slice(int(a), int(b)) for a, b in pairwise(ends)]
@@ -162,9 +163,9 @@ class _Meeting:
         places, normals = [], []
         for robot, held, (chosen, forces) in zip(self.robots, self.held, self._each(), strict=True):
             of, skin = robot.touchable.patches, robot.touchable.model.skin
-            rows = held.moved(held.work(chosen, forces)) if len(chosen) else held.rows
-            places.append(held.places(chosen, forces) @ robot.R.T + robot.t)
-            normals.append(patch_normals(skin.surface(rows), skin.triangles, of.of, len(of)) @ robot.R.T)
+            held.bear(chosen, forces)
+            places.append(held.places() @ robot.R.T + robot.t)
+            normals.append(patch_normals(skin.surface(held.rows), skin.triangles, of.of, len(of)) @ robot.R.T)
         self.places = places
         return facing(np.concatenate(places), np.concatenate(normals), self.may_meet, self.spacing)
 
@@ -174,19 +175,18 @@ class _Meeting:
         for robot, held, own in zip(self.robots, self.held, self.own, strict=True):
             mine = chosen[(chosen >= own.start) & (chosen < own.stop)] - own.start
             turn = np.kron(np.eye(len(mine)), robot.R)
-            forces = self.forces[mine + own.start] @ robot.R
-            blocks.append(turn @ held.compliance(mine, forces) @ turn.T if len(mine) else np.zeros((0, 0)))
+            held.bear(mine, self.forces[mine + own.start] @ robot.R)
+            blocks.append(turn @ held.compliance() @ turn.T if len(mine) else np.zeros((0, 0)))
         return block_diag(*blocks)
 
     def result(self, status: TouchedStatus) -> Met:
         near = self.facing()
         delta_e, lambda_a, rows = [], [], []
-        for robot, held, (chosen, forces) in zip(self.robots, self.held, self._each(), strict=True):
-            base, touched = robot.touchable.model.at_displacement(held.delta), len(chosen) > 0
-            w = held.work(chosen, forces) if touched else np.zeros(len(held.rows))
-            delta_e.append(base.delta_e + (held.tip(chosen, forces) if touched else 0.0))
-            lambda_a.append(base.lambda_a - (held.relief(w) if touched else 0.0))
-            rows.append(held.moved(w))
+        for robot, held in zip(self.robots, self.held, strict=True):
+            base = robot.touchable.model.at_displacement(held.delta)
+            delta_e.append(base.delta_e + held.tip())
+            lambda_a.append(base.lambda_a - held.relief())
+            rows.append(held.rows)
         size = float(np.linalg.norm(self.push, axis=1).sum())
         forces = [self.forces[own].copy() for own in self.own]
         gap = float(near.gaps.min(initial=np.inf))

@@ -7,6 +7,7 @@ A model of any kind has such a skin, or none; what does not ask for shapes never
 
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from cfem.condensed.skin import PREFIX, Skin
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import Form, unpacking
+from cfem.predict.energy import Form, unpacking, upper_indices
 from cfem.predict.semidefinite import with_nearest
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 FILE = "skin.npz"  # of a model folder
 
@@ -99,10 +103,10 @@ class LearnedSkin:
     def compliance_work(self, s: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
         """(n_a,) derivatives by s of w . C_ss w, w (k,) N."""
         across = self._n_e * len(self)
-        weights = np.zeros(self._compliance.shape[0] - across)
-        np.add.at(weights, unpacking(len(self)).ravel(), np.outer(w, w).ravel())
+        rows, columns = upper_indices(len(self))
+        weights = np.where(rows == columns, 1.0, 2.0) * w[rows] * w[columns]
         series, at = weights @ self._compliance[across:], self._at(self._compliance_basis, s, q)
-        return np.array([at @ (D @ series) for D in self._compliance_slopes])
+        return (self._compliance_slopes @ series).reshape(-1, len(series)) @ at
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
@@ -134,11 +138,13 @@ class LearnedSkin:
         return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
 
     @cached_property
-    def _compliance_slopes(self) -> list:
-        """(L, L) matrices, one an actuator: derivatives of the series of the compliance by s."""
-        from cfem.predict.series import input_derivatives  # which needs SciPy, as no shape does
+    def _compliance_slopes(self) -> "csr_array":
+        """(n_a L, L), one matrix below the other: derivatives of the series of the compliance by s."""
+        from scipy.sparse import vstack  # which no shape needs
 
-        return input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a)
+        from cfem.predict.series import input_derivatives
+
+        return vstack(input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a), format="csr")
 
     def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., M) the basis there; of the last single state it is kept, as most are asked for several things."""

@@ -28,8 +28,6 @@ from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
-TRUSTED = 0.3  # largest share of the motion by forces that is of second order
-HALVINGS = 4  # of how much of E is taken, before none is
 TERMS, MOST = 10, 3  # of the polynomials through L and E, and their highest degree
 NONE = np.zeros(0)
 
@@ -82,10 +80,14 @@ class Touchable:
 
     def turns(self, rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """(c, 3, 3) rotations of chosen patches since rest, rows (k,) mm of the skin."""
-        rest, by_row = self.spread
-        left, _, right = np.linalg.svd(rest[chosen] + np.tensordot(rows, by_row[:, chosen], axes=1))
+        left, _, right = np.linalg.svd(self.spread[0][chosen] + self._spread_by_row[chosen] @ rows)
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
         return left @ right
+
+    @cached_property
+    def _spread_by_row(self) -> np.ndarray:
+        """(N, 3, 3, k)"""
+        return np.ascontiguousarray(np.moveaxis(self.spread[1], 0, -1))
 
     @cached_property
     def degrees(self) -> np.ndarray:
@@ -133,6 +135,11 @@ class Touchable:
         return np.tensordot(self._inverse, self.by_fe.bent, axes=1)
 
     @cached_property
+    def bent_flat(self) -> np.ndarray:
+        """(terms, k (n_e + k) k) mm/N^2: of it, what loads on the modes meet."""
+        return np.ascontiguousarray(self.bent[..., -len(self.model.skin) :]).reshape(len(self.degrees), -1)
+
+    @cached_property
     def bent_slopes(self) -> np.ndarray:
         """(n_a, terms, k, k, k) mm/N^2 a mm: of its rows, derivatives by delta_a."""
         from cfem.predict.series import input_derivatives
@@ -145,155 +152,16 @@ class Touchable:
     @cached_property
     def _inverse(self) -> np.ndarray:
         """(terms, J): series from values at the states."""
-        return np.linalg.pinv(basis(self._box(self.by_fe.states), self.degrees))
+        return np.linalg.pinv(basis(self.in_box(self.by_fe.states), self.degrees))
 
     @cached_property
     def along(self) -> np.ndarray:
         """(N, N) mm between patches along the surface at rest."""
         return along(self.model.skin.rest, self.model.skin.triangles, self.patches)
 
-    def _box(self, delta: np.ndarray) -> np.ndarray:
+    def in_box(self, delta: np.ndarray) -> np.ndarray:
         low, high = self.model.domain.delta_a
         return 2 * (delta - low) / (high - low) - 1
-
-    def held(self, delta_a: np.ndarray) -> "Held":
-        """The robot without forces on it, actuators held at delta_a (n_a,) mm."""
-        return Held(self, delta_a)
-
-
-class Held:
-    """The robot at one delta_a. rows (k,) mm of the skin and free (N, 3) mm places of the patches, without forces;
-    C_es (n_e, k), C_ss (k, k) mm/N, and D (k, n_e + k, n_e + k) mm/N^2 their change with loads on the modes:
-
-        rows = rows_0 + C_ss w + D_ss[w, w] / 2"""
-
-    def __init__(self, of: Touchable, delta: np.ndarray):
-        skin, box = of.model.skin, of._box(delta)
-        self.of, self.delta, self.rows = of, delta, skin.rows(delta, NONE)
-        self.C_es, self.C_ss = skin.compliance(delta, NONE)
-        self._at, self._share, self._dent_shares = basis(box, of.degrees), 1.0, np.ones(len(of.patches))
-        self.D = np.tensordot(self._at, of.bent, axes=1)
-        self.free = of.patches.rest + (of.flat @ self.rows).reshape(-1, 3)
-        self._known: tuple[bytes, _Parts] | None = None
-
-    def trust(self, chosen: np.ndarray, forces: np.ndarray) -> None:
-        """Takes no more of D and E from here on than can be trusted under forces (c, 3) N on chosen patches: the motion
-        of the rows by D is at most a TRUSTED share of that without it, E changes no patch's own compliance by more than
-        twice that share, and what patches yield stays positive definite."""
-        w = self.work(chosen, forces)
-        first, more = np.linalg.norm(self.C_ss @ w), np.linalg.norm(self._change(w)[-len(w) :] @ w) / 2
-        self._share = TRUSTED * first / more if more > TRUSTED * first else 1.0
-        self._dent_shares[:] = 1.0
-        if not forces.any():
-            return
-        own = np.linalg.norm(np.linalg.solve(self._parts(chosen).own, self._dents(chosen, forces)), axis=(1, 2))
-        self._dent_shares[chosen] = 2 * TRUSTED / np.maximum(own, 2 * TRUSTED)
-        smooth = self._bent(chosen, forces)
-        for _ in range(HALVINGS):
-            if definite(self._dented(smooth, chosen, forces)):
-                return
-            self._dent_shares[chosen] /= 2
-        self._dent_shares[chosen] = 0.0
-
-    def second(self, w: np.ndarray) -> np.ndarray:
-        """(n_e + k, k) mm/N: change of C_es and C_ss under a load w (k,) N."""
-        return self._share * self._change(w)
-
-    def _change(self, w: np.ndarray) -> np.ndarray:
-        return np.tensordot(w, self.D, axes=1)[:, -len(w) :]
-
-    def work(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Patches (c,), (c, 3) N -> (k,) N: the load on the modes."""
-        return forces.ravel() @ self.of.U[chosen].reshape(forces.size, len(self.rows))
-
-    def places(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """(N, 3) mm under forces (c, 3) N on chosen patches."""
-        if not len(chosen):
-            return self.free
-        found = self.free + (self.of.flat @ (self.moved(self.work(chosen, forces)) - self.rows)).reshape(-1, 3)
-        found[chosen] += (self._parts(chosen).local @ forces.ravel()).reshape(-1, 3)
-        found[chosen] += (self._dents(chosen, forces) @ forces[:, :, None])[:, :, 0] / 2
-        return found
-
-    def _dents(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """(c, 3, 3) mm/N: change of what is local of each chosen patch's compliance under the force on it."""
-        change = (self._parts(chosen).dented @ forces[:, None, :, None])[..., 0]
-        return self._dent_shares[chosen, None, None] * change
-
-    def moved(self, w: np.ndarray) -> np.ndarray:
-        """(k,) mm of the skin under a load w (k,) N."""
-        return self.rows + (self.C_ss + self.second(w)[-len(w) :] / 2) @ w
-
-    def tip(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """(n_e,) mm that the effectors move under forces (c, 3) N on chosen patches."""
-        w = self.work(chosen, forces)
-        found = (self.C_es + self.second(w)[: len(self.C_es)] / 2) @ w
-        own = (forces[:, None] @ self.of.turns(self.rows, chosen))[:, 0]
-        return found + np.tensordot(np.tensordot(self._at, self.of.local_tip[:, :, chosen], axes=1), own, axes=2)
-
-    def relief(self, w: np.ndarray) -> np.ndarray:
-        """(n_a,) N by which a load w (k,) N on the modes helps the actuators to stay."""
-        skin = self.of.model.skin
-        found = w @ skin.gradient(self.delta, NONE) + skin.compliance_work(self.delta, NONE, w) / 2
-        return found + self._share * np.tensordot(self.of.bent_slopes @ w @ w @ w, self._at, axes=1) / 6
-
-    def compliance(self, chosen: np.ndarray, forces: np.ndarray | None = None) -> np.ndarray:
-        """(3 c, 3 c) mm/N of the places of chosen patches under forces (c, 3) N on them, positive semidefinite."""
-        if forces is None or not forces.any():
-            return self._parts(chosen).total
-        bent = self._dented(self._bent(chosen, forces), chosen, forces)
-        return bent if definite(bent) else self._parts(chosen).total
-
-    def _bent(self, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """`compliance` but for dents."""
-        parts, w = self._parts(chosen), self.work(chosen, forces)
-        return parts.total + parts.U @ self.second(w)[-len(w) :] @ parts.U.T
-
-    def _dented(self, bent: np.ndarray, chosen: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        found, each = bent.copy(), np.arange(len(chosen))
-        found.reshape(len(chosen), 3, len(chosen), 3)[each, :, each] += self._dents(chosen, forces)
-        return found
-
-    def _parts(self, chosen: np.ndarray) -> "_Parts":
-        key = chosen.tobytes()
-        if self._known is None or self._known[0] != key:
-            n, U = 3 * len(chosen), self.of.U[chosen].reshape(3 * len(chosen), -1)
-            R, each = self.of.turns(self.rows, chosen), np.arange(len(chosen))
-            smooth, local = U @ self.C_ss @ U.T, self._local(chosen, R, n)
-            if not definite(smooth + local):
-                sizes, axes = np.linalg.eigh(smooth + local)
-                local = (axes * np.maximum(sizes, 0.0)) @ axes.T - smooth
-            total = smooth + local
-            dented = turn_cubic(np.tensordot(self._at, self.of.dented[:, chosen], axes=1), R)
-            own = total.reshape(len(chosen), 3, len(chosen), 3)[each, :, each]
-            self._known = key, _Parts(U, local, total, own, dented)
-        return self._known[1]
-
-    def _local(self, chosen: np.ndarray, R: np.ndarray, n: int) -> np.ndarray:
-        L = np.tensordot(self._at, self.of.local[:, chosen[:, None], chosen], axes=1)
-        turned = (R[:, None] @ L @ R[None].swapaxes(-1, -2)).swapaxes(1, 2).reshape(n, n)
-        return (turned + turned.T) / 2
-
-
-@dataclass(frozen=True)
-class _Parts:
-    """Of c chosen patches without forces: U (3 c, k) their modes, local (3 c, 3 c) mm/N what these leave of the
-    compliance, total (3 c, 3 c) mm/N all of it and own (c, 3, 3) its blocks on the diagonal, dented (c, 3, 3, 3) mm/N^2
-    their E, all in the robot's axes."""
-
-    U: np.ndarray
-    local: np.ndarray
-    total: np.ndarray
-    own: np.ndarray
-    dented: np.ndarray
-
-
-def definite(matrix: np.ndarray) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:

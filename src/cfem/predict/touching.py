@@ -18,14 +18,15 @@ from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
 from cfem.contact.several import Several
-from cfem.predict.touchable import Held, Touchable
+from cfem.predict.held import Held
+from cfem.predict.touchable import Touchable
 from cfem.predict.touching_round import pressed, turned
 
 ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
-TRUSTING = 3  # rounds in which it is asked how much of the second order in the forces can be taken
 MOST = 30  # patches that may touch at once
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
+NEAR = 0.005  # of the length: farther patches that bear nothing are forgotten between steps
 
 
 class TouchedStatus(Enum):
@@ -43,7 +44,7 @@ class Touched:
     and places (c, 3) mm; everywhere (N, 3) mm: places of all patches; gaps (c,) mm; obstacles (c,): numbers of those
     that they touch; modes: of each patch; delta_e (n_e,) mm and lambda_a (n_a,) N of the touched robot; rows (k,) mm of
     the skin, from which `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds
-    each patch, NaN where it does not."""
+    each patch, NaN where it does not; near (d,): numbers of these patches and of those that may touch next."""
 
     status: TouchedStatus
     patches: np.ndarray
@@ -58,6 +59,7 @@ class Touched:
     lambda_a: np.ndarray
     rows: np.ndarray
     stuck: np.ndarray
+    near: np.ndarray
     iterations: int
 
     @property
@@ -80,7 +82,7 @@ def touch_step(
     """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, friction holds nothing
     yet). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
     delta_a = np.asarray(delta_a, float)
-    step = _Step(touchable.held(delta_a), Several.of(obstacles), mu if law == "coulomb" else 0.0, before)
+    step = _Step(Held(touchable, delta_a), Several.of(obstacles), mu if law == "coulomb" else 0.0, before)
     status = None
     while status is None:
         status = step.round() if step.iterations < ITERATIONS else TouchedStatus.ITERATIONS
@@ -96,31 +98,46 @@ class _Step:
         self.held, self.around, self.mu, self.iterations = held, around, mu, 0
         count, self.length = len(held.free), held.of.model.length
         self.stuck = np.full((count, 3), np.nan)
-        self.chosen, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self.modes: tuple[Mode, ...] = ()
         self._sticks = np.zeros(count, dtype=bool)  # in the last round
+        self._into: np.ndarray | None = None  # frames at the places, where they are known
         if before is not None:
-            self.chosen, self.forces = before.patches, before.forces
+            self._bear(before.near, before.patches, before.forces)
             if mu:  # what did not touch slides from where it was
                 self.stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
                 self._sticks[before.patches] = [mode is Mode.STICK for mode in before.modes]
-        held.trust(self.chosen, self.forces)
-        self.places = held.places(self.chosen, self.forces)
+        self.places = held.places()
         self.distance, self.which = around.nearest(self.places)
         self.distance[held.of.held_still] = np.inf
+
+    @property
+    def chosen(self) -> np.ndarray:
+        return self.held.chosen
+
+    @property
+    def forces(self) -> np.ndarray:
+        return self.held.forces
+
+    def _bear(self, chosen: np.ndarray, patches: np.ndarray, forces: np.ndarray) -> None:
+        """Forces (c, 3) N on patches (c,), among the chosen ones."""
+        everywhere = np.zeros_like(self.held.free)
+        everywhere[patches] = forces
+        self.held.bear(chosen, everywhere[chosen])
 
     def round(self) -> TouchedStatus | None:
         """None: another one is needed."""
         self.iterations += 1
         touching = self.distance <= 0
         touching[self.chosen] = True  # also those that have opened: only of the chosen are places quite known
-        last = np.zeros_like(self.places)
-        last[self.chosen] = self.forces
-        self.chosen = chosen = np.flatnonzero(touching)
-        self.forces, self.modes = last[chosen], ()
+        chosen, self.modes = np.flatnonzero(touching), ()
         if not 0 < len(chosen) <= MOST:
+            self.held.bear(chosen[:0], self.forces[:0])
             return TouchedStatus.MANY if len(chosen) else TouchedStatus.CONVERGED
-        local = self._law(self.held.compliance(chosen, self.forces), self.which[chosen], self.places[chosen])
+        if len(chosen) > len(self.chosen):
+            self._bear(chosen, self.chosen, self.forces)
+            self.places, self._into = self.held.places(), None  # moved by those beside them
+            self.distance[chosen], self.which[chosen] = self.around.nearest(self.places[chosen])
+        local = self._law(self.held.compliance(), self.which[chosen], self.places[chosen])
         if local is None:
             return TouchedStatus.NO_MODE
         return TouchedStatus.CONVERGED if self._moved(*local) else None
@@ -130,7 +147,7 @@ class _Step:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Forces by the law of contact, linear about the chosen patches' places (c, 3) mm: in the frames,
         straight on, and turned with curved obstacles, each (c, 3) N. None where nothing obeys the law."""
-        into = self.around.frames(which, places)
+        into = self.around.frames(which, places) if self._into is None else self._into
         known, gap = (into @ self.forces[:, :, None])[:, :, 0], np.zeros_like(places)
         if self.mu:
             held_at = self.stuck[self.chosen]
@@ -153,30 +170,29 @@ class _Step:
     def _moved(self, local: np.ndarray, straight: np.ndarray, forces: np.ndarray) -> bool:
         """To where `forces` bring the patches. True where the law holds there too, with the frames there, in
         which the forces are then."""
-        chosen, mu = self.chosen, self.mu
+        chosen, mu, held = self.chosen, self.mu, self.held
         sticks = np.array([mode is Mode.STICK for mode in self.modes], dtype=bool)
         self._sticks[:] = False
         self._sticks[chosen[sticks]] = True
-        if self.iterations <= TRUSTING:  # beyond, the same for all rounds, so that Newton's method ends soon
-            self.held.trust(chosen, forces)
-        before, self.forces, self.places = self.places, forces, self.held.places(chosen, forces)
+        held.bear(chosen, forces)
+        before, self.places = self.places, held.places()
         if mu:  # a patch that touches for the first time sticks where it came
             fresh = chosen[np.isnan(self.stuck[chosen, 0])]
             self.stuck[fresh] = self.places[fresh]
         self._look(np.abs(self.places - before).max())
-        into = self.around.frames(self.which[chosen], self.places[chosen])
+        self._into = into = self.around.frames(self.which[chosen], self.places[chosen])
         there = (local[:, None] @ into)[:, 0]
         there[sticks] = forces[sticks]
-        off = self.held.compliance(chosen) @ (there - (straight if mu else forces)).ravel()
+        off = held.unpressed(chosen) @ (there - (straight if mu else forces)).ravel()
         off[::3] = np.maximum(np.abs(off[::3]), np.where(local[:, 0] > 0, np.abs(self.distance[chosen]), 0.0))
         if np.abs(off).max() > TOLERANCE * self.length or self.distance.min() < -OVERLAP * self.length:
             return False
         if sticks.any():
-            held = (into[sticks] @ forces[sticks, :, None])[:, :, 0]
-            beyond = np.hypot(held[:, 1], held[:, 2]) - mu * held[:, 0]
+            pressing = (into[sticks] @ forces[sticks, :, None])[:, :, 0]
+            beyond = np.hypot(pressing[:, 1], pressing[:, 2]) - mu * pressing[:, 0]
             if beyond.max() > TOLERANCE * np.abs(forces).max():
                 return False
-        self.forces = there
+        held.bear(chosen, there)
         return True
 
     def _look(self, farthest: float) -> None:
@@ -200,23 +216,26 @@ class _Step:
 
     def result(self, status: TouchedStatus) -> Touched:
         self._settle()
-        meets = self.forces.any(axis=1) | (self.distance[self.chosen] <= 0)
-        held, chosen, forces = self.held, self.chosen[meets], self.forces[meets]
-        model, w = held.of.model, held.work(chosen, forces)
-        base = model.at_displacement(held.delta)
+        held, near = self.held, self.chosen
+        bears = self.forces.any(axis=1)
+        meets = bears | (self.distance[near] <= 0)
+        chosen = near[meets]
+        normals = (self.around.frames(self.which[near], self.places[near]) if self._into is None else self._into)[:, 0]
+        base = held.of.model.at_displacement(held.delta)
         return Touched(
             status,
             chosen,
-            forces,
-            self.around.frames(self.which[chosen], self.places[chosen])[:, 0],
+            self.forces[meets],
+            normals[meets],
             self.places[chosen],
             self.places,
             self.distance[chosen],
             self.which[chosen],
             tuple(mode for mode, one in zip(self.modes, meets, strict=False) if one),
-            base.delta_e + (held.tip(chosen, forces) if forces.any() else 0.0),
-            base.lambda_a - (held.relief(w) if forces.any() else 0.0),
-            held.moved(w),
+            base.delta_e + (held.tip() if bears.any() else 0.0),
+            base.lambda_a - (held.relief() if bears.any() else 0.0),
+            held.rows,
             self.stuck,
+            near[meets | (self.distance[near] < NEAR * self.length)],
             self.iterations,
         )

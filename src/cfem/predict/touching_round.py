@@ -32,8 +32,7 @@ def pressed(
     N. None where nothing obeys the law."""
     c = len(into)
     shape = (c, 3, 3 * c)
-    W = (into @ (into @ compliance.reshape(shape)).reshape(3 * c, 3 * c).T.reshape(shape)).reshape(3 * c, 3 * c)
-    W = (W + W.T) / 2
+    W = (into @ (into @ compliance.T.reshape(shape)).reshape(3 * c, 3 * c).T.reshape(shape)).reshape(3 * c, 3 * c)
     free = gap.ravel() - W @ known.ravel()
     found, _ = newton(W, free, mu, known)
     if found is not None:
