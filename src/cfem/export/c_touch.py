@@ -14,7 +14,15 @@ from cfem.export import c_text
 from cfem.predict.touchable import Touchable
 
 SOURCES = Path(__file__).parent / "touch"
-CORE = ("cfem_touch.c", "cfem_touch_held.c", "cfem_law.c", "cfem_obstacle.c", "cfem_touch_data.c")
+CORE = (
+    "cfem_touch.c",
+    "cfem_touch_round.c",
+    "cfem_touch_held.c",
+    "cfem_touch_patches.c",
+    "cfem_law.c",
+    "cfem_obstacle.c",
+    "cfem_touch_data.c",
+)
 DATA = ("cfem_touch_data.c", "cfem_touch_data.h")
 
 

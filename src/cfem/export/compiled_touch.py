@@ -52,11 +52,12 @@ class CompiledTouch:
         vectors = [("force", real * (3 * MOST)), ("normal", real * (3 * MOST)), ("gap", real * MOST)]
         robot = [("rows", real * k), ("delta_e", real * n_e), ("lambda_a", real * self.n_a)]
         patches = [("place", real * (3 * n)), ("stuck", real * (3 * n)), ("holds", ctypes.c_ubyte * n)]
-        state = struct_of([*counts, *contacts, *vectors, *robot, *patches])
+        near = [("near_count", ctypes.c_int), ("near", numbers)]
+        state = struct_of([*counts, *contacts, *vectors, *robot, *patches, *near])
         pose = [("R", real * 9), ("t", real * 3)]
         self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
         self._states, self._before = (state(), state()), None
-        self._room = (real * (70000 + 100 * (n + k) + (n_e + k) * k * (k + 1)))()
+        self._room = (real * (70000 + 100 * (n + k) + (n_e + k) * k * (k + 2)))()
         self._call = library(folder, (*CORE, *c_touch.CORE), flags).cfem_touch
 
     def reset(self) -> None:

@@ -43,6 +43,7 @@ typedef struct {
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
     double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */
     unsigned char holds[CFEM_PATCHES];
+    int near_count, near[CFEM_TOUCH_MOST]; /* patches that touch, and those that may touch next */
 } cfem_touched;
 
 #define CFEM_TOUCH_ROWS (3 * CFEM_TOUCH_MOST)
@@ -51,13 +52,16 @@ typedef struct {
 typedef struct {
     double s[CFEM_NA], rows[CFEM_PATCH_ROWS], C_es[CFEM_NE][CFEM_PATCH_ROWS], C_ss[CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];
     double D[CFEM_PATCH_ROWS][CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS]; /* mm/N^2: change of C_es, C_ss with loads */
-    double share, dent_share[CFEM_PATCHES];           /* of D, and of the dents of each patch, that is taken */
     double terms[CFEM_PATCH_LOCAL_TERMS];             /* of the polynomial of what the modes leave of the compliance */
     double free[CFEM_PATCHES][3];                     /* mm: places without forces */
+    double R[CFEM_PATCHES][3][3];                     /* rotations since rest, where known */
+    unsigned char turns[CFEM_PATCHES];                /* whether they are */
     int of[CFEM_TOUCH_MOST], count;                   /* the patches that `left` and `total` are of */
-    double dent[CFEM_TOUCH_MOST][3][3][3];            /* mm/N^2: change of a patch's own part of `left` with its force */
     double left[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];   /* mm/N: what the modes leave of */
     double total[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];  /* mm/N: how the places of patches yield to forces on them */
+    double w[CFEM_PATCH_ROWS];                        /* N: load on the modes; of what it does: */
+    double first[CFEM_PATCH_ROWS], more[CFEM_PATCH_ROWS], share; /* mm: rows, first order, and twice the second; share taken */
+    double change[CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];   /* mm/N: of C_es and C_ss */
     double yields[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same under the forces that they bear */
     double turned[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same with normal forces that turn with obstacles */
     double W[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];      /* mm/N: in the frames of what they touch */
@@ -75,18 +79,21 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
 /* N: how hard obstacle `number` is pressed, the sum of the normal forces of all patches that touch it. */
 double cfem_touch_pressed(const cfem_touched *state, int number);
 
+/* cfem_touch_patches.c, for the files beside it: rotation of a patch since rest. */
+const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3];
+/* Finds `left` and `total` of patches (count,). 0, or 1 where they are not finite. */
+int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
+
 /* cfem_touch_held.c, for cfem_touch.c: the robot without forces at delta_a. 0, or a status. */
 unsigned cfem_touch_hold(const double delta_a[CFEM_NA], cfem_touched *now, cfem_touch_room *room);
-/* Finds `left`, `total` and `dent` of patches (count,). 0, or 1 where they are not finite. */
-int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
-/* Takes no more of D and of dents from here on than can be trusted under these forces. */
-void cfem_touch_trust(int count, const int *patch, double (*force)[3], cfem_touch_room *room);
-/* Finds `yields` under forces on them. */
-void cfem_touch_bent(int count, const int *patch, double (*force)[3], cfem_touch_room *room);
-/* place (CFEM_PATCHES, 3) mm under forces on patches (count,), whose compliance the room holds. */
+/* Puts forces on patches (count,), and takes all others off. No more of the second order is taken than can be trusted. */
+void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room);
+/* Finds `yields` of the patches that bear. */
+void cfem_touch_yield(int count, const int *patch, cfem_touch_room *room);
+/* place (CFEM_PATCHES, 3) mm under forces on patches (count,) that bear them, whose compliance the room holds. */
 void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]);
 /* rows, delta_e and lambda_a under the state's forces. */
-void cfem_touch_loaded(cfem_touched *now, const cfem_touch_room *room);
+void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room);
 
 #ifdef __cplusplus
 }

@@ -1,0 +1,117 @@
+/* How patches of the surface turn with the robot, and how they yield to forces on each other; see cfem.predict.touchable. */
+#include "cfem_linear.h"
+#include "cfem_touch.h"
+
+#define K CFEM_PATCH_ROWS
+
+enum { SWEEPS = 60 };
+
+/* Eigenvectors of a symmetric matrix A (n, n) in the columns of V by Jacobi's rotations; A becomes diagonal. */
+static void jacobi(int n, double *A, double *V) {
+    for (int i = 0; i < n * n; i++) V[i] = i % (n + 1) ? 0.0 : 1.0;
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double off = 0.0, on = 0.0;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) *(i == j ? &on : &off) += A[i * n + j] * A[i * n + j];
+        if (!(off > 1e-32 * on)) return;
+        for (int p = 0; p < n; p++)
+            for (int q = p + 1; q < n; q++) {
+                if (A[p * n + q] == 0.0) continue;
+                const double theta = (A[q * n + q] - A[p * n + p]) / (2.0 * A[p * n + q]);
+                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
+                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                for (int i = 0; i < n; i++) {
+                    const double a = A[i * n + p], b = A[i * n + q];
+                    A[i * n + p] = c * a - s * b, A[i * n + q] = s * a + c * b;
+                }
+                for (int i = 0; i < n; i++) {
+                    const double a = A[p * n + i], b = A[q * n + i];
+                    A[p * n + i] = c * a - s * b, A[q * n + i] = s * a + c * b;
+                }
+                for (int i = 0; i < n; i++) {
+                    const double a = V[i * n + p], b = V[i * n + q];
+                    V[i * n + p] = c * a - s * b, V[i * n + q] = s * a + c * b;
+                }
+            }
+    }
+}
+
+/* Rotation R of a patch since rest that fits its nodes best, from M = sum (x - mean x) (X - mean X)^T: the quaternion of the largest
+ * eigenvalue (Horn, Closed-form solution of absolute orientation using unit quaternions, 1987). */
+const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3] {
+    double M[3][3], V[16], (*const R)[3] = room->R[patch];
+    if (room->turns[patch]) return (const double(*)[3])R;
+    room->turns[patch] = 1;
+    for (int a = 0; a < 9; a++)
+        M[a / 3][a % 3] = cfem_patch_spread[patch][a] + cfem_dot(K, cfem_patch_spread_by_row[patch][a], room->rows);
+    double N[16] = {
+        M[0][0] + M[1][1] + M[2][2], M[2][1] - M[1][2], M[0][2] - M[2][0], M[1][0] - M[0][1],
+        M[2][1] - M[1][2], M[0][0] - M[1][1] - M[2][2], M[0][1] + M[1][0], M[0][2] + M[2][0],
+        M[0][2] - M[2][0], M[0][1] + M[1][0], M[1][1] - M[0][0] - M[2][2], M[1][2] + M[2][1],
+        M[1][0] - M[0][1], M[0][2] + M[2][0], M[1][2] + M[2][1], M[2][2] - M[0][0] - M[1][1]};
+    jacobi(4, N, V);
+    int best = 0;
+    for (int i = 1; i < 4; i++)
+        if (N[5 * i] > N[5 * best]) best = i;
+    const double w = V[best], x = V[4 + best], y = V[8 + best], z = V[12 + best];
+    R[0][0] = w * w + x * x - y * y - z * z, R[0][1] = 2 * (x * y - w * z), R[0][2] = 2 * (x * z + w * y);
+    R[1][0] = 2 * (x * y + w * z), R[1][1] = w * w - x * x + y * y - z * z, R[1][2] = 2 * (y * z - w * x);
+    R[2][0] = 2 * (x * z - w * y), R[2][1] = 2 * (y * z + w * x), R[2][2] = w * w - x * x - y * y + z * z;
+    return (const double(*)[3])R;
+}
+
+/* A (n, n) without its negative eigenvalues; V: room for as many numbers. */
+static void without_negative(int n, double *A, double *V, double *size) {
+    jacobi(n, A, V);
+    for (int i = 0; i < n; i++) size[i] = A[i * n + i] > 0.0 ? A[i * n + i] : 0.0;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            A[i * n + j] = 0.0;
+            for (int k = 0; k < n; k++) A[i * n + j] += V[i * n + k] * size[k] * V[j * n + k];
+        }
+}
+
+int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
+    const int n = 3 * count;
+    double size[CFEM_TOUCH_ROWS], finite = 0.0;
+    const double(*R[CFEM_TOUCH_MOST])[3];
+    int same = room->count == count;
+    for (int i = 0; same && i < count; i++) same = room->of[i] == patch[i];
+    if (same) return 0;
+    room->count = count;
+    for (int i = 0; i < count; i++) room->of[i] = patch[i], R[i] = cfem_touch_rotation(patch[i], room);
+    for (int i = 0; i < count; i++) {
+        double by[3][K]; /* U C_ss of patch i */
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < K; k++) by[a][k] = cfem_dot(K, cfem_patch_modes[patch[i]][a], room->C_ss[k]);
+        for (int j = i; j < count; j++) { /* patches in ascending order: the pair is stored as it is asked */
+            const int p = patch[i], q = patch[j];
+            const float(*const of)[9] = cfem_patch_local[p * CFEM_PATCHES - p * (p - 1) / 2 + q - p];
+            double L[9] = {0.0}, half[9], turned[9];
+            for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
+                for (int a = 0; a < 9; a++) L[a] += room->terms[l] * (double)of[l][a];
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++)
+                    half[3 * a + b] = R[i][a][0] * L[b] + R[i][a][1] * L[3 + b] + R[i][a][2] * L[6 + b];
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) turned[3 * a + b] = cfem_dot(3, half + 3 * a, R[j][b]);
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) {
+                    const int one = (3 * i + a) * n + 3 * j + b, other = (3 * j + b) * n + 3 * i + a;
+                    const double left = i == j ? (turned[3 * a + b] + turned[3 * b + a]) / 2.0 : turned[3 * a + b];
+                    const double smooth = cfem_dot(K, by[a], cfem_patch_modes[q][b]);
+                    room->left[one] = room->left[other] = left;
+                    room->total[one] = room->total[other] = smooth + left;
+                    finite += smooth + left;
+                }
+        }
+    }
+    if (!cfem_finite(finite)) return 1;
+    for (int i = 0; i < n * n; i++) room->W[i] = room->total[i];
+    if (!cfem_definite(n, room->W)) {
+        for (int i = 0; i < n * n; i++) room->left[i] -= room->total[i];
+        without_negative(n, room->total, room->W, size);
+        for (int i = 0; i < n * n; i++) room->left[i] += room->total[i];
+    }
+    return 0;
+}
