@@ -21,11 +21,12 @@ int cfem_solve(int n, double *A, int k, double *B) {
                 B[i * k + c] = B[pivot * k + c], B[pivot * k + c] = kept;
             }
         }
-        const double inverse = 1.0 / A[i * n + i];
+        const double inverse = 1.0 / A[i * n + i], *const by = A + i * n;
         for (int r = i + 1; r < n; r++) {
-            const double share = A[r * n + i] * inverse;
+            double *const row = A + r * n;
+            const double share = row[i] * inverse;
             if (share == 0.0) continue;
-            for (int c = i + 1; c < n; c++) A[r * n + c] -= share * A[i * n + c];
+            for (int c = i + 1; c < n; c++) row[c] -= share * by[c];
             for (int c = 0; c < k; c++) B[r * k + c] -= share * B[i * k + c];
         }
     }

@@ -8,14 +8,20 @@
 #define MOST CFEM_TOUCH_MOST
 
 enum { ITERATIONS = 60 };
-static const double TOLERANCE = 1e-9, OVERLAP = 1e-6, NEAR = 0.005; /* of the length */
+static const double TOLERANCE = 1e-9, OVERLAP = 1e-6, NEAR = 0.005, FAR = 0.1; /* of the length */
 
-/* Distance of patch p, and which obstacle is nearest. */
+/* Distance of patch p, and which obstacle is nearest; FAR where none is nearer. */
 static void look(cfem_touch_round *at, int p) {
     cfem_touch_room *const room = at->room;
-    room->distance[p] = HUGE_VAL, room->which[p] = 0;
+    const double *const x = at->now->place[p];
+    room->distance[p] = cfem_patch_held[p] ? HUGE_VAL : FAR * CFEM_PATCH_LENGTH, room->which[p] = 0;
     for (int o = 0; o < at->obstacle_count && !cfem_patch_held[p]; o++) { /* what is held still touches nothing */
-        const double distance = cfem_obstacle_distance(&at->obstacles[o], at->now->place[p]);
+        const cfem_obstacle *const one = &at->obstacles[o];
+        const double apart[3] = {x[0] - one->t[0], x[1] - one->t[1], x[2] - one->t[2]};
+        /* so far from its centre it cannot be nearer than what is known */
+        const double beyond = room->distance[p] + one->core[0] + one->core[1] + one->core[2] + one->rounding;
+        if (beyond <= 0.0 || cfem_dot(3, apart, apart) >= beyond * beyond) continue;
+        const double distance = cfem_obstacle_distance(one, x);
         if (distance < room->distance[p]) room->distance[p] = distance, room->which[p] = o;
     }
 }

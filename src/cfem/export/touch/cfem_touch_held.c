@@ -125,16 +125,17 @@ void cfem_touch_yield(int count, const int *patch, cfem_touch_room *room) {
     double change[K][K], by[3][K];
     slope(room, change);
     for (int i = 0; i < count; i++) {
-        for (int a = 0; a < 3; a++)
-            for (int l = 0; l < K; l++) {
-                by[a][l] = 0.0;
-                for (int k = 0; k < K; k++) by[a][l] += cfem_patch_modes[patch[i]][a][k] * change[k][l];
-            }
-        for (int j = 0; j < count; j++)
+        for (int a = 0; a < 3; a++) {
+            for (int l = 0; l < K; l++) by[a][l] = 0.0;
+            for (int k = 0; k < K; k++)
+                for (int l = 0; l < K; l++) by[a][l] += cfem_patch_modes[patch[i]][a][k] * change[k][l];
+        }
+        for (int j = room->share == 1.0 ? i : 0; j < count; j++) /* symmetric where all of the second order is taken */
             for (int a = 0; a < 3; a++)
                 for (int b = 0; b < 3; b++) {
-                    const int at = (3 * i + a) * n + 3 * j + b;
+                    const int at = (3 * i + a) * n + 3 * j + b, other = (3 * j + b) * n + 3 * i + a;
                     room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
+                    if (room->share == 1.0) room->yields[other] = room->yields[at];
                 }
     }
 }
