@@ -57,7 +57,7 @@ class CompiledTouch:
         pose = [("R", real * 9), ("t", real * 3)]
         self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
         self._states, self._before = (state(), state()), None
-        self._room = (real * (70000 + 100 * (n + k) + (n_e + k) * k * (k + 2)))()
+        self._room = (real * (75000 + 100 * (n + k) + (n_e + k) * k * (k + 2)))()
         self._call = library(folder, (*CORE, *c_touch.CORE), flags).cfem_touch
 
     def reset(self) -> None:

@@ -82,7 +82,9 @@ class Held:
         found, dents, each = parts.total + parts.U @ self.slope() @ parts.U.T, self._dents, np.arange(c)
         if (self.dent_share < 1.0).any():  # they depend on the forces too
             excess = self._excess.reshape(c, 9, 1)
-            by_force = (parts.relative.reshape(c, 9, 3) * excess).sum(axis=1) / (excess**2).sum(axis=1)
+            by_force = (parts.relative.reshape(c, 9, 3) * excess).sum(axis=1) / np.maximum(
+                (excess**2).sum(axis=1), TRUSTED
+            )
             by_force[self.dent_share == 1.0] = 0.0
             dents = dents - (dents @ self.forces[:, :, None]) / 2 * by_force[:, None]
         found.reshape(c, 3, c, 3)[each, :, each] += dents

@@ -59,6 +59,11 @@ typedef struct {
     int of[CFEM_TOUCH_MOST], count;                   /* the patches that `left` and `total` are of */
     double left[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];   /* mm/N: what the modes leave of */
     double total[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];  /* mm/N: how the places of patches yield to forces on them */
+    double own[CFEM_TOUCH_MOST][3][3];                /* mm/N: of them the blocks of a patch with itself */
+    double dent[CFEM_TOUCH_MOST][3][3][3];            /* mm/N^2: change of a patch's own part of `left` with its force */
+    double relative[CFEM_TOUCH_MOST][3][3][3];        /* 1/N: the same by `own` */
+    double dents[CFEM_TOUCH_MOST][3][3], by_dents[CFEM_TOUCH_MOST][3]; /* mm/N, mm: what is taken of them under its force; */
+    double dent_slope[CFEM_TOUCH_MOST][3][3];         /* mm/N: derivative of the latter */
     double w[CFEM_PATCH_ROWS];                        /* N: load on the modes; of what it does: */
     double first[CFEM_PATCH_ROWS], more[CFEM_PATCH_ROWS], share; /* mm: rows, first order, and twice the second; share taken */
     double change[CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];   /* mm/N: of C_es and C_ss */
@@ -81,7 +86,7 @@ double cfem_touch_pressed(const cfem_touched *state, int number);
 
 /* cfem_touch_patches.c, for the files beside it: rotation of a patch since rest. */
 const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3];
-/* Finds `left` and `total` of patches (count,). 0, or 1 where they are not finite. */
+/* Finds what the room holds of patches (count,) without forces. 0, or 1 where they are not finite. */
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
 
 /* cfem_touch_held.c, for cfem_touch.c: the robot without forces at delta_a. 0, or a status. */

@@ -1,5 +1,5 @@
-/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q, rows = s_0 + C_ss w + D_ss[w, w] / 2,
- * w_k = sum_p u_kp . f_p; see cfem.predict.held. */
+/* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2, g_p = R_p^T f_p,
+ * rows = s_0 + C_ss w + D_ss[w, w] / 2, w_k = sum_p u_kp . f_p; see cfem.predict.held. */
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 
@@ -91,7 +91,27 @@ static void work(int count, const int *patch, double (*force)[3], double *w) {
             for (int k = 0; k < K; k++) w[k] += cfem_patch_modes[patch[i]][a][k] * force[i][a];
 }
 
-void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+/* What is taken of the dents of patch i of the room under its force. */
+static void dented(int i, const double *force, cfem_touch_room *room) {
+    double excess[3][3], by_force[3] = {0.0}, square = 0.0, share = 1.0;
+    for (int a = 0; a < 9; a++) {
+        const int r = a / 3, c = a % 3;
+        excess[r][c] = cfem_dot(3, room->relative[i][r][c], force), square += excess[r][c] * excess[r][c];
+    }
+    if (sqrt(square) > 2.0 * TRUSTED) {
+        share = 2.0 * TRUSTED / sqrt(square);
+        for (int a = 0; a < 27; a++) /* it depends on the force too */
+            by_force[a % 3] += room->relative[i][a / 9][a / 3 % 3][a % 3] * excess[a / 9][a / 3 % 3] / square;
+    }
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) room->dents[i][r][c] = share * cfem_dot(3, room->dent[i][r][c], force);
+        room->by_dents[i][r] = cfem_dot(3, room->dents[i][r], force) / 2.0;
+        for (int c = 0; c < 3; c++) room->dent_slope[i][r][c] = room->dents[i][r][c] - room->by_dents[i][r] * by_force[c];
+    }
+}
+
+/* The load on the modes, and what it does. */
+static void load(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
     double first = 0.0, more = 0.0;
     double *const change = &room->change[0][0];
     work(count, patch, force, room->w);
@@ -107,6 +127,11 @@ void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch
     first = 2.0 * TRUSTED * sqrt(first), more = sqrt(more);
     room->share = more > first ? first / more : 1.0;
     for (int i = 0; i < (NE + K) * K && room->share != 1.0; i++) change[i] *= room->share;
+}
+
+void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
+    load(count, patch, force, room);
+    for (int i = 0; i < count; i++) dented(i, force[i], room);
 }
 
 /* (K, K) derivative of the rows by w, less C_ss. */
@@ -137,6 +162,7 @@ void cfem_touch_yield(int count, const int *patch, cfem_touch_room *room) {
                     room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
                     if (room->share == 1.0) room->yields[other] = room->yields[at];
                 }
+        for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += room->dent_slope[i][a / 3][a % 3];
     }
 }
 
@@ -147,7 +173,8 @@ void cfem_touch_places(int count, const int *patch, double (*force)[3], const cf
         for (int a = 0; a < 3; a++)
             place[p][a] = room->free[p][a] + (count ? cfem_dot(K, cfem_patch_modes[p][a], moved) : 0.0);
     for (int i = 0; i < 3 * count; i++)
-        place[patch[i / 3]][i % 3] += cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]);
+        place[patch[i / 3]][i % 3] +=
+            cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]) + room->by_dents[i / 3][i % 3];
 }
 
 /* delta_e under forces on patches. */
@@ -169,7 +196,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     const double *const w = room->w;
     double slope[NA] = {0.0};
     polynomials t;
-    cfem_touch_bear(now->count, now->patch, now->force, room);
+    load(now->count, now->patch, now->force, room);
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + room->first[k] + room->share / 2.0 * room->more[k];
     if (!now->count) return;
     move_tip(now, room);
