@@ -63,6 +63,8 @@ def test_arrays_are_converted_and_read_only():
 def test_examples_are_in_units_that_people_write():
     with pytest.raises(ValueError, match=r"density with its unit, such as '1 kg/m\^3'"):
         parse_quantity(1070, "t/mm^3")
+    with pytest.raises(ValueError, match=r"got '1,5 MPa' \(decimals have a point, not a comma\)"):
+        parse_quantity("1,5 MPa", "MPa")
     with pytest.raises(ValueError, match=r"expected an angle with its unit, such as '1 deg'"):
         parse_quantity(30, "rad")
     with pytest.raises(ValueError, match=r"acceleration; expected e\.g\. m/s\^2"):

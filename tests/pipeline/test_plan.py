@@ -71,6 +71,8 @@ def test_specs_that_need_each_other_and_names_of_no_kind_are_refused(tmp_path):
         plan([tmp_path / "export.yaml"], {})
     with pytest.raises(SpecError, match="begins with none of scene, sample"):
         plan([tmp_path / "other.yaml"], {})
+    with pytest.raises(InputError, match="nowhere: no such folder or spec"):
+        plan([tmp_path / "nowhere"], {})
 
 
 def test_stages_go_by_the_names_of_commands_and_of_specs():

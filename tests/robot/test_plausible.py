@@ -30,7 +30,7 @@ def test_a_long_reach_and_a_foreign_length_are_doubted(tmp_path):
     said = doubts(own, build_robot(own, make_mesh(own, tmp_path)[0]))
     assert said == [
         "cable 'c' may be shortened by 12 mm, 60 % of its 20 mm",
-        "length is 3e+04 mm, and the body measures 30 x 10 x 10 mm",
+        "length is 3e+04 mm, and the body measures 30 x 10 x 10 mm: check its unit",
     ]
 
 

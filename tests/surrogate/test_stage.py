@@ -87,7 +87,7 @@ def test_rows_beyond_the_number_asked_for_do_not_change_the_fit(tmp_path):
 
 
 def test_more_samples_than_there_are_is_an_error(spec):
-    with pytest.raises(InputError, match="holds 40 converged training rows, and 41 are needed"):
+    with pytest.raises(InputError, match=r"samples: holds 40 converged training rows, and 41 are needed"):
         run(spec, ["samples=41"], None, Options())
 
 

@@ -89,8 +89,9 @@ def parse_quantity(text: Any, system_unit: str) -> float:
     if isinstance(text, int | float) and not isinstance(text, bool):
         raise ValueError(f"{expected}, such as '1 {_customary(system_unit)}'; got the bare number {text:g}")
     found = re.match(rf"\s*({_NUMBER})(.*)", text, re.DOTALL) if isinstance(text, str) else None
-    if found is None or not found[2].strip():
-        raise ValueError(f"{expected}: a number and a unit, such as '1 {_customary(system_unit)}'; got {text!r}")
+    if found is None or not found[2].strip() or found[2].startswith(","):
+        point = " (decimals have a point, not a comma)" if found and found[2].startswith(",") else ""
+        raise ValueError(f"{expected}: a number and a unit, such as '1 {_customary(system_unit)}'; got {text!r}{point}")
     value = float(found[1]) * _factor(found[2].strip(), system_unit)
     if not np.isfinite(value):
         raise ValueError(f"expected a finite {DIMENSION[system_unit]}; got '{text}'")

@@ -66,6 +66,8 @@ def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow:
         if real in steps:
             return
         kind = kind_of(spec)
+        if kind is None and not spec.exists():
+            raise InputError("no such folder or spec", where=str(spec), do="check the path")
         if kind is None:
             what = f"its name begins with none of {', '.join(KINDS)}"
             raise SpecError(what, where=str(spec), do="rename it, or give it to its own command")

@@ -48,7 +48,7 @@ def doubts(scene, robot: Robot) -> list[str]:
             )
     extent = float(np.ptp(robot.X, axis=0).max())
     if not extent / 10 <= scene.length <= 10 * extent:
-        found.append(f"length is {scene.length:.4g} mm, and the body measures {_extent(robot.X)} mm")
+        found.append(f"length is {scene.length:.4g} mm, and the body measures {_extent(robot.X)} mm: check its unit")
     return found
 
 

@@ -78,7 +78,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
         demand("torch", *(["optuna"] if spec.model.search else []), where="kind: mlp")
     from cfem.dataset.reader import read_dataset
 
-    training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples)
+    training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples, dataset_folder)
     test = read_dataset(artefact_file(dataset_folder, "test.parquet"))
     if training.rows != test.rows:
         what = f"its training robot {training.rows.difference(test.rows, 'that of the test rows')}"
@@ -286,11 +286,11 @@ def query_microseconds(predictor: Predictor, test: Any) -> float:
     return 1e6 * float(np.median(times))
 
 
-def first_rows(dataset: Any, samples: int | None) -> Any:
-    """The first `samples` converged rows of a cfem.dataset.reader.Dataset, all of them where None."""
+def first_rows(dataset: Any, samples: int | None, folder: Path | None = None) -> Any:
+    """The first `samples` converged rows of a cfem.dataset.reader.Dataset, all of them where None. folder: its own, for
+    the message."""
     available = len(dataset)
     if (samples or 4) > available:
-        raise InputError(
-            f"holds {available} converged training rows, and {samples or 4} are needed", do="sample more rows"
-        )
+        what = f"holds {available} converged training rows, and {samples or 4} are needed"
+        raise InputError(what, where=folder and str(folder), do="sample more rows")
     return dataset if samples is None else dataset.take(np.arange(samples))
