@@ -91,6 +91,56 @@ def test_intervals_cover(estimator):
     assert 0.93 < np.mean(inside) < 0.97
 
 
+def under_forces(estimator, u, x):
+    """(n,) unknowns where actuators carry u and the loads of x act: Newton's method on what load cells would show."""
+    x = x.copy()
+    for _ in range(30):
+        shown, by_x = estimator._forces(x)
+        change = np.linalg.solve(by_x[:, :1], u - shown)
+        x[:1] += change
+        if abs(change[0]) < 1e-10:
+            return x
+    raise AssertionError("no equilibrium")
+
+
+def test_under_commanded_forces_actuators_yield_as_the_model_does(estimator):
+    """To the forces and to loads, against equilibria on either side."""
+    x, h = np.array([3.0, 0.0, 0.0, 0.0]), 1e-3
+    u, (W_aa, W_aw) = estimator.tensions(x), estimator.yielding(x[:1])
+    ahead, behind = (under_forces(estimator, u + sign * h, x)[0] for sign in (1, -1))
+    assert W_aa[0, 0] == pytest.approx((ahead - behind) / (2 * h), rel=1e-4)
+    for place in range(3):
+        load = h * np.eye(4)[1 + place]
+        ahead, behind = (under_forces(estimator, u, x + sign * load)[0] for sign in (1, -1))
+        assert W_aw[0, place] == pytest.approx((ahead - behind) / (2 * h), rel=1e-3, abs=1e-6)
+
+
+def test_intervals_cover_under_commanded_forces(estimator):
+    """Where a push goes shows in where the actuator goes: 95 % intervals hold in 93 to 97 % of 1200 numbers, frames
+    miss by what they say, and the push is nearer than by a filter that does not know the forces."""
+    ticks, rho, inside, squares, off = 30, np.exp(-1 / 30), [], np.zeros(2), []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        x = np.r_[rng.uniform(2.0, 4.0), LARGEST * rng.normal(size=3)]
+        u = estimator.tensions(x)
+        filters = Filter(estimator, 0.002, ticks, 0.3), Filter(estimator, 0.3, ticks, 0.3)
+        for frame in range(15):
+            if frame:
+                u = u + rng.uniform(-0.03, 0.03, 1)
+                x[1:] = rho * x[1:] + np.sqrt(1 - rho**2) * LARGEST * rng.normal(size=3)
+            x = under_forces(estimator, u, x)
+            places = estimator.places(x) + NOISE * rng.normal(size=(5, 3))
+            found = filters[0].tick(places, driven=u)
+            deaf = filters[1].tick(places)
+            if frame % 3 == 2:
+                inside.append(np.abs(np.r_[found.delta_a, found.loads] - x) < 1.96 * found.deviation)
+                squares += found.innovation if frame > 2 else (0.0, 0)
+        off.append([np.linalg.norm(one.loads[1:] - x[2:]) for one in (found, deaf)])
+    assert 0.93 < np.mean(inside) < 0.97
+    assert 0.9 < squares[0] / squares[1] < 1.1
+    assert np.median(off, axis=0)[0] < 0.9 * np.median(off, axis=0)[1]
+
+
 def test_it_follows_commands(estimator):
     rng, filtered = np.random.default_rng(3), Filter(estimator, 0.01, 50, 0.1)
     for u in np.linspace(1.0, 5.0, 9):

@@ -1,8 +1,7 @@
 """A controller that sees markers: what is estimated from them takes the place of measured effectors and actuators.
 
 Each sample is estimated once, with the parameters that an adaptive controller uses at that time and from the commands
-of its tick. Displacements that are commanded tell the filter how the actuators have moved; commanded forces do not,
-and an actuator then may move by OFFSET of its reach from sample to sample."""
+of its tick: displacements tell the filter how the actuators have moved, forces how the model yields to them."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -48,10 +47,9 @@ def estimator_of(spec: EstimateSpec, model: Predictor) -> Estimator:
 def filter_of(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> Filter | MarkerFilter:
     """Of a run with `loop.estimate`. motion: of the same model, where the filter is one on the dynamics."""
     spec, reach = loop.estimate, float(np.abs(model.reach).max())
-    told = loop.command.kind == "displacement"
     lasts = np.inf if spec.loads is None or spec.loads.lasts is None else spec.loads.lasts
     ticks = min(lasts * loop.rate / loop.ticks_a_sample, 1e9)
-    slip = spec.actuators.slip or (SLIP if told or motion is not None else OFFSET) * reach
+    slip = spec.actuators.slip or SLIP * reach
     if motion is not None:
         slip, offset = slip * np.sqrt(loop.rate / loop.ticks_a_sample), spec.actuators.offset or OFFSET * reach
         doubt = unknown_of(spec.dynamics, slip, offset, lasts, model.length)
@@ -124,7 +122,8 @@ class EstimatingController:
     def _filtered(self, measured: Measurement) -> Estimate:
         filtered, sent = self._filter, self._sent.get(measured.t)
         if isinstance(filtered, Filter):
-            return filtered.tick(measured.markers, measured.delta_a, sent if self._told else None, measured.lambda_a)
+            told = {"commanded" if self._told else "driven": sent}
+            return filtered.tick(measured.markers, measured.delta_a, forces=measured.lambda_a, **told)
         for tick in range(self.of + 1, measured.t + 1):
             filtered.advance(self._sent.get(tick), self._period)
         return filtered.see(measured.markers, measured.delta_a, sent)

@@ -78,6 +78,7 @@ class EstimateAccount:
             "true_loads": loads_true,
             "shape_rms": np.nan if shape is None else float(np.sqrt(shape.mean())),
             "shape_max": np.nan if shape is None else float(np.sqrt(shape.max())),
+            "unseen": "" if found is None else " ".join(found.unseen),
             "left_out": 0 if found is None else len(found.outliers),
             "innovation": np.nan if found is None else found.innovation[0],
             "innovation_numbers": 0 if found is None else found.innovation[1],
@@ -101,18 +102,21 @@ def estimate_results(rows: list[Mapping[str, Any]], unknowns: tuple[str, ...]) -
     if np.isfinite(shape).any():
         worst = np.nanmax([one["shape_max"] for one in good])
         found["shape"] = {"median": float(np.nanmedian(shape)), "max": float(np.nanmax(shape)), "point": float(worst)}
-    numbers = {}
+    numbers, inside = {}, []
     for name, values in zip(unknowns, _unknowns(good), strict=True):
         off, sd = values
         known = np.isfinite(off)
         if known.any():
             held = np.abs(off[known]) < COVERED * sd[known]
+            seen = np.array([name not in one["unseen"].split() for one in good])[known]
             rms = float(np.sqrt(np.mean(off[known] ** 2)))
             numbers[name] = {"rms": rms, "sd": float(np.median(sd[known])), "covered": float(held.mean())}
-            numbers[name]["numbers"] = int(known.sum())
-    if numbers:
-        count = sum(one["numbers"] for one in numbers.values())
-        found["covered"] = sum(one["covered"] * one["numbers"] for one in numbers.values()) / count
+            numbers[name] |= {"numbers": int(known.sum()), "observed": int(seen.sum())}
+            inside.append((held, seen))
+    if inside:
+        held, seen = (np.concatenate(one) for one in zip(*inside, strict=True))
+        found["covered"], found["observed"] = float(held.mean()), float(seen.mean())
+        found["covered_observed"] = float(held[seen].mean()) if seen.any() else None
     found["innovation"] = innovation_ratio([(one["innovation"], one["innovation_numbers"]) for one in good])
     return found | {"unknowns": numbers, "left_out": int(sum(one["left_out"] for one in good))}
 
@@ -131,7 +135,10 @@ def estimate_sentence(found: Mapping[str, Any]) -> str:
     if "shape" in found:
         parts.append(f"shape to {found['shape']['median']:.2g} mm rms, {found['shape']['max']:.2g} at most")
     if "covered" in found:
-        parts.append(f"95 % intervals hold in {100 * found['covered']:.1f} %")
+        what = f"95 % intervals hold in {100 * found['covered']:.1f} %"
+        if found["covered_observed"] is not None:
+            what += f", {100 * found['covered_observed']:.1f} % of the {100 * found['observed']:.0f} % that is observed"
+        parts.append(what)
     if found.get("innovation"):
         parts.append(f"innovations {found['innovation']:.2f} of what is stated")
     return "estimate: " + ", ".join(parts)

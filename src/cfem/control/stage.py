@@ -15,7 +15,7 @@ from cfem.robot.spec import scene_meaning
 if TYPE_CHECKING:
     from cfem.control.prepared import Prepared
 
-VERSION = 3
+VERSION = 4
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:

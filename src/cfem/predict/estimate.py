@@ -292,10 +292,15 @@ class Estimator:
         here = self._here(found.delta_a)
         C = self._compliance(here)
         if held_forces:
-            G, q = here.effector_jacobian, self.material[0]
-            by_a = np.vstack([G, self.model.skin.gradient(found.delta_a, q)])[self.loaded_rows]
-            C = C + G @ here.W_aa @ by_a.T
+            C = C + here.effector_jacobian @ self.yielding(found.delta_a)[1]
         return C @ found.loads
+
+    def yielding(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """W_aa (n_a, n_a) and W_aw (n_a, n_w) at delta_a (n_a,) mm: of the actuators to their own forces and to
+        loads."""
+        here = self._here(delta_a)
+        slopes = [here.effector_jacobian, self.model.skin.gradient(delta_a, self.material[0])]
+        return here.W_aa, here.W_aa @ np.vstack(slopes)[self.loaded_rows].T
 
     def compliance(self, delta_a: np.ndarray) -> np.ndarray:
         """(n_e, n_w) mm/N: of the effectors by the loads at delta_a (n_a,) mm, actuators locked."""

@@ -6,8 +6,13 @@ a while and its size for ever (Gauss-Markov process, Gelb, *Applied Optimal Esti
 
     delta_a' = delta_a + (u' - u) + slip     w' = rho w + sqrt(1 - rho^2) largest e     rho = exp(-1 / ticks)
 
-so that directions that no marker sees stay as uncertain as they were at first, and no more. The robot is at rest at
-each tick, to the accuracy of its model: motion faster than that is not modelled."""
+so that directions that no marker sees stay as uncertain as they were at first, and no more. Where forces u are
+commanded, actuators move as the model yields to them and to the loads,
+
+    delta_a' = delta_a + W_aa (u' - u) + W_aw (w' - w) + slip
+
+so that a push shows in where they go. The robot is at rest at each tick, to the accuracy of its model: motion faster
+than that is not modelled (cfem.control.moving.marker_filter)."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +23,7 @@ from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_fit import EstimateStatus, Known
 
 SLIP, OFFSET = 5e-4, 0.05  # of the reach, where a spec states none
+YIELD = 0.1  # of a motion under commanded forces: by how much the model may be wrong
 
 
 class Filter:
@@ -32,6 +38,7 @@ class Filter:
         self.keeps = float(np.exp(-1.0 / ticks))
         self.last: Estimate | None = None
         self._u: np.ndarray | None = None
+        self._driven: np.ndarray | None = None
 
     def tick(
         self,
@@ -39,14 +46,17 @@ class Filter:
         sensed: ArrayLike | None = None,
         commanded: ArrayLike | None = None,
         forces: ArrayLike | None = None,
+        driven: ArrayLike | None = None,
     ) -> Estimate:
-        """measured, sensed, forces: as for `Estimator.estimate`; commanded (n_a,) mm, None where nobody
-        knows. Never raises for what the numbers are; an estimate that did not converge is not carried forward."""
+        """measured, sensed, forces: as for `Estimator.estimate`; commanded (n_a,) mm, or driven (n_a,) N by which they
+        are commanded, None where nobody knows. Never raises for what the numbers are; an estimate that did not converge
+        is not carried forward."""
         u = None if commanded is None else np.asarray(commanded, float)
-        known = self._first(u) if self.last is None else self._forward(self.last, u)
+        by = None if driven is None else np.asarray(driven, float)
+        known = self._first(u) if self.last is None else self._forward(self.last, u, by)
         found = self.estimator.with_known(measured, sensed, forces, known, known.mean)
         if found.status is EstimateStatus.CONVERGED and np.isfinite(found.covariance).all():
-            self.last, self._u = found, u
+            self.last, self._u, self._driven = found, u, by
         return found
 
     def _first(self, u: np.ndarray | None) -> Known:
@@ -57,14 +67,22 @@ class Filter:
         root = np.vstack([before.root, np.eye(n_a, len(before.mean)) / self.offset])
         return Known(np.concatenate([u, before.mean[n_a:]]), root)
 
-    def _forward(self, last: Estimate, u: np.ndarray | None) -> Known:
+    def _forward(self, last: Estimate, u: np.ndarray | None, driven: np.ndarray | None) -> Known:
         n_a, n_w = len(last.delta_a), len(last.loads)
-        moved = 0.0 if u is None or self._u is None else u - self._u
-        mean = np.concatenate([last.delta_a + moved, self.keeps * last.loads])
-        keeps = np.r_[np.ones(n_a), np.full(n_w, self.keeps)]
-        covariance = last.covariance * np.outer(keeps, keeps)
-        covariance[:n_a, :n_a] += self.slip**2 * np.eye(n_a)
-        covariance[n_a:, n_a:] += (1 - self.keeps**2) * self.estimator.load_covariance
+        moved = np.zeros(n_a) if u is None or self._u is None else u - self._u
+        yields = np.zeros((n_a, n_w))  # of the actuators to loads
+        slip = self.slip**2 * np.eye(n_a)
+        if driven is not None and self._driven is not None:
+            W_aa, yields = self.estimator.yielding(last.delta_a)
+            moved = W_aa @ (driven - self._driven)
+            slip += YIELD**2 * np.outer(moved, moved)
+        mean = np.concatenate([last.delta_a + moved - (1 - self.keeps) * yields @ last.loads, self.keeps * last.loads])
+        F = np.diag(np.r_[np.ones(n_a), np.full(n_w, self.keeps)])
+        F[:n_a, n_a:] = (self.keeps - 1) * yields
+        by_load = np.vstack([yields, np.eye(n_w)])
+        covariance = F @ last.covariance @ F.T
+        covariance += (1 - self.keeps**2) * by_load @ self.estimator.load_covariance @ by_load.T
+        covariance[:n_a, :n_a] += slip
         size = np.sqrt(np.diag(covariance))  # scaled, so that the factor does not depend on units
         lower = np.linalg.cholesky(covariance / np.outer(size, size) + 1e-12 * np.eye(len(size)))
         return Known(mean, np.linalg.solve(lower, np.diag(1 / size)))
