@@ -106,13 +106,13 @@ def under_forces(estimator, u, x):
 def test_under_commanded_forces_actuators_yield_as_the_model_does(estimator):
     """To the forces and to loads, against equilibria on either side."""
     x, h = np.array([3.0, 0.0, 0.0, 0.0]), 1e-3
-    u, (W_aa, W_aw) = estimator.tensions(x), estimator.yielding(x[:1])
+    u, at = estimator.tensions(x), estimator.response(x[:1])
     ahead, behind = (under_forces(estimator, u + sign * h, x)[0] for sign in (1, -1))
-    assert W_aa[0, 0] == pytest.approx((ahead - behind) / (2 * h), rel=1e-4)
+    assert at.here.W_aa[0, 0] == pytest.approx((ahead - behind) / (2 * h), rel=1e-4)
     for place in range(3):
         load = h * np.eye(4)[1 + place]
         ahead, behind = (under_forces(estimator, u, x + sign * load)[0] for sign in (1, -1))
-        assert W_aw[0, place] == pytest.approx((ahead - behind) / (2 * h), rel=1e-3, abs=1e-6)
+        assert at.actuators[0, place] == pytest.approx((ahead - behind) / (2 * h), rel=1e-3, abs=1e-6)
 
 
 def test_intervals_cover_under_commanded_forces(estimator):

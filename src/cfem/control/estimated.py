@@ -114,7 +114,8 @@ class EstimatingController:
         x_e, by_loads = nothing, nothing
         if found.converged:
             x_e = self._rest_e + found.delta_e
-            by_loads = filtered.estimator.by_loads(found, held_forces=not self._told)
+            at = filtered.estimator.response(found.delta_a)
+            by_loads = (at.locked if self._told else at.held) @ found.loads
         delta_a = found.delta_a if found.converged else np.full(len(found.delta_a), np.nan)
         plain = vars(replace(measured, x_e=x_e, delta_a=delta_a))
         return Estimated(**plain, by_loads=by_loads)

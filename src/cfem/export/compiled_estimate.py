@@ -11,7 +11,7 @@ from cfem.export.c_estimate import moving_frames, status_of
 from cfem.export.compiled import FAST, library, struct_of
 from cfem.predict.estimate_filter import Filter
 
-SOURCES = ("cfem_estimate.c", "cfem_estimate_series.c", "cfem_estimate_data.c")
+SOURCES = ("cfem_estimate.c", "cfem_estimate_fit.c", "cfem_estimate_series.c", "cfem_estimate_data.c")
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.condensed import Condensed
 from cfem.core.errors import InputError
 from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_fit import Known, Minimum, Residuals, Sensor, minimise
 from cfem.predict.force_series import ForceSeries
+from cfem.predict.load_response import LoadResponse
 from cfem.predict.markers import on_triangles
 from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
@@ -281,37 +281,9 @@ class Estimator:
 
     def _effectors(self, x: np.ndarray) -> np.ndarray:
         delta_a, w = self._apart(x)
-        here = self._here(delta_a)
-        return here.delta_e + (self._compliance(here) @ w if len(w) else 0.0)
+        at = self.response(delta_a)
+        return at.here.delta_e + (at.locked @ w if len(w) else 0.0)
 
-    def by_loads(self, found: Estimate, held_forces: bool) -> np.ndarray:
-        """(n_e,) mm: what the loads of an estimate do to the effectors while the actuators keep their displacements, or
-        their forces."""
-        if not len(found.loads):
-            return np.zeros(self.model.rows.n_e)
-        here = self._here(found.delta_a)
-        C = self._compliance(here)
-        if held_forces:
-            C = C + here.effector_jacobian @ self.yielding(found.delta_a)[1]
-        return C @ found.loads
-
-    def yielding(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """W_aa (n_a, n_a) and W_aw (n_a, n_w) at delta_a (n_a,) mm: of the actuators to their own forces and to
-        loads."""
-        here = self._here(delta_a)
-        slopes = [here.effector_jacobian, self.model.skin.gradient(delta_a, self.material[0])]
-        return here.W_aa, here.W_aa @ np.vstack(slopes)[self.loaded_rows].T
-
-    def compliance(self, delta_a: np.ndarray) -> np.ndarray:
-        """(n_e, n_w) mm/N: of the effectors by the loads at delta_a (n_a,) mm, actuators locked."""
-        return self._compliance(self._here(delta_a))
-
-    def _here(self, delta_a: np.ndarray) -> Condensed:
-        return self.model.at_displacement(delta_a, self.p)
-
-    def _compliance(self, here: Condensed) -> np.ndarray:
-        """(n_e, n_w) mm/N: of the effectors by the loads, actuators locked."""
-        G, rows, (q, softer) = here.effector_jacobian, self.model.rows, self.material
-        C_ee = here.W[rows.e, rows.e] - G @ here.W_aa @ G.T
-        C_es, _ = self.model.skin.compliance(here.delta_a, q)
-        return np.hstack([C_ee, softer * C_es])[:, self.loaded_rows]
+    def response(self, delta_a: np.ndarray) -> LoadResponse:
+        """What the loads do at delta_a (n_a,) mm."""
+        return LoadResponse(self.model, self.model.at_displacement(delta_a, self.p), *self.material, self.loaded_rows)

@@ -73,8 +73,9 @@ class Filter:
         yields = np.zeros((n_a, n_w))  # of the actuators to loads
         slip = self.slip**2 * np.eye(n_a)
         if driven is not None and self._driven is not None:
-            W_aa, yields = self.estimator.yielding(last.delta_a)
-            moved = W_aa @ (driven - self._driven)
+            at = self.estimator.response(last.delta_a)
+            yields = at.actuators
+            moved = at.here.W_aa @ (driven - self._driven)
             slip += YIELD**2 * np.outer(moved, moved)
         mean = np.concatenate([last.delta_a + moved - (1 - self.keeps) * yields @ last.loads, self.keeps * last.loads])
         F = np.diag(np.r_[np.ones(n_a), np.full(n_w, self.keeps)])

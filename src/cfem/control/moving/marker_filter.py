@@ -197,7 +197,7 @@ class MarkerFilter:
         if not len(w):
             return found
         H = self._markers.loaded_paths(y[:n_a])[0]
-        return found + (self.estimator.compliance(y[:n_a]) - place.H @ H.T / self._motion.stiffness) @ w
+        return found + (self.estimator.response(y[:n_a]).locked - place.H @ H.T / self._motion.stiffness) @ w
 
 
 def _good(found: Minimum) -> bool:
