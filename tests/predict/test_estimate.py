@@ -1,6 +1,5 @@
 """The whole robot and who pushes it from a few markers: against the model's own states, and against finite elements."""
 
-
 import numpy as np
 import pytest
 
