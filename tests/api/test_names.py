@@ -62,6 +62,12 @@ def test_asking_a_model_loads_neither_torch_nor_gmsh_nor_finite_elements():
     assert not loaded & {"torch", "gmsh", "cfem.mechanics.solid"}
 
 
+@pytest.mark.parametrize("module", ["cfem.sample.shard", "cfem.equilibrium.inner", "cfem.control.adaptation"])
+def test_a_worker_and_a_tick_do_without_scipy_stats(module):
+    """It takes half a second to import, which each worker process of a sampling run would pay."""
+    assert "scipy.stats" not in loaded_by(f"import {module}")
+
+
 @pytest.mark.parametrize("use", ["cfem.FemPlant", f"cfem.load_robot({str(BAR)!r})"])
 def test_a_missing_package_is_a_sentence_that_says_how_to_install_it(use, tmp_path):
     code = f"import cfem\ntry:\n    {use}\nexcept cfem.CfemError as error:\n    print(error)"

@@ -25,7 +25,7 @@ What is used changes by a bounded step a tick."""
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
@@ -167,7 +167,7 @@ class Tracker:
         self._prove(seen - self._shown(ahead, here), seen - self._shown(self._first, first))
         R = self.noise**2 * self._spread * np.eye(len(seen))
         x, covariance, size = self._corrected(ahead, P, R, seen, u, here)
-        most = chi2.ppf(GATE, len(seen))
+        most = chdtri(len(seen), 1 - GATE)  # of chi-squared
         self._spread = max(1.0, self._spread * (1 + (min(size, most) / len(seen) - 1) / self.forget))
         if not size <= most:
             self.refused += 1

@@ -8,7 +8,6 @@ lowest vibrations of some equilibria: what each leaves out of a vibration is of 
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.stats import qmc
 
 from cfem.equilibrium.actuation import Actuation, force, pull
 from cfem.equilibrium.condensation import EXACT, refined
@@ -25,6 +24,8 @@ LEAST = 1e-3  # of the strongest component's energy
 def rod_stresses(problem: Problem, mass: sp.csr_array) -> np.ndarray:
     """(m, 6, k) N and N mm: stresses of the rod's elements, of energy 1 N mm each. Depends on the robot alone.
     mass: of `mass_of`."""
+    from scipy.stats import qmc  # half a second, which robots without a rod do not pay
+
     robot, rod = problem.robot, problem.body.rod
     n_a = robot.rows.n_a
     weights = np.sqrt(rod.stiffness / rod.length[:, None])
