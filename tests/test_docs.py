@@ -24,6 +24,13 @@ def test_every_message_that_troubleshooting_explains_is_one_of_the_code():
             assert part.strip() in said, message
 
 
+def test_the_map_of_the_tree_names_every_package_and_no_other():
+    text = (ROOT / "CONTRIBUTING.md").read_text().split("## Where things are")[1].split("## Tests")[0]
+    named = re.findall(r"`(\w+)`", "".join(row.split("|")[1] for row in text.splitlines() if row.startswith("| `")))
+    packages = [path.parent.name for path in (ROOT / "src" / "cfem").glob("*/__init__.py")]
+    assert sorted(named) == sorted(packages)
+
+
 def test_every_page_is_in_the_navigation():
     named = set(re.findall(r"([\w/-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
     assert {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")} <= named

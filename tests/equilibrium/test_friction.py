@@ -34,8 +34,8 @@ def test_loading_bends_less_and_unloading_more(rods):
     free, rubbing = rods
     lam = force(np.array([0.05]))
     without = height(solve(free, lam, condense=False))
-    loading, shares = solve_slipping(rubbing, lam, condense=False)
-    unloading, _ = solve_slipping(rubbing, lam, ways=-1.0, condense=False)
+    loading, shares = solve_slipping(rubbing, lam)
+    unloading, _ = solve_slipping(rubbing, lam, ways=-1.0)
     assert height(loading) < without < height(unloading)
     np.testing.assert_allclose(shares[0], slipping(rubbing.robot.actuators[0], loading.state.x, 1.0), atol=1e-6)
 
@@ -43,7 +43,7 @@ def test_loading_bends_less_and_unloading_more(rods):
 def test_moment_along_the_rod_is_the_tension_that_is_left(rods):
     """EI kappa = T(s) r on every element: the rod's own law, not the cable's."""
     _, rubbing = rods
-    found, _ = solve_slipping(rubbing, force(np.array([0.05])), condense=False)
+    found, _ = solve_slipping(rubbing, force(np.array([0.05])))
     e = rubbing.body.rod and rubbing.evaluate(found.state.x, np.empty(0)).response.rod.strain.e
     turned = np.cumsum(np.abs(e[:, 4])) - np.abs(e[:, 4]) / 2
     bending = rubbing.body.rod.stiffness[0, 4]
@@ -57,6 +57,6 @@ def test_no_condensed_energy_with_friction(rods):
 
 def test_shares_of_a_robot_without_friction_start_one_with(rods):
     free, rubbing = rods
-    _, shares = solve_slipping(free, force(np.array([0.05])), condense=False)
-    found, _ = solve_slipping(rubbing, force(np.array([0.05])), shares=shares, condense=False)
+    _, shares = solve_slipping(free, force(np.array([0.05])))
+    found, _ = solve_slipping(rubbing, force(np.array([0.05])), shares=shares)
     assert found.status is Status.CONVERGED

@@ -61,7 +61,7 @@ def test_a_rod_sticks_from_the_tip_as_its_cable_is_let_out(rod):
 def test_a_history_of_loading_and_of_full_unloading_slips_everywhere(rod):
     (_, up), _, (at, down) = followed(rod, [LARGEST, 0.03, 0.01])
     for way, tension, now in ((1.0, LARGEST, up), (-1.0, 0.01, down)):
-        found, shares = solve_slipping(rod, force(np.array([tension])), ways=way, condense=False)
+        found, shares = solve_slipping(rod, force(np.array([tension])), ways=way)
         np.testing.assert_allclose(now.tension / tension, shares[0], atol=1e-6)
     assert turned(rod, at) == pytest.approx(turned(rod, found), rel=1e-6)
 

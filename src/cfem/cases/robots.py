@@ -67,9 +67,9 @@ class CaseRobots:
         if before is not None and has_friction(problem.robot):
             return self._posed(problem, self._follow(problem, p, np.vstack([before, forces]), case), p, case)
         start, shares = self._near.get(case, (None, None))
-        found, now = solve_slipping(problem, force(forces), start, shares, way, condense=False)
+        found, now = solve_slipping(problem, force(forces), start, shares, way)
         if found.status is not Status.CONVERGED and start is not None:
-            found, now = solve_slipping(problem, force(forces), None, None, way, condense=False)
+            found, now = solve_slipping(problem, force(forces), None, None, way)
         self.solves += 1
         posed = self._posed(problem, found, p, case)
         self._near[case] = found.state, now

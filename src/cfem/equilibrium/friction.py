@@ -34,19 +34,18 @@ def solve_slipping(
     start: State | None = None,
     shares: Shares | None = None,
     ways: Sequence[float] | float = 1.0,
-    condense: bool = True,
 ) -> tuple[Equilibrium, Shares]:
-    """As `solve`, every cable that has friction slipping its way; shares: of a state nearby, to start from. Status
-    INACCURATE where shape and shares do not settle."""
+    """An equilibrium in which every cable that has friction slips its way, without its W; shares: of a state nearby, to
+    start from. Status INACCURATE where shape and shares do not settle."""
     robot = problem.robot
     if not has_friction(robot):
-        return solve(problem, actuation, start, condense=condense), _own(robot)
+        return solve(problem, actuation, start, condense=False), _own(robot)
     ways = np.broadcast_to(ways, len(robot.actuators))
     now = shares or _own(robot)
     weight, last = 1.0, None
     for _ in range(_TURNS):
         held = Problem(replace(robot, actuators=_with(robot, now)), like=problem)
-        found = solve(held, actuation, start, condense=condense)
+        found = solve(held, actuation, start, condense=False)
         if found.status is not Status.CONVERGED:
             return found, now
         start, wanted = found.state, _slipping(robot, found.state.x, ways, now)
