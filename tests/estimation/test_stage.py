@@ -88,6 +88,7 @@ def test_a_noise_that_is_far_too_small_is_called_so_first(recorded):
     ]
     said = results["judgement"][0]["what"]
     assert "frames have no estimate: half of the markers do not fit" in said and "look at their noise" in said
+    assert not [line for line in results["headline"] if "nan" in line]
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,10 @@ def _energy(model, p, at, loaded, w, step):
     [
         ({"loaded": ("top.x",)}, "no row 'top.x'"),
         ({"noise": 0.0}, "must be positive"),
-        ({"markers": np.array([[0.0, 0.0, 500.0]])}, "off the surface at rest"),
+        (
+            {"markers": np.array([[0.0, 0.0, 500.0]])},
+            r"the marker at \(0, 0, 500\) mm is .* mm off the surface at rest",
+        ),
     ],
 )
 def test_wrong_input_gets_one_sentence(model, change, said):

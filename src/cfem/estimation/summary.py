@@ -29,7 +29,8 @@ def summarise(
     ratio = float(np.sqrt(np.mean([one.noise**2 for one in good]))) if good else np.nan
     outliers = Counter(markers[number] for one in found for number in one.outliers)
     unseen = Counter(name for one in found for name in one.unseen)
-    headline = [f"{len(found)} frames, {len(good)} estimated; the markers miss the model by {ratio:.2f} of their noise"]
+    miss = f"; the markers miss the model by {ratio:.2f} of their noise" if good else ""
+    headline = [f"{len(found)} frames, {len(good)} estimated{miss}"]
     innovation = innovation_ratio([one.innovation for one in good])
     if innovation is not None:
         headline.append(f"frames miss what the one before led to expect by {innovation:.2f} of its variance")

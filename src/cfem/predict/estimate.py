@@ -70,7 +70,8 @@ class Estimator:
             raise InputError(f"the model has no row {unknown[0]!r}", do=f"known are {', '.join(self._names)}")
         away = self._nearest[1]
         if away.max(initial=0.0) > 0.05 * self.model.length:
-            what = f"marker {int(away.argmax())} is {away.max():.3g} mm off the surface at rest"
+            place = ", ".join(f"{value:.4g}" for value in self.markers[away.argmax()])
+            what = f"the marker at ({place}) mm is {away.max():.3g} mm off the surface at rest"
             raise InputError(what, do="give markers at rest, in mm, in the frame of the scene")
 
     @property
