@@ -1,6 +1,8 @@
 """A motion that begins at any positions and velocities, with the accelerations that they demand."""
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Motion
@@ -12,12 +14,13 @@ from cfem.mechanics.kinematics import Kinematics
 def released(problem: MovingProblem, x: np.ndarray, v: np.ndarray, actuation: Actuation, t: float = 0.0) -> Motion:
     """At positions x (n, 3) mm with velocities v (n, 3) mm/s that held nodes and rigid groups admit, with the
     accelerations of that moment. What the actuation holds is taken to stand still or to move evenly; the overstress
-    begins at none. Raises SingularMatrixError where an unknown has no mass."""
+    begins at none."""
     x, kinematics = problem.kinematics.hold(x), problem.kinematics
     at = problem.evaluate(x, np.empty(0), actuation.load)
     actuation = actuation.padded(problem.n_active)
     centripetal = _centripetal(kinematics, x, v)
-    solve = problem.factor_of(problem.mass_data(x)).solve
+    T = kinematics.transfer_matrix(x)
+    solve = splu((T.T @ sp.kron(problem.mass, sp.eye_array(3)) @ T).tocsc()).solve
     force = at.H @ actuation.offset - at.force - kinematics.reduce(x, problem.mass @ centripetal)
     HC = at.H @ actuation.C.T
     lam, accelerations = actuation.offset, solve(force[:, None])[:, 0]

@@ -29,7 +29,7 @@ from scipy.special import chdtri
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
-from cfem.condensed.parameters import coordinates, values
+from cfem.condensed.parameters import coordinates, range_coordinates, values
 from cfem.control.frame import CameraFrame
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
@@ -100,10 +100,8 @@ class Tracker:
             raise InputError("noise must be positive, forget above one sample, loss and frame not negative")
         own = self.predictor.parameters
         self._find = [names.index(name) for name in wanted]
-        self._ends = np.array(
-            [coordinates(own, np.array([getattr(one, end) for one in own])) for end in ("low", "high")]
-        )
-        self._q = coordinates(own, np.array([one.reference for one in own])) if own else np.zeros(0)
+        self._ends = np.array(range_coordinates(own))
+        self._q = coordinates(own, np.array([one.reference for one in own]))
         n_a = self.predictor.rows.n_a
         n_b, drifting = n_a if self.loss else 0, [n for n, i in enumerate(self._find) if own[i].exact]
         n_r = len(drifting)

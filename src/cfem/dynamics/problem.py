@@ -21,7 +21,6 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import add_blocks
-from cfem.mechanics.factorization import Factor
 from cfem.mechanics.viscosity import Overstress
 
 
@@ -70,10 +69,6 @@ class MovingProblem(Problem):
     def mass_data(self, x: np.ndarray) -> np.ndarray:
         """Lower triangle of T^T M T on the unknowns, t, at positions x."""
         return self._mass_places.data(self.kinematics, self.mass, x)
-
-    def factor_of(self, data: np.ndarray) -> Factor:
-        """Of a matrix on the pattern of the unknowns; ends the use of the factor before. Raises SingularMatrixError."""
-        return self._factor(data)
 
     def evaluate(self, x: np.ndarray, pressure: np.ndarray, load: float = 1.0) -> Evaluation:
         at, step = super().evaluate(x, pressure, load), self.step
