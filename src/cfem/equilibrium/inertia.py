@@ -16,12 +16,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.condensation import Condensation, refined
+from cfem.equilibrium.condensation import ENOUGH, Condensation, refined
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.mass import mass_matrix
+
+ROUGHLY = 1e-5  # residual of Y: V2 has the square of its error, V3 its error
 
 
 @dataclass(frozen=True)
@@ -77,11 +79,13 @@ def inertia(
     heavy = times_mass(problem, mass, at.x, Z if G is None else np.hstack([Z, G.motions]))
     by_rows = heavy[:, : Z.shape[1]]
     if G is None or derivatives:
-        Y = refined(problem, condensation.data, condensation.factor, by_rows)[0]
+        enough = ENOUGH if derivatives else ROUGHLY
+        Y, rest, _ = refined(problem, condensation.data, condensation.factor, by_rows, enough)
     V = symmetric(Z.T @ by_rows)
     if G is not None:
         return Inertia(V, None, None, None, inner=_inner(problem, at, condensation, G, heavy)), Y
-    V2, V3 = Y.T @ heavy, Y.T @ times_mass(problem, mass, at.x, Y)
+    V2 = Y.T @ (heavy + rest)  # stationary in Y, as W is in Z
+    V3 = Y.T @ times_mass(problem, mass, at.x, Y)
     return Inertia(V, symmetric(V2), symmetric(V3), loss_forms(problem, at, np.hstack([Z, Y]))), Y
 
 

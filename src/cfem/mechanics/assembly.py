@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from numba import njit
 
 from cfem.mechanics import compiling  # noqa: F401 - says so where a kernel is compiled
@@ -107,6 +106,18 @@ def _add_blocks(matrices, slots, data):
 
 def symmetric_product(pattern: Pattern, data: np.ndarray, B: np.ndarray) -> np.ndarray:
     """A B for the symmetric A whose lower triangle is `data`; B (n_dof, k)."""
-    n = pattern.n_dof
-    lower = sp.csc_array((data, pattern.indices, pattern.indptr), shape=(n, n))
-    return lower @ B + lower.T @ B - lower.diagonal()[:, None] * B
+    out = np.zeros(B.shape)
+    _symmetric_product(pattern.indptr, pattern.indices, data, np.ascontiguousarray(B, float), out)
+    return out
+
+
+@njit(cache=True)
+def _symmetric_product(indptr, indices, data, B, out):
+    for j in range(len(indptr) - 1):
+        for p in range(indptr[j], indptr[j + 1]):
+            i, a = indices[p], data[p]
+            for c in range(B.shape[1]):
+                out[i, c] += a * B[j, c]
+            if i != j:
+                for c in range(B.shape[1]):
+                    out[j, c] += a * B[i, c]

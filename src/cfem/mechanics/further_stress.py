@@ -8,8 +8,8 @@ import numpy as np
 
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.material.law import curvature
-from cfem.mechanics.solid import Response, Solid, add_geometric, point_stiffness
-from cfem.mechanics.solid_kernels import add_form, scatter_force, scatter_stiffness
+from cfem.mechanics.solid import FEW, Response, Solid, add_geometric, point_stiffness
+from cfem.mechanics.solid_kernels import add_form, add_form_of_few, scatter_force, scatter_stiffness
 
 
 def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> None:
@@ -43,7 +43,8 @@ def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions
         mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
         return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, at, C) @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    add_form(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
+    add = add_form_of_few if motions.shape[2] <= FEW else add_form
+    add(C, at.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
 
 

@@ -29,7 +29,7 @@ from cfem.mechanics.solid_kernels import (
     smallest_J,
 )
 
-_FEW = 8  # motions up to which the kernel for few is faster
+FEW = 12  # motions up to which the kernel for few is faster
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
         mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
         return np.einsum("mik,mil->kl", mine, K @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    add = add_form_of_few if motions.shape[2] <= _FEW else add_form
+    add = add_form_of_few if motions.shape[2] <= FEW else add_form
     add(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
 

@@ -9,7 +9,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
 from cfem.robot.selection import Direction
 
-EVERY = 4  # of the ticks of the horizon, at which what is learned of inertia is asked
+EVERY = 10  # of the ticks of the horizon, at which what is learned of inertia is asked
 
 
 class DoubtSpec(Spec):

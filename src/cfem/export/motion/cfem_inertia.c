@@ -8,6 +8,7 @@
 #define MOST_NQ CFEM_MOTION_MOST_NQ
 #define ACROSS CFEM_WHOLE(NQ)
 #define TRIANGLE (NQ * (NQ + 1) / 2)
+#define LANES (8 / CFEM_AT_ONCE)
 #define BEND (NR * (NR + 1) / 2)
 
 void cfem_unpack(const double *triangle, double full[MOST_NQ][CFEM_MOTION_ACROSS]) {
@@ -29,11 +30,15 @@ void cfem_add_symmetric(double factor, const double *S, const double *x, double 
 /* The upper triangle of factor D (A B + B A) D / 2, A and B symmetric, D = 1 / scale. */
 static void symmetric_product(double factor, double A[MOST_NQ][CFEM_MOTION_ACROSS], double B[MOST_NQ][CFEM_MOTION_ACROSS], double *out) {
     double P[MOST_NQ][CFEM_MOTION_ACROSS];
-    for (int j = 0; j < ACROSS; j += CFEM_AT_ONCE)
+    for (int j = 0; j < ACROSS; j += 8)
         for (int i = 0; i < NQ; i++) {
-            cfem_lanes sum = {0};
-            for (int k = 0; k < NQ; k++) sum += A[i][k] * *(const cfem_lanes *)(B[k] + j);
-            *(cfem_lanes *)(P[i] + j) = sum;
+            cfem_lanes sum[LANES];
+            CFEM_UNROLL for (int l = 0; l < LANES; l++) sum[l] = (cfem_lanes){0};
+            for (int k = 0; k < NQ; k++) {
+                const cfem_lanes *of = (const cfem_lanes *)(B[k] + j);
+                CFEM_UNROLL for (int l = 0; l < LANES; l++) sum[l] += A[i][k] * of[l];
+            }
+            CFEM_UNROLL for (int l = 0; l < LANES; l++) ((cfem_lanes *)(P[i] + j))[l] = sum[l];
         }
     for (int i = 0; i < NQ; i++) {
         const double by = factor / 2 * cfem_motion_unit[i];

@@ -36,17 +36,17 @@
 #define CFEM_INLINE static inline
 #endif
 
-/* Numbers that the processor takes at once; of others, sums of a few stay in registers. */
+/* Numbers that the processor takes at once. */
 #if defined(__AVX512F__) && defined(__GNUC__)
 #define CFEM_AT_ONCE 8
 #elif defined(__AVX__) && defined(__GNUC__)
 #define CFEM_AT_ONCE 4
-#elif defined(__GNUC__)
+#elif defined(__SSE2__) && defined(__GNUC__)
 #define CFEM_AT_ONCE 2
 #else
 #define CFEM_AT_ONCE 1
 #endif
-#if defined(__GNUC__)
+#if CFEM_AT_ONCE > 1
 typedef double cfem_lanes __attribute__((vector_size(8 * CFEM_AT_ONCE), aligned(8), may_alias));
 #else
 typedef double cfem_lanes;

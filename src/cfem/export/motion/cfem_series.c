@@ -6,6 +6,9 @@
 #define FIRST CFEM_SERIES_FIRST
 #define SECOND CFEM_SERIES_SECOND
 #define WIDE CFEM_SERIES_WIDE
+/* Outputs whose sums, with those of their slopes, stay in registers. */
+#define LANES (WIDE / CFEM_AT_ONCE < 2 ? 1 : 2)
+#define PASS (LANES * CFEM_AT_ONCE)
 /* T_k and T_k' of each coordinate. */
 typedef struct {
     double value[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1], slope[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1];
@@ -45,20 +48,37 @@ void cfem_products_at(const double *delta_a, cfem_products *products) {
     multiply(&t, FIRST, SECOND, CFEM_MOTION_SECOND_PRODUCTS, cfem_motion_second_degrees, products->second);
 }
 
-/* out (1 + NA, WIDE) += the values of CFEM_AT_ONCE outputs, and their slopes by the box's coordinates: n of the second half. */
+/* out (1 + NA, WIDE) += the values of PASS outputs, and their slopes by the box's coordinates: n of the second half. */
 CFEM_INLINE void add(const cfem_motion_series *s, const cfem_products *p, const double *c, const int n, double *out) {
     const uint16_t *second = s->second;
     for (int g = 0, m = 0; g < s->groups; g++) {
-        cfem_lanes sum[CFEM_SERIES_MOST];
-        CFEM_UNROLL for (int l = 0; l <= n; l++) sum[l] = (cfem_lanes){0};
+        cfem_lanes sum[CFEM_SERIES_MOST][LANES];
+        CFEM_UNROLL for (int l = 0; l <= n; l++) CFEM_UNROLL for (int k = 0; k < LANES; k++) sum[l][k] = (cfem_lanes){0};
         for (; m < s->end[g]; m++, c += WIDE) {
             const double *by = p->second[*second++];
-            const cfem_lanes of = *(const cfem_lanes *)c;
-            CFEM_UNROLL for (int l = 0; l <= n; l++) sum[l] += by[l] * of;
+            const cfem_lanes *of = (const cfem_lanes *)c;
+            CFEM_UNROLL for (int l = 0; l <= n; l++) CFEM_UNROLL for (int k = 0; k < LANES; k++) sum[l][k] += by[l] * of[k];
         }
         const double *by = p->first[s->first[g]];
-        CFEM_UNROLL for (int i = 0; i <= FIRST; i++) *(cfem_lanes *)(out + i * WIDE) += by[i] * sum[0];
-        CFEM_UNROLL for (int l = 1; l <= n; l++) *(cfem_lanes *)(out + (FIRST + l) * WIDE) += by[0] * sum[l];
+        for (int i = 0; i <= FIRST; i++)
+            CFEM_UNROLL for (int k = 0; k < LANES; k++) ((cfem_lanes *)(out + i * WIDE))[k] += by[i] * sum[0][k];
+        CFEM_UNROLL for (int l = 1; l <= n; l++)
+            CFEM_UNROLL for (int k = 0; k < LANES; k++) ((cfem_lanes *)(out + (FIRST + l) * WIDE))[k] += by[0] * sum[l][k];
+    }
+}
+
+/* out (WIDE,) += the values alone. */
+static void add_values(const cfem_motion_series *s, const cfem_products *p, const double *c, double *out) {
+    const uint16_t *second = s->second;
+    for (int g = 0, m = 0; g < s->groups; g++) {
+        cfem_lanes sum[WIDE / CFEM_AT_ONCE];
+        CFEM_UNROLL for (int k = 0; k < WIDE / CFEM_AT_ONCE; k++) sum[k] = (cfem_lanes){0};
+        for (; m < s->end[g]; m++, c += WIDE) {
+            const double by = p->second[*second++][0];
+            CFEM_UNROLL for (int k = 0; k < WIDE / CFEM_AT_ONCE; k++) sum[k] += by * *(const cfem_lanes *)(c + k * CFEM_AT_ONCE);
+        }
+        const double by = p->first[s->first[g]][0];
+        CFEM_UNROLL for (int k = 0; k < WIDE / CFEM_AT_ONCE; k++) *(cfem_lanes *)(out + k * CFEM_AT_ONCE) += by * sum[k];
     }
 }
 
@@ -68,11 +88,8 @@ void cfem_series_at(const cfem_motion_series *s, const cfem_products *p, int cou
         const size_t all = sizeof(double) * (size_t)(count - o < WIDE ? count - o : WIDE);
         double out[CFEM_MOTION_MOST_NA + 1][WIDE];
         memset(out, 0, sizeof out);
-        for (int part = 0; part < WIDE; part += CFEM_AT_ONCE)
-            if (slopes)
-                add(s, p, c + part, SECOND, out[0] + part);
-            else
-                add(s, p, c + part, 0, out[0] + part);
+        if (!slopes) add_values(s, p, c, out[0]);
+        for (int part = 0; slopes && part < WIDE; part += PASS) add(s, p, c + part, SECOND, out[0] + part);
         memcpy(values + o, out[0], all);
         for (int a = 0; slopes && a < NA; a++) { /* from the box to delta_a */
             double by_a[WIDE] = {0};

@@ -105,6 +105,32 @@ static void slope_at(const cfem_plan *p, const double *x, double *slope) {
     }
 }
 
+/* Adds the objective's part of the goals to the lower triangle of H in L, two rows and two columns at once, and finds the largest weighted
+ * slope. Ticks whose effectors do not know a variable yet come before those that do. */
+static void add_goals(cfem_plan *p, double *largest) {
+    for (int i = 0, from = 0; i < V; i += 2) {
+        while (p->known[from] <= i) from++;
+        for (int j = 0; j <= i; j += 2) {
+            double aa = 0.0, ab = 0.0, ba = 0.0, bb = 0.0;
+            const int more = i + 1 < V;
+            for (int k = from; k < TICKS; k++)
+                for (int e = 0; e < NE; e++) {
+                    const double *row = p->E[k][e], w = cfem_mpc_weight[e] * cfem_mpc_weight[e];
+                    const double one = w * row[i], other = more && i + 1 < p->known[k] ? w * row[i + 1] : 0.0;
+                    const double next = j + 1 < p->known[k] ? row[j + 1] : 0.0;
+                    aa += one * row[j], ab += one * next, ba += other * row[j], bb += other * next;
+                }
+            p->L[i][j] += aa;
+            if (j < i) p->L[i][j + 1] += ab;
+            if (more) p->L[i + 1][j] += ba, p->L[i + 1][j + 1] += bb;
+        }
+        for (int k = from; k < TICKS; k++)
+            for (int e = 0; e < NE; e++)
+                for (int c = i; c < i + 2 && c < p->known[k]; c++)
+                    *largest = fmax(*largest, cfem_mpc_weight[e] * fabs(p->E[k][e][c]) / cfem_mpc_size[c % NA]);
+    }
+}
+
 /* L, and in `best` the optimum without bounds; the price of missing a bound. 0, or 1 where H is not positive definite. */
 static int factorise(cfem_plan *p) {
     double largest = 0.0, none[MOST_V] = {0};
@@ -114,15 +140,7 @@ static int factorise(cfem_plan *p) {
     }
     for (int i = 0; i < V; i++)
         for (int j = 0; j <= i; j++) p->L[i][j] = 0.0;
-    for (int k = 0; k < TICKS; k++)
-        for (int e = 0, end = p->known[k]; e < NE; e++) {
-            const double w = cfem_mpc_weight[e], *row = p->E[k][e];
-            for (int i = 0; w > 0.0 && i < end; i++) {
-                const double by = w * w * row[i];
-                for (int j = 0; j <= i; j++) p->L[i][j] += by * row[j];
-                largest = fmax(largest, w * fabs(row[i]) / cfem_mpc_size[i % NA]);
-            }
-        }
+    add_goals(p, &largest);
     for (int j = 0; j < V; j++) {
         const int a = j % NA;
         const double size = cfem_mpc_size[a], smooth = cfem_mpc_smooth[a] * size, effort = cfem_mpc_effort[a] * size;

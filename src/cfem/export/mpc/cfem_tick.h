@@ -25,7 +25,8 @@ typedef struct {
     double turning[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA]; /* of M v at constant v, by delta_a */
     double place[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA];   /* of the equations by delta_a */
     double speed[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];   /* of the equations by v */
-    double inverse[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ]; /* of its part that is not held */
+    double factor[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];  /* of its part that is not held: L U, with row pivots */
+    int pivots[CFEM_MOTION_MOST_NQ];
     double inner;                                       /* dt/2 stiffness of the inner motions */
     double F[CFEM_MOTION_MOST_LOSSES][CFEM_MOTION_TRIANGLE];  /* dt/2 times the material's */
     double of_material[CFEM_MOTION_MOST_NQ][2];            /* of the equations by the logarithms of stiffness and viscosity */
