@@ -139,7 +139,7 @@ def contact_table(f: dict) -> str:
             near = learned["distance_to_reachable_goals"]
             rows.append(
                 (
-                    f"{name}, {learned['reachable']} of {learned['goals']} goals reached, FE plant: "
+                    f"{name}, plans reach {learned['reachable']} of {learned['goals']} goals; FE plant: "
                     "tracking error, mean / max",
                     {"finger-button": "0.01 mm", "soft-gripper": "0.02 mm"}.get(scene, ""),
                     f"{near['mean']:.1e} / {near['max']:.1e} mm" if near else "",
@@ -160,16 +160,6 @@ def contact_table(f: dict) -> str:
                 )
             )
         rows.append((f"{scene}: sum of forces, of moments on the object", "1e-8", f"{one['object']['imbalance']:.1e}"))
-    touch = f["contact"]["touching"]
-    points = ", ".join(f"{count} {mode}" for mode, count in touch["points"].items())
-    carried = f"{touch['commands'] - touch['failures']} of {touch['commands']} commands carried out"
-    rows.append(("cube only touched, friction 0.8: FE plant", "converges, or says why", carried))
-    rows.append(("cube only touched: contact points at the goals", "", points))
-    rows.append(("cube only touched: law and balance, residual", "1e-8", f"{touch['law_residual']:.1e}"))
-    rows.append(("cube only touched: tracking error of plans that assume glue", "", spread(touch["distance"])))
-    rows.append(
-        ("cube only touched: a learned inverse step, median", "1 ms", f"{touch['step_us']['median'] / 1e3:.2g} ms")
-    )
     return markdown(("figure", "target", "measured"), rows)
 
 

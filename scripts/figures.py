@@ -79,10 +79,7 @@ def measure_contact() -> dict:
                 for name, controllers in control["trajectories"].items()
             },
         }
-    touching = results("data/soft-gripper/control-friction")
-    circle = touching["trajectories"]["circle-0.5mm"]["spectral"]
-    errors = circle["distance_to_reachable_goals"]
-    return {"held": found, "touching": touching["object"] | {"distance": errors, "step_us": circle["step_us"]}}
+    return {"held": found}
 
 
 def surrogate_point(point: dict) -> dict:

@@ -83,7 +83,7 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
         found = reach(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
         if found.status is ReachStatus.QP_FAILED:
             return replace(belief, status=found.status.value, plan=found)
-        if getattr(pilot.model, "holds", False):
+        if getattr(pilot.model, "kinked", False):
             found = elsewhere(pilot.model, aim, limits, found, pilot.settings, by_displacement)
         return _within(pilot, found, limits)
     except NumericalError as error:

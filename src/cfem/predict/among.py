@@ -66,7 +66,7 @@ class Among:
         return Several(tuple(self.solid.values()))
 
     @property
-    def holds(self) -> bool:
+    def kinked(self) -> bool:
         """Whether friction may hold the robot, so that answers lie on either side of where it does."""
         return self.mu > 0 and bool(self.solid)
 
