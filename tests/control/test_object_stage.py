@@ -159,6 +159,10 @@ def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
             "models={spectral: model}",
             r"points that open one by one turn their patch.*add contact.rotation to sample.yaml",
         ),
+        (
+            "object={centre: {mm: [65, 0, 0]}, half_size: {mm: [5, 5, 5]}, table: true}",
+            r"table: robots lift a box from it by friction: give law: coulomb and force",
+        ),
         ("fe_based=true", r"object.law: coulomb takes one model, fe_based: false"),
     ],
 )

@@ -5,6 +5,7 @@ import pytest
 from support.blocks import bar
 
 from cfem.contact.obstacle import Box
+from cfem.control.assembled import table_under
 from cfem.equilibrium.grip import Free
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.touch import PlacedRobot, TouchStatus
@@ -107,3 +108,22 @@ def test_the_robots_take_the_load_over_after_they_have_grasped():
     one.reset()
     assert one.last is None and one.load == 0.0 and not one.at.any()
     assert one.take(1.0) != "converged" and one.load == 0.0  # nothing squeezes it
+
+
+def test_an_object_stands_on_its_table_until_it_is_lifted():
+    """The table bears the load at first, then the robots do; what the table bears and they push balances the load."""
+    problem, load = Problem(bar(element="hex8", cables=2, contact=True)), np.array([0, 0, -5e-3, 0, 0, 0])
+    fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
+    half = np.array([4.0, 4.0, 3.0])
+    held = Free(Box(half, t=CENTRE), CENTRE, load, False)
+    table = table_under(CENTRE, half, load[:3])
+    np.testing.assert_allclose(table.points[:, 2], CENTRE[2] - 3.0)
+    one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], squeeze(0.1, 0.3), table=table)
+    stands = one.step(squeeze(0.1, 0.3))
+    assert stands.status == "converged" and one.load == 1.0
+    assert one.borne[0] > 5e-3 and abs(stands.x_e[2] - CENTRE[2]) < 1e-3  # pressed down by the upper bar as well
+    assert one.borne[0] + one.forces()[:, 2].sum() == pytest.approx(5e-3, abs=1e-9)
+    lifted = one.step(squeeze(1.8, 1.2))
+    assert lifted.status == "converged" and lifted.x_e[2] > CENTRE[2] + 0.1
+    assert one.borne[1] == 0.0 and one.forces()[:, 2].sum() == pytest.approx(5e-3, abs=1e-9)
+    assert one.x.shape[1] == 3

@@ -15,6 +15,7 @@ from cfem.control.gripping import Grip, Gripping, taken
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.grip import Free
+from cfem.equilibrium.ground import Pads
 from cfem.equilibrium.held_patch import contact_points, patch_of
 from cfem.equilibrium.patch_compliance import within_patch
 from cfem.equilibrium.problem import Problem
@@ -26,6 +27,8 @@ from cfem.plant.grip_plant import GripPlant
 from cfem.predict.finger import LearnedFinger, WithinPatch
 from cfem.predict.protocol import Predictor
 
+TABLE = 0.01  # mm/N of each of the four points of a table, in every direction
+WITHIN = 0.8  # of the way from the middle of a side to its edges, where these points are
 TOUCHES = 1e-6  # mm between a contact point and the object at rest
 
 
@@ -115,8 +118,8 @@ def touching(
     ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
     handed = grasp if spec.search.preload else None
 
-    def grip(robots: Sequence[Touching]) -> GripPlant:
-        return GripPlant(robots, ends, held, law, mu, points, handed, about.margin)
+    def grip(robots: Sequence[Touching], table: Pads | None = None) -> GripPlant:
+        return GripPlant(robots, ends, held, law, mu, points, handed, about.margin, table)
 
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
         do = "add contact.rotation to sample.yaml, sample and train"
@@ -129,8 +132,16 @@ def touching(
         learned = grip([LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds])
         holds = taken(learned, load)
         found[name] = Gripping(learned, glued, mu, about.margin, grasp, holds if load else None)
-    fe = grip(fingers)
+    fe = grip(fingers, table_under(about.centre, about.half_size, force) if about.table else None)
     return Grip.of(next(iter(found.values())), fe), found, fe
+
+
+def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) -> Pads:
+    """A table under the side of a box that `force` points to, four points of it."""
+    axis = int(np.abs(force).argmax())
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+    below = signs[signs[:, axis] == np.sign(force[axis])] * np.where(np.arange(3) == axis, 1.0, WITHIN)
+    return Pads(np.asarray(centre) + below * half_size, TABLE)
 
 
 def _demand_touch(spec: ControlSpec, robot: Robot, shape: Box, fingers: Sequence[PlacedRobot]) -> None:

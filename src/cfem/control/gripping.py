@@ -93,7 +93,7 @@ class Gripping:
         """Of the effectors (n_e, n_a) and of the actuators' forces (n_a, n_a) N/mm by the actuators."""
         last, posed = stands.last, stands.last.posed
         by_gap, moves = sensitivity(posed.problem, last.modes, posed.force, np.zeros(posed.problem.k))
-        robots = list(zip(stands.fingers, last.solved, strict=True))
+        robots = list(zip(stands.fingers, stands.solved, strict=True))
         turns = [np.kron(np.eye(len(finger.points)), finger.turn) for finger, _ in robots]
         moved = block_diag(*[turn @ one.by_actuators for turn, (_, one) in zip(turns, robots, strict=True)])
         free = posed.into @ moved
@@ -162,4 +162,9 @@ class Grip(World):
         if model.holds is not None:
             more = "more than " if model.holds >= MOST else ""
             line += f"; the grasp holds {more}{model.holds:.2g} times the load"
-        return {"margin": found, "margin_planned": planned, "holds": model.holds}, [line]
+        figures, lines = {"margin": found, "margin_planned": planned, "holds": model.holds}, [line]
+        if spec.object.table:
+            stands = int(np.sum(np.array(self.fe.borne) > 0))
+            figures["on_table"] = stands
+            lines.append(f"table: the object stands on it at {stands} of {len(self.fe.borne)} goals")
+        return figures, lines

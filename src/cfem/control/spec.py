@@ -71,6 +71,15 @@ class ObjectSpec(Spec):
     """Coefficient of friction."""
     margin: float | None = Field(None, ge=1)
     """Least margin to slip that plans keep: the friction that each robot's normal force allows over what it uses."""
+    table: bool = False
+    """Whether the box stands on a table, with the side that `force` points to, until the robots lift it. Plans begin
+    where the robots carry it; goals are above the table."""
+
+    @model_validator(mode="after")
+    def _stands(self):
+        if self.table and (self.law != "coulomb" or self.force is None or not any(self.force)):
+            raise ValueError("table: robots lift a box from it by friction: give law: coulomb and force, its weight")
+        return self
 
 
 class RobotSpec(Spec):

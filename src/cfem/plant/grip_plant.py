@@ -10,6 +10,7 @@ import numpy as np
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import Free, grip
+from cfem.equilibrium.ground import Pads
 from cfem.equilibrium.touch import Touching
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
@@ -23,9 +24,11 @@ class GripPlant(ContactAccount):
     """`Plant`. ends: where each robot's actuators begin and end; object_points (k, 3) mm of the object at rest, which
     `x` shows behind the robots' nodes; grasp: (n_a,) mm, how the first command begins, so that something is held: the
     object is carried until then, and handed over there. margin: None, or the answer x_e has behind the object's place
-    what each robot's grip has left (`effectors`).
+    what each robot's grip has left (`effectors`). table: what the object stands on, and which carries its load, until
+    the robots lift it; None: nothing does.
 
-    at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip, after each command"""
+    at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip, and borne: N by the table,
+    after each command"""
 
     def __init__(
         self,
@@ -37,11 +40,14 @@ class GripPlant(ContactAccount):
         object_points: np.ndarray,
         grasp: np.ndarray | None = None,
         margin: float | None = None,
+        table: Pads | None = None,
     ):
         self.fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
         self._object_points, self._grasp, self._margin = object_points, grasp, margin
-        self.at, self.last, self.load = np.zeros(int(ends[-1])), None, 0.0 if grasp is not None else 1.0
+        self._table = table
+        self.reset()
         self.margins: list[float] = []
+        self.borne: list[float] = []
         super().__init__()
 
     @property
@@ -51,7 +57,7 @@ class GripPlant(ContactAccount):
         if last is None:
             nodes = [one.problem.rest @ one.turn.T + one.shift for one in self.fingers]
             return np.concatenate([*nodes, self._object_points])
-        solved = zip(self.fingers, last.solved, strict=True)
+        solved = zip(self.fingers, self.solved, strict=True)
         nodes = [one.state.x @ finger.turn.T + finger.shift for finger, one in solved]
         return np.concatenate([*nodes, last.around.now(self._object_points)])
 
@@ -69,8 +75,9 @@ class GripPlant(ContactAccount):
             return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last)
         self.margins.append(self.slip_margin())
+        self.borne.append(float(last.posed.force.reshape(-1, 3)[self.parts[-1][1] :, 0].sum()))
         delta_a, lambda_a = (
-            np.concatenate([getattr(one, key) for one in last.solved]) for key in ("delta_a", "lambda_a")
+            np.concatenate([getattr(one, key) for one in self.solved]) for key in ("delta_a", "lambda_a")
         )
         return Measurement(self.effectors(), delta_a, lambda_a, self.commands, status)
 
@@ -82,6 +89,11 @@ class GripPlant(ContactAccount):
             return place
         normal, friction = self.pushes()
         return np.concatenate([place, self._mu * normal - self._margin * np.linalg.norm(friction, axis=1)])
+
+    @property
+    def solved(self) -> tuple:
+        """States of the robots."""
+        return self.last.solved[: len(self.fingers)]
 
     @property
     def parts(self) -> list[tuple[int, int]]:
@@ -114,8 +126,8 @@ class GripPlant(ContactAccount):
 
     def reset(self) -> None:
         """Back to rest, nothing held."""
-        self.at, self.last = np.zeros(len(self.at)), None
-        self.load = 0.0 if self._grasp is not None else 1.0
+        self.at, self.last = np.zeros(int(self._ends[-1])), None
+        self.load = 0.0 if self._grasp is not None and self._table is None else 1.0
 
     def squeeze(self) -> str:
         """The grasp, without load where the object is handed over: how that ended."""
@@ -123,10 +135,10 @@ class GripPlant(ContactAccount):
 
     def grasp(self) -> str:
         """The squeeze that the first command begins with, and the load: how that ended."""
-        if self._grasp is None or self.load == 1.0:
+        if self._grasp is None:
             return CONVERGED
         status = CONVERGED if self.last is not None else self.squeeze()
-        return self.take(1.0) if status == CONVERGED else status
+        return self.take(1.0) if status == CONVERGED and self.load != 1.0 else status
 
     def take(self, load: float) -> str:
         """A share of the object's load, in steps: how that ended. `load` is the share that the robots carry then."""
@@ -139,8 +151,10 @@ class GripPlant(ContactAccount):
 
     def _go(self, u: np.ndarray, load: float) -> str:
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
-        held = replace(self._held, load=load * self._held.load)
-        found = grip(self.fingers, parts, held, self._law, self._mu, self.last)
+        held, all_of_them = replace(self._held, load=load * self._held.load), list(self.fingers)
+        if self._table is not None:
+            parts, all_of_them = [*parts, displacement(np.zeros(0))], [*all_of_them, self._table]
+        found = grip(all_of_them, parts, held, self._law, self._mu, self.last)
         self.steps += 1
         self.iterations += found.iterations
         if found.converged:
