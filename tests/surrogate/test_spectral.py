@@ -136,6 +136,21 @@ def test_weights_follow_what_matters():
     assert len(chosen.indices) < len(isotropic.indices) and chosen.indices[:, 0].max() > chosen.indices[:, 1].max()
 
 
+def test_whole_degrees_go_on_while_they_help(monkeypatch):
+    """The first whole degrees that are tried are too low, and no weights are better than equal ones."""
+    monkeypatch.setattr("cfem.surrogate.spectral.PILOT_TERMS", 20)  # degree 3
+    for name in ("searched_weights", "decay_weights"):
+        monkeypatch.setattr(f"cfem.surrogate.spectral.{name}", lambda *_: np.ones(3))
+    rng = np.random.default_rng(0)
+    z = rng.uniform(-1, 1, (150, 3))
+    values = np.sin(2.0 * z.sum(axis=1)) + np.cos(1.7 * (z @ [1.0, -1.0, 1.0]))
+    chosen, weights, records = fit_quantity(z, Observations(((),), values[:, None, None], 3), 9, 130, 5)
+    equal = [record["terms"] for record in records if record["weights"] == "equal"]
+    assert equal[:6] == [1, 4, 10, 20, 35, 56] and len(chosen.indices) == equal[-1] and np.allclose(weights, 1.0)
+    *_, few = fit_quantity(z, Observations(((),), values[:, None, None], 3), 9, 50, 5)
+    assert max(record["terms"] for record in few if record["weights"] == "equal") == 35
+
+
 def test_terms_stay_within_their_number():
     found = fit(dataset(40, 1, 3, unilateral=False), max_terms=30)
     assert max(found.terms.values()) <= 30

@@ -7,6 +7,7 @@ grow term by term instead (greedy.py)."""
 
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -145,6 +146,16 @@ def fit_quantity(
         found.append((ranks[at], series, weights))
         return series
 
+    def further(terms: int) -> None:
+        """Equal weights that are the best so far, at the pilot's largest degree: higher ones while each is better."""
+        degree = next(k for k in range(max_degree + 1) if comb(n + k, n) >= terms)
+        while terms == comb(n + degree, n) and degree < max_degree and comb(n + degree + 1, n) <= most:
+            best, degree = min(rank for rank, *_ in found), degree + 1
+            if best[0] <= enough or best[1] != terms:
+                return
+            terms = comb(n + degree, n)
+            judge("equal", np.ones(n), *index_set(np.ones(n), terms, max_degree), [terms])
+
     if n > MANY:
         indices, sizes = greedy_set(*_fewer(z, targets, most), observed.derivatives, divisors, most, max_degree)
         greatest = np.maximum.accumulate(indices.sum(axis=1))
@@ -160,6 +171,7 @@ def fit_quantity(
     for name, weights in others.items():
         if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
             attempt(name, weights, most)
+    further(len(pilot.indices))
     _, series, weights = min(found, key=lambda one: one[0])
     return series, weights, records
 
