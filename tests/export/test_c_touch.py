@@ -1,6 +1,7 @@
 """Contact anywhere in C against Python's: obstacles, the law, and whole steps."""
 
 import ctypes
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,12 +10,14 @@ import cfem
 from cfem.contact import ContactProblem, check
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.several import Several
+from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_content
 from cfem.export import c_export, c_touch
 from cfem.export.c_touch import write_c_touch
-from cfem.export.compiled import STANDARD, compiler, run
+from cfem.export.compiled import STANDARD, CompiledController, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
+from cfem.predict.among import Among
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
@@ -24,7 +27,7 @@ from cfem.robot.spec import scene_meaning
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
-BAD_INPUT = 4
+BAD_INPUT, NO_MODEL = 4, 64  # of cfem_touch.h, of cfem.h
 
 
 def export(bar, out, obstacles, **contact):
@@ -105,6 +108,46 @@ def test_steps_are_those_of_python(compiled, touchable, mu):
             np.testing.assert_allclose(found.stuck[holds], before.stuck[holds], atol=1e-8)
             touched += bool(before.forces.any())
         assert touched
+
+
+class Planning(CompiledController):
+    """cfem_touch_control of a folder."""
+
+    def __init__(self, folder, obstacles, mu):
+        super().__init__(folder)
+        self._touch = CompiledTouch(folder, STRICT)
+        contact, (_, bodies, count, friction, *_) = (
+            self._touch.library,
+            self._touch.given(np.zeros(1), obstacles, mu)[1],
+        )
+        self._state = (ctypes.c_double * 300_000)()
+        self._references[0], self._bodies = ctypes.byref(self._state), bodies  # which it points to
+        assert contact.cfem_touch_control_init(self._references[0], bodies, count, friction) == 0
+        self._library = SimpleNamespace(cfem_step=contact.cfem_touch_control)
+
+
+@needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_a_tick_plans_with_contact_as_python_does(exported, touchable, mu):
+    """Goals of the tip behind a wall that the middle of the bar meets: each tick is the inverse step at the touched
+    robot, which yields less than the free one."""
+    at = foremost(touchable, np.array([1.0]))
+    wall = Plane(R=np.diag([1.0, -1.0, -1.0]), t=at - [0, 0, 0.1])
+    among = Among(touchable, {"wall": wall}, law="coulomb", mu=mu)
+    planning, model, now = Planning(exported[0] / "c", [wall], mu), touchable.model, np.zeros(1)
+    among.settle(now)
+    limits = Limits.of(model.reach, np.ones(1, dtype=bool))
+    apart = 0.0
+    for wanted in (0.8, 1.6, 1.8, 1.7, 1.5):
+        goal = model.rest_e + model.at_displacement(np.array([wanted])).delta_e
+        aim = Aim(goal - model.rest_e, np.ones(len(goal)), ridge_of(1e-10, model.reach, model.length))
+        here = among.at_displacement(now)
+        step, found = inverse_step(here, aim, limits.within(now, 5.0)), planning.step(goal)
+        assert not found.status & NO_MODEL and found.delta_a == pytest.approx(step.delta_a, abs=1e-6)
+        apart = max(apart, abs(here.W_aa[0, 0] / model.at_displacement(now).W_aa[0, 0] - 1))
+        now = found.delta_a
+        among.settle(now)
+    assert among.before.forces.any() and apart > 1e-3
 
 
 @needs_compiler

@@ -117,8 +117,8 @@ class CompiledController:
         self._input, self._output = struct_of(inputs)(), struct_of(outputs)()
         self._model = struct_of([(name, ctypes.c_double * size) for name, size in model])()
         self._library = library(folder, flags=flags)
-        # cfem_controller, or more: its vectors, the model at the last command, a flag
-        self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 1))()
+        # cfem_controller, or more: its vectors, the model at the last command, a flag, two pointers
+        self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 3))()
         self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]
         self.reset()
 

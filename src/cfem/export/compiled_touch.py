@@ -58,13 +58,14 @@ class CompiledTouch:
         self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
         self._states, self._before = (state(), state()), None
         self._room = (real * (75000 + 100 * (n + k) + (n_e + k) * k * (k + 2)))()
-        self._call = library(folder, (*CORE, *c_touch.CORE), flags).cfem_touch
+        self.library = library(folder, (*CORE, *c_touch.CORE), flags)
+        self._call = self.library.cfem_touch
 
     def reset(self) -> None:
         self._before = None
 
     def __call__(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float = 0.0) -> TouchedInC:
-        now, given = self._given(delta_a, obstacles, mu)
+        now, given = self.given(delta_a, obstacles, mu)
         status = self._call(*given)
         if not status:
             self._before = now
@@ -82,13 +83,13 @@ class CompiledTouch:
 
     def seconds(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float, count: int) -> float:
         """Processor time of a step from where the last one ended, the mean of `count`."""
-        _, given = self._given(delta_a, obstacles, mu)
+        _, given = self.given(delta_a, obstacles, mu)
         begin = time.process_time()
         for _ in range(count):
             self._call(*given)
         return (time.process_time() - begin) / count
 
-    def _given(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float) -> tuple[ctypes.Structure, tuple]:
+    def given(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float) -> tuple[ctypes.Structure, tuple]:
         """The state that a step fills, and its arguments."""
         bodies = (self._body * max(len(obstacles), 1))()
         for body, one in zip(bodies, obstacles, strict=False):

@@ -81,6 +81,10 @@ typedef struct {
     cfem_condensed at;           /* the model at the last command */
     int stands;                  /* whether that is the command, not cut down since */
 #endif
+#if CFEM_CONTACT
+    unsigned (*ask)(void *with, const double *s, cfem_condensed *condensed); /* in place of cfem_model: cfem_touch_control.h */
+    void *with;
+#endif
 } cfem_controller;
 
 /* Puts the robot where control starts: CFEM_HOME, no integral. */

@@ -13,6 +13,16 @@ typedef struct {
     double delta_low[MOST_NA], delta_high[MOST_NA];   /* mm */
 } limits;
 
+/* The model that the controller plans with. */
+static unsigned ask(const cfem_controller *c, const double *s, cfem_condensed *m) {
+#if CFEM_CONTACT
+    if (c->ask) return c->ask(c->with, s, m);
+#else
+    (void)c;
+#endif
+    return cfem_model(s, m);
+}
+
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
 /* Amplitude limits cut down to what one tick may change: `rate` from the last command, a `share` of `step` from where the
@@ -135,7 +145,7 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
         for (int i = 0; i < NA; i++)
             if (fabs(delta_a[i] - m->delta_a[i]) > farthest) farthest = fabs(delta_a[i] - m->delta_a[i]);
         if (farthest <= CFEM_TOLERANCE) break;
-        if (cfem_model(CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
+        if (ask(c, CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
         if (merit(&trial, aim, 2.0 * strongest) < merit(m, aim, 2.0 * strongest)) {
             *m = trial, *moved = 1;
             break;
@@ -160,11 +170,11 @@ static unsigned observe(const cfem_controller *c, const cfem_input *in, double *
                     : CFEM_COMMAND_FORCE                    ? c->lambda_a[i]
                                                             : c->delta_a[i];
     }
-    if (CFEM_OBSERVER == CFEM_OBSERVER_PREVIOUS_STEP) return cfem_model(s, m);
+    if (CFEM_OBSERVER == CFEM_OBSERVER_PREVIOUS_STEP) return ask(c, s, m);
     if ((CFEM_OBSERVER == CFEM_OBSERVER_EQUILIBRIUM && CFEM_COMMAND_FORCE) == CFEM_FORM_DISPLACEMENT)
         return cfem_find(wanted, s, m);
     for (int i = 0; i < NA; i++) s[i] = wanted[i]; /* what is known is what the model takes */
-    return cfem_model(s, m);
+    return ask(c, s, m);
 }
 
 static unsigned outside(const cfem_condensed *m) {
@@ -224,6 +234,9 @@ static void remember(cfem_controller *c, const cfem_condensed *m, const double *
 void cfem_init(cfem_controller *c) {
     cfem_condensed m;
     for (int e = 0; e < NE; e++) c->integral[e] = c->moved[e] = 0.0;
+#if CFEM_CONTACT
+    c->ask = 0, c->with = 0;
+#endif
     cfem_model(cfem_home, &m);
     remember(c, &m, m.lambda_a, m.delta_a);
 }
@@ -255,7 +268,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
         if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
-        const unsigned there = cfem_model(s, &m);
+        const unsigned there = ask(c, s, &m);
         if (there) return answer(c, CFEM_HELD | there | found, out);
     }
     for (int i = 0; i < NA; i++) { /* the command keeps its bounds, also where the program softened them */
