@@ -1,6 +1,8 @@
 """`cfem control` of a robot that moves between ticks, from YAML to the table."""
 
+import json
 import shutil
+import sys
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -11,6 +13,7 @@ from cfem.control.stage import run
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
+from cfem.predict.load import load_model
 
 QUIET = Options(quiet=True)
 SPEC = """
@@ -123,3 +126,46 @@ def test_a_model_that_has_not_learned_to_move_says_so(root, tmp_path):
 def test_what_does_not_go_together_says_so(root, override, what):
     with pytest.raises(SpecError, match=what):
         load_spec(root / "pipelines" / "bar" / "moving.yaml", ControlSpec, [override])
+
+
+DEVICE = """
+import json, sys
+import numpy as np
+from pathlib import Path
+from cfem.predict.load import load_model
+from cfem.predict.markers import on_triangles
+
+model = load_model(Path(sys.argv[1]))
+places = {"a": [12, -5, -5], "b": [48, 5, 5], "c": [60, -5, 5], "d": [36, 5, -5]}
+weights, _ = on_triangles(np.array(list(places.values())), model.skin.rest, model.skin.triangles)
+for line in sys.stdin:
+    message = json.loads(line)
+    if "bye" in message:
+        break
+    if "hello" in message:
+        print(json.dumps({"ready": True, "version": 1}), flush=True)
+        continue
+    seen = weights @ model.shape(np.array(message["u"]))
+    print(json.dumps({"t": message["t"], "markers": dict(zip(places, seen.tolist()))}), flush=True)
+"""
+
+
+def test_a_device_that_moves_is_known_by_its_markers(root, tmp_path):
+    """Behind a pipe the filter on the dynamics is asked for by name: of a robot that stands where it is told."""
+    (tmp_path / "device.py").write_text(DEVICE)
+    device = [sys.executable, str(tmp_path / "device.py"), str(root / "models" / "bar" / "spectral")]
+    estimate = ESTIMATE.replace(" lost: 0.05,", " dynamics: {},")
+    overrides = ("plant=pipe", f"loop.device={json.dumps(device)}", f"loop.estimate={estimate}", "loop.sensor={}")
+    more = ("loop.command={kind: displacement}", "loop.moving=null", "loop.real={}", "loop.rate=50 Hz")
+    model = load_model(root / "models" / "bar" / "spectral")
+    goals = [(model.rest_e + model.at_displacement([d]).delta_e).tolist() for d in (2.0, 3.0)]
+    points = f"trajectories={{points: {{kind: goals, points: {{mm: {goals}}}}}}}"
+    slow = (points, "loop.laps=null", "loop.settle={radius: 0.5 mm, hold: 0.6 s, at_most: 1 s}")
+    controllers = "loop.controllers={pi: {mode: closed, gains: {integral: 0.05}}}"
+    control(root, tmp_path / "out", *overrides, *more, *slow, controllers)
+    table = pq.read_table(tmp_path / "out" / "loop.parquet").to_pylist()
+    rows = [row for row in table if row["estimate_of"] and row["tick"] > 20]
+    assert len(rows) > 30 and {row["estimate_status"] for row in rows} == {"converged"}
+    sent = {row["tick"]: row["command"] for row in table}
+    apart = [np.subtract(row["estimated_a"], sent[row["estimate_of"]]) for row in rows]
+    assert np.sqrt(np.mean(np.square(apart))) < 0.1
