@@ -59,7 +59,7 @@ def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
         found = list(estimates(tick, recording, lambda: advance(1)))
     write_estimates(folder / TABLE, found, recording, estimator)
     seen = _seen(spec, estimator, recording, base)
-    return summarise(found, estimator, list(spec.markers), truth, seen)
+    return summarise(found, estimator, list(spec.markers), truth, seen, spec.dynamics is None)
 
 
 def _estimator(spec: EstimateSpec, model: Any) -> Any:

@@ -22,9 +22,10 @@ def summarise(
     markers: Sequence[str],
     truth: Mapping[str, np.ndarray],
     seen: Seen | None,
+    still: bool = True,
 ) -> dict[str, Any]:
     """Results with headline and judgement; truth (f,) by unknown, where it is known; seen: what bounds how well a push
-    can be told, where that is asked."""
+    can be told, where that is asked; still: whether the robot was taken to be at rest in each frame."""
     good = [one for one in found if one.converged]
     ratio = float(np.sqrt(np.mean([one.noise**2 for one in good]))) if good else np.nan
     outliers = Counter(markers[number] for one in found for number in one.outliers)
@@ -39,6 +40,9 @@ def summarise(
         value, sd = 1e3 * last.loads[place - estimator.model.rows.n_a], 1e3 * last.deviation[place]
         often = f"observed in {len(found) - unseen[name]} of {len(found)} frames"
         headline.append(f"{name}: {value:.3g} mN in the last frame, standard deviation {sd:.2g} mN; {often}")
+    if len(good) < len(found):
+        hint = "; of a robot that moves from frame to frame, state `dynamics`" if still else ""
+        headline.append(f"{len(found) - len(good)} frames have no estimate: {_reason(found)}{hint}")
     if outliers:
         headline.append("left out: " + ", ".join(f"{name} in {count} frames" for name, count in outliers.most_common()))
     judged = []
