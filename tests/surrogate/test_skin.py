@@ -47,6 +47,9 @@ def test_the_surface_is_that_of_finite_elements_as_training_says(bar, model, sta
 
 
 def test_shapes_of_many_states_are_those_of_each(model):
+    for wrong in ([1.0, 2.0], [np.nan], 1.0):
+        with pytest.raises(InputError, match="one finite number for each actuator"):
+            model.shape(wrong)
     many = model.shape([[[1.0], [2.0]], [[3.0], [0.0]]])
     assert many.shape == (2, 2, *model.skin.rest.shape)
     np.testing.assert_allclose(many[1, 0], model.shape([3.0]), atol=1e-12)

@@ -83,6 +83,8 @@ class Predictor(ABC):
     def learned_inputs(self, delta_a: ArrayLike, p: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
         """s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
         s = np.asarray(delta_a, float)
+        if s.shape[-1:] != (self.rows.n_a,) or not np.isfinite(s).all():
+            raise self._not_one_each(delta_a, "a state of displacements")
         p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
         if self.form == "force":
             flat = s.reshape(-1, s.shape[-1])
@@ -134,10 +136,12 @@ class Predictor(ABC):
         """InputError where these are not a finite number for each actuator."""
         array = np.asarray(values, float)
         if array.shape != (self.rows.n_a,) or not np.isfinite(array).all():
-            raise InputError(
-                f"{what} is one finite number for each actuator ({', '.join(self.rows.actuators)}); got {values}"
-            )
+            raise self._not_one_each(values, what)
         return array
+
+    def _not_one_each(self, values: ArrayLike, what: str) -> InputError:
+        names = ", ".join(self.rows.actuators)
+        return InputError(f"{what} is one finite number for each actuator ({names}); got {values}")
 
     def _find(self, wanted: np.ndarray, p: np.ndarray | None, tolerance: float = 1e-11) -> Condensed:
         """The state whose dual quantity is `wanted` (n_a,): Newton from the nearest training state, halving steps;
