@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -162,10 +162,11 @@ def test_a_dask_worker_that_is_stopped_is_left_by_dask(whole, names, tmp_path):
 def test_a_state_that_kills_dask_workers_is_given_up(names, tmp_path):
     with dask_processes(tmp_path, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1") as processes:
         processes.worker()
+        factory = replace(deadly(names)[0], others=0)  # the only worker cannot finish others meanwhile
         said = "2 Dask workers died of one shard, the last at tcp://127.0.0.1"
         with pytest.raises(WorkersLost, match=said):
             with_workers(
                 Workers(scheduler=processes.address),
-                lambda one: sample(SPEC, deadly(names)[0], tmp_path / "work", one),
+                lambda one: sample(SPEC, factory, tmp_path / "work", one),
             )
         assert len(shards(tmp_path / "work")) >= 4
