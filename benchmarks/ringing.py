@@ -67,8 +67,8 @@ def main() -> None:
                 found[name].append(judged(given, one, name, commands, frames, truth, push, model))
     print(f"{given.runs} motions in finite elements, {given.seeds} seeds of noise each: {given.markers} markers, "
           f"{given.noise} mm, {given.rate:g} Hz, Young's modulus {given.stiffer:g} of the model's")  # fmt: skip
-    print("filter | surface rms mm while it swings: median | 95 % | all frames: median | tip rms mm | push at the end, "
-          "median error % | ",
+    print("means over runs: filter | surface rms mm while it swings: median | 95 % | all frames: median | tip rms mm | "
+          "push at the end, error % | ",
           "95 % intervals that hold: actuators | push | innovations | no estimate % | ms a frame", sep="")  # fmt: skip
     for name, rows in found.items():
         print(f"{name} | " + " | ".join(f"{one:.3g}" for one in np.array(rows).mean(axis=0)))
