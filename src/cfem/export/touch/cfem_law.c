@@ -2,15 +2,20 @@
 
 #include "cfem_linear.h"
 
-enum { ITERATIONS = 40, HALVINGS = 4 };
+enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 6000, CORRECTIONS = 8 };
+/* Of the curve along friction: steps in units of the largest force without it; see cfem.contact.path. */
+static const double LONGEST = 1.0, FIRST = 0.1, SHORTEST = 1e-7, ACROSS = 1e-5, ONWARDS = 1e-4, FARTHEST = 1.2, CLOSE = 1e-10;
 static const double EXACT = 1e-13; /* of the largest force: change of a force in the last step */
 
-int cfem_solve(int n, double *A, int k, double *B) {
+/* As cfem_solve; sign: of the determinant. */
+static int solve_signed(int n, double *A, int k, double *B, double *sign) {
+    *sign = 1.0;
     for (int i = 0; i < n; i++) {
         int pivot = i;
         for (int r = i + 1; r < n; r++)
             if (fabs(A[r * n + i]) > fabs(A[pivot * n + i])) pivot = r;
         if (!(fabs(A[pivot * n + i]) > 0.0)) return 1;
+        if ((A[pivot * n + i] < 0.0) != (pivot != i)) *sign = -*sign;
         if (pivot != i) {
             for (int c = i; c < n; c++) {
                 const double kept = A[i * n + c];
@@ -37,6 +42,11 @@ int cfem_solve(int n, double *A, int k, double *B) {
             B[i * k + c] = sum / A[i * n + i];
         }
     return 0;
+}
+
+int cfem_solve(int n, double *A, int k, double *B) {
+    double sign;
+    return solve_signed(n, A, k, B, &sign);
 }
 
 int cfem_definite(int n, double *A) {
@@ -95,11 +105,9 @@ static void clean(int m, double mu, double *lambda) {
     }
 }
 
-/* Newton's method from lambda, the answer in its place; see cfem.contact.newton. */
-static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+/* A and constant of p = A lambda - constant. 0, or 1 where a point does not yield. */
+static int scale(int m, const double *W, const double *free, double *A, double *constant) {
     const int n = 3 * m;
-    double *const A = room, *const J = A + n * n, *const constant = J + n * n, *const F = constant + n;
-    double *const step = F + n, *const trial = step + n, *const now = trial + n, *const D = now + n;
     for (int i = 0; i < m; i++) {
         double yields = 0.0;
         for (int a = 3 * i; a < 3 * i + 3; a++)
@@ -110,6 +118,15 @@ static int newton(int m, const double *W, const double *free, double mu, double 
             constant[a] = free[a] / yields;
         }
     }
+    return 0;
+}
+
+/* Newton's method from lambda, the answer in its place; see cfem.contact.newton. */
+static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+    const int n = 3 * m;
+    double *const A = room, *const J = A + n * n, *const constant = J + n * n, *const F = constant + n;
+    double *const step = F + n, *const trial = step + n, *const now = trial + n, *const D = now + n;
+    if (scale(m, W, free, A, constant)) return 1;
     for (int a = 0; a < n; a++) now[a] = lambda[a];
     const double forces = largest_of(n, constant);
     double size = missing(m, A, constant, mu, now, F, D);
@@ -144,8 +161,105 @@ static int newton(int m, const double *W, const double *free, double mu, double 
     return 1;
 }
 
+/* (n + 1, n + 1) into M: derivatives of F by z = (lambda, mu), and the row `last` below; F (n,) at z. */
+static void border(int m, const double *A, const double *constant, const double *z, const double *last, double *F, double *D,
+                   double *M) {
+    const int n = 3 * m;
+    const double mu = z[n] > 0.0 ? z[n] : 0.0;
+    missing(m, A, constant, mu, z, F, D);
+    for (int i = 0; i < m; i++) {
+        double p[3];
+        for (int a = 0; a < 3; a++) p[a] = cfem_dot(n, A + (3 * i + a) * n, z) - constant[3 * i + a];
+        const double length = sqrt(p[1] * p[1] + p[2] * p[2]);
+        for (int a = 0; a < 3; a++) {
+            double *const row = M + (3 * i + a) * (n + 1);
+            const double *const d = D + 9 * i + 3 * a, *const from = A + 3 * i * n;
+            for (int b = 0; b < n; b++) row[b] = -(d[0] * from[b] + d[1] * from[n + b] + d[2] * from[2 * n + b]);
+            row[3 * i + a] += 1.0;
+            row[n] = a && p[0] > 0.0 && length > mu * p[0] ? -p[0] * p[a] / length : 0.0;
+        }
+    }
+    for (int b = 0; b <= n; b++) M[n * (n + 1) + b] = last[b];
+}
+
+/* Into `found`: the point of the curve whose way from z has `length` along the tangent. Systems solved, or minus that: none near. */
+static int near(int m, const double *A, const double *constant, const double *z, const double *tangent, double length,
+                double *found, double *room) {
+    const int n = 3 * m;
+    double *const F = room, *const D = F + n + 1, *const M = D + 9 * m;
+    for (int b = 0; b <= n; b++) found[b] = z[b] + length * tangent[b];
+    for (int systems = 0;; systems++) {
+        double way = -length, square = 0.0, sign;
+        border(m, A, constant, found, tangent, F, D, M);
+        for (int b = 0; b <= n; b++) way += tangent[b] * (found[b] - z[b]);
+        F[n] = way;
+        if (largest_of(n + 1, F) < CLOSE) return systems;
+        if (systems == CORRECTIONS || solve_signed(n + 1, M, 1, F, &sign)) return -systems - 1;
+        for (int b = 0; b <= n; b++) found[b] -= F[b], square += (found[b] - z[b]) * (found[b] - z[b]);
+        if (!(sqrt(square) <= FARTHEST * length)) return -systems - 1;
+    }
+}
+
+/* tangent: onwards from the direction it has, at z. 0, or 1. */
+static int turn(int m, const double *A, const double *constant, const double *z, double *tangent, double *side, double *room) {
+    const int n = 3 * m;
+    double *const F = room, *const D = F + n + 1, *const M = D + 9 * m, square = 0.0, sign;
+    border(m, A, constant, z, tangent, F, D, M);
+    for (int b = 0; b < n; b++) tangent[b] = 0.0;
+    tangent[n] = 1.0;
+    if (solve_signed(n + 1, M, 1, tangent, &sign)) return 1;
+    if (*side == 0.0) *side = sign;
+    for (int b = 0; b <= n; b++) square += tangent[b] * tangent[b];
+    for (int b = 0; b <= n; b++) tangent[b] *= sign * *side / sqrt(square);
+    return !cfem_finite(square);
+}
+
+/* From no friction on along the curve of forces over friction, which may turn back; see cfem.contact.path. */
+static int along_friction(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+    const int n = 3 * m;
+    double *const A = room, *const constant = A + n * n, *const work = constant + n;
+    double *const z = room + CFEM_LAW_ROOM(m) - 4 * (n + 1), *const tangent = z + n + 1, *const found = tangent + n + 1;
+    double length = FIRST, side = 0.0;
+    if (newton(m, W, free, 0.0, lambda, room)) return 1;
+    const double size = largest_of(n, lambda);
+    if (!(size > 0.0)) return 0;
+    for (int b = 0; b < n; b++) z[b] = lambda[b] / size, tangent[b] = 0.0;
+    z[n] = 0.0, tangent[n] = 1.0;
+    for (int systems = 0, fresh = 1; systems < SYSTEMS; systems++) {
+        if (fresh) { /* Newton's method has taken the room */
+            scale(m, W, free, A, constant);
+            for (int b = 0; b < n; b++) constant[b] /= size;
+            if (side == 0.0 && turn(m, A, constant, z, tangent, &side, work)) return 1;
+            fresh = 0;
+        }
+        int cost = near(m, A, constant, z, tangent, length, found, work);
+        if (cost < 0 && length > SHORTEST) {
+            systems -= cost, length /= 2.0;
+            continue;
+        }
+        if (cost < 0) { /* a corner, at which the curve turns by more than a right angle */
+            for (int b = 0; b <= n; b++) found[b] = z[b] + ACROSS * tangent[b];
+            if (turn(m, A, constant, found, tangent, &side, work)) return 1;
+            length = ONWARDS, cost = near(m, A, constant, z, tangent, length, found, work);
+            if (cost < 0) return 1;
+        }
+        systems += cost;
+        if (found[n] >= mu) {
+            const double share = (mu - z[n]) / (found[n] - z[n]);
+            for (int b = 0; b < n; b++) lambda[b] = size * (z[b] + share * (found[b] - z[b]));
+            if (!newton(m, W, free, mu, lambda, room)) return 0;
+            if (length <= SHORTEST) return 1;
+            length /= 4.0, fresh = 1;
+            continue;
+        }
+        for (int b = 0; b <= n; b++) z[b] = found[b];
+        length = 1.5 * length < LONGEST ? 1.5 * length : LONGEST;
+        if (z[n] < 0.0 || turn(m, A, constant, z, tangent, &side, work)) return 1;
+    }
+    return 1;
+}
+
 int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
-    static const int steps[] = {4, 16, 64};
     const int n = 3 * m;
     double *const found = room + CFEM_LAW_ROOM(m) - n;
     for (int a = 0; a < n * n; a++)
@@ -153,12 +267,7 @@ int cfem_law(int m, const double *W, const double *free, double mu, double *lamb
     if (!newton(m, W, free, mu, lambda, room)) return 0;
     for (int a = 0; a < n; a++) found[a] = 0.0;
     int status = newton(m, W, free, mu, found, room);
-    for (int way = 0; way < 3 && status && mu > 0.0; way++) {
-        for (int a = 0; a < n; a++) found[a] = 0.0;
-        status = newton(m, W, free, 0.0, found, room);
-        for (int step = 1; step <= steps[way] && !status; step++)
-            status = newton(m, W, free, mu * step / steps[way], found, room);
-    }
+    if (status && mu > 0.0) status = along_friction(m, W, free, mu, found, room);
     for (int a = 0; a < n && !status; a++) lambda[a] = found[a];
     return status;
 }

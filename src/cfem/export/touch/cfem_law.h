@@ -10,11 +10,11 @@ extern "C" {
 #endif
 
 /* Numbers of the room that cfem_law needs for m points. */
-#define CFEM_LAW_ROOM(m) (2 * (3 * (m)) * (3 * (m)) + 27 * (m))
+#define CFEM_LAW_ROOM(m) (18 * (m) * (m) + 48 * (m) + 8)
 
 /* lambda (3 m,) N: forces to begin with, and the answer. W (3 m, 3 m) mm/N, free (3 m,) mm. 0, or 1 where no forces were found that
- * obey the law; lambda is not changed then. Newton's method from lambda, from no forces, and along growing friction; all loops
- * are bounded. */
+ * obey the law; lambda is not changed then. Newton's method from lambda and from no forces, then along the curve of forces over
+ * friction; all loops are bounded. */
 int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room);
 
 /* Solves A X = B in place, A (n, n), B (n, k), rows after each other, by elimination with pivots. 0, or 1 where A is singular. */
