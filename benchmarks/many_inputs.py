@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
+from cfem.condensed.parameters import completed
 from cfem.core.stage import Options, artefact_file
 from cfem.dataset.reader import Dataset, read_dataset
 from cfem.predict.protocol import build
@@ -27,7 +28,7 @@ from cfem.robot.stage import run as make_mesh
 from cfem.sample.stage import run as simulate_sample
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.spec import ModelSpec
-from cfem.surrogate.stage import FITS, all_parameters, predictions
+from cfem.surrogate.stage import FITS, predictions
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = {
@@ -100,7 +101,7 @@ def measure(name: str, training: Dataset, test: Dataset) -> dict:
     lam = np.linalg.solve(W[:, a, a], (test.delta_a - free[:, a])[..., None])
     off = (W[:, e, a] @ lam)[..., 0] + free[:, e] - test.delta_e
     many = np.random.default_rng(0).integers(len(test), size=DESIGNS)
-    s, p = test.delta_a[many], all_parameters(predictor, test)[many]
+    s, p = test.delta_a[many], completed(predictor.parameters, test.p)[many]
     begin = time.process_time()
     predictor.evaluate(s, p)
     evaluated = time.process_time() - begin

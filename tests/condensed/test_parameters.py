@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from cfem.condensed.parameters import Parameter, coordinates, from_json, sampled, slopes, to_json, values
+from cfem.condensed.parameters import (
+    Parameter,
+    completed,
+    coordinates,
+    from_json,
+    from_shares,
+    references,
+    sampled,
+    shares,
+    slopes,
+    to_json,
+    values,
+)
 
 YOUNG = Parameter("E", "material.young", "MPa", 1.0, 10.0, 3.0, "log", exact=True)
 POISSON = Parameter("nu", "material.poisson", "1", 0.4, 0.499, 0.47, "log(1-2p)")
@@ -35,3 +47,15 @@ def test_slopes_are_the_derivatives():
 
 def test_they_are_kept_as_json_and_exact_ones_have_no_columns():
     assert from_json(to_json(ALL)) == ALL and sampled(ALL) == (POISSON, LENGTH)
+
+
+def test_exact_ones_are_completed_by_their_reference():
+    np.testing.assert_array_equal(completed(ALL, P[:, 1:]), np.column_stack([[3.0, 3.0], P[:, 1:]]))
+    np.testing.assert_array_equal(completed(ALL, P[0, 1:]), [3.0, *P[0, 1:]])
+    assert completed((), np.zeros((5, 0))).shape == (5, 0) and references(()).shape == (0,)
+
+
+def test_none_at_all_have_no_coordinates_and_no_shares():
+    none = np.zeros((4, 0))
+    for function in (coordinates, values, slopes, shares, from_shares):
+        assert function((), none).shape == (4, 0)

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from cfem.active.choose import choose, disagreement
 from cfem.active.fill import COMMITTEE, largest_error, model
-from cfem.condensed.parameters import sampled, shares
+from cfem.condensed.parameters import references, sampled, shares
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole
 from cfem.core.progress import doing
@@ -102,7 +102,7 @@ def places(known: Dataset, delta_a: np.ndarray, form: str) -> tuple[np.ndarray, 
     u = (delta_a - reach[:, 0]) / (reach[:, 1] - reach[:, 0])
     learned = sampled(known.parameters)
     every = np.array([one["reference"] for one in known.meta.get("parameters", [])])
-    own = shares(learned, np.array([one.reference for one in learned]))
+    own = shares(learned, references(learned))
     u = np.hstack([u, np.tile(own, (n, 1))])
     if form != "displacement":
         raise InputError("sampling around a task needs a model of form displacement")

@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from cfem.active.choose import choose, disagreement
 from cfem.active.place import effectors, place
-from cfem.condensed.parameters import from_shares, sampled
+from cfem.condensed.parameters import completed, from_shares, sampled
 from cfem.core.progress import doing
 from cfem.dataset.reader import Dataset, as_dataset, column_array
 from cfem.dataset.schema import parameters_of
@@ -137,7 +137,8 @@ def next_batch(
     n_a = whole.rows.n_a
     nearest = np.array([np.argmin(((training.u - row) ** 2).sum(axis=1)) for row in u])
     start = (training.delta_a if whole.form == "displacement" else training.lambda_a)[nearest]
-    p = parameters_at(training, whole, u[:, n_a:])
+    learned = sampled(parameters_of(training.meta))
+    p = completed(whole.parameters, from_shares(learned, u[:, n_a:]))
     compliance = np.array(training.meta["compliance"])
     asked = [actuation(job.space, row[:n_a], whole.reach, compliance) for row in u]
     if job.space == "pulling":
@@ -155,23 +156,13 @@ def next_batch(
     return left[picked], float(np.nanmax(score))
 
 
-def parameters_at(training: Dataset, predictor: Predictor, u: np.ndarray) -> np.ndarray:
-    """(m, n_p) all parameters of the model at shares u (m, n_q) of the ranges of the sampled ones."""
-    p = np.tile([one.reference for one in predictor.parameters], (len(u), 1))
-    learned = sampled(parameters_of(training.meta))
-    p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = from_shares(learned, u)
-    return p
-
-
 def largest_error(predictor: Predictor, states: Dataset) -> float:
     """mm: largest distance between an effector by the model and by FE."""
     if not len(states):
         return np.inf
     s = states.delta_a if predictor.form == "displacement" else states.lambda_a
-    p = np.tile([one.reference for one in predictor.parameters], (len(states), 1))
-    p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = states.p
-    apart = (effectors(predictor, s, p) - states.delta_e).reshape(len(states), -1, 3)
-    return float(np.linalg.norm(apart, axis=2).max())
+    apart = effectors(predictor, s, completed(predictor.parameters, states.p)) - states.delta_e
+    return float(np.linalg.norm(apart.reshape(len(states), -1, 3), axis=2).max())
 
 
 def verdict(until: Until, tables: dict[str, pa.Table], rounds: list[Round]) -> dict[str, Any]:

@@ -86,6 +86,19 @@ def sampled(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     return tuple(one for one in parameters if not one.exact)
 
 
+def references(parameters: Sequence[Parameter]) -> np.ndarray:
+    """(n_p,) the scene's own values."""
+    return np.array([one.reference for one in parameters], dtype=float)
+
+
+def completed(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
+    """(..., n_q) values of the sampled parameters -> (..., n_p) of all, exact ones at their reference."""
+    p = np.asarray(p, float)
+    every = np.tile(references(parameters), (*p.shape[:-1], 1))
+    every[..., [not one.exact for one in parameters]] = p
+    return every
+
+
 _FORWARD = {"linear": lambda p: p, "log": np.log, "log(1-2p)": lambda p: np.log1p(-2 * p)}
 _BACK = {"linear": lambda q: q, "log": np.exp, "log(1-2p)": lambda q: -np.expm1(q) / 2}
 _SLOPE = {"linear": np.ones_like, "log": lambda p: 1 / p, "log(1-2p)": lambda p: -2 / (1 - 2 * p)}

@@ -29,7 +29,7 @@ from scipy.special import chdtri
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
-from cfem.condensed.parameters import coordinates, range_coordinates, values
+from cfem.condensed.parameters import coordinates, range_coordinates, references, values
 from cfem.control.frame import CameraFrame
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
@@ -101,7 +101,7 @@ class Tracker:
         own = self.predictor.parameters
         self._find = [names.index(name) for name in wanted]
         self._ends = np.array(range_coordinates(own))
-        self._q = coordinates(own, np.array([one.reference for one in own]))
+        self._q = coordinates(own, references(own))
         n_a = self.predictor.rows.n_a
         n_b, drifting = n_a if self.loss else 0, [n for n, i in enumerate(self._find) if own[i].exact]
         n_r = len(drifting)

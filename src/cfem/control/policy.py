@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cfem.condensed.parameters import references
 from cfem.control.design import Bound
 from cfem.control.loop import ReachStatus
 from cfem.control.moving.mpc import Told
@@ -106,4 +107,4 @@ def _parameters(model: Any, policy: Policy) -> np.ndarray:
         names = ", ".join(one.name for one in policy.parameters)
         what = f"is a policy of other parameters than the model's: {names}, with ranges of their own"
         raise InputError(what, where=str(policy.path), do="train it on this model")
-    return model.p if isinstance(model, Bound) else np.array([one.reference for one in policy.parameters])
+    return model.p if isinstance(model, Bound) else references(policy.parameters)

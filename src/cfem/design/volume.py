@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from cfem.condensed.parameters import Parameter, from_shares, shares
+from cfem.condensed.parameters import Parameter, from_shares, references, shares
 from cfem.core.errors import SpecError
 from cfem.robot.meshing import CATALOGUE, measure
 from cfem.sample.parameters import with_values
@@ -50,7 +50,7 @@ class Volume:
         return measure(CATALOGUE[type(geometry)](geometry))[0]
 
     def _p(self, z: np.ndarray) -> np.ndarray:
-        full = shares(self._parameters, np.array([one.reference for one in self._parameters]))
+        full = shares(self._parameters, references(self._parameters))
         full[self._shape] = z
         return from_shares(self._parameters, full)
 

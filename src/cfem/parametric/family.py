@@ -7,7 +7,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.parameters import Parameter, from_shares, shares
+from cfem.condensed.parameters import Parameter, from_shares, references, shares
 from cfem.core.errors import InputError, NumericalError
 from cfem.parametric.differences import Stencil
 from cfem.parametric.states import States
@@ -88,7 +88,7 @@ class FiniteElements:
         self.rows, self.reach, self.length = robot.rows, robot.reach, robot.length
         self.actuator_units = robot.actuator_units
         self._exact = np.array([one.exact for one in self.parameters], dtype=bool)
-        self._reference = np.array([one.reference for one in self.parameters])
+        self._reference = references(self.parameters)
         self._built: dict[bytes, tuple[Any, Any]] = {}
         self._solved: list[tuple[np.ndarray, Any, np.ndarray, Any]] = []
         self.solves = 0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameters import Parameter, sampled
+from cfem.condensed.parameters import Parameter, references, sampled
 from cfem.core.errors import NumericalError, SpecError
 from cfem.core.progress import doing
 from cfem.robot.grading import scene_mesh
@@ -66,7 +66,7 @@ class Meshes:
     def edge(self, own: Own) -> np.ndarray:
         """(n_p,) the last design on the straight way from the scene's own to that of `own` to which the scene's mesh
         stretches."""
-        begin = np.array([one.reference for one in self.parameters])
+        begin = references(self.parameters)
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = (low + high) / 2

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.parameters import coordinates, from_json
+from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
 from cfem.predict.energy import Form
@@ -39,7 +39,7 @@ class Predictor(ABC):
         self.length = float(meta["length"])
         self.sizes = None if meta.get("semidefinite") is None else np.asarray(meta["semidefinite"], float)
         self.domain = Domain.from_json(meta["domain"])
-        self._reference = np.array([one.reference for one in self.parameters])
+        self._reference = references(self.parameters)
         self._learned = [i for i, one in enumerate(self.parameters) if not one.exact]
         self._exact = [i for i, one in enumerate(self.parameters) if one.exact]
         self.skin_source: Callable[[], LearnedSkin | None] = lambda: None

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameters import completed
 from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.reader import Dataset
 from cfem.predict.domain import FAR
@@ -42,11 +43,10 @@ def trust(predictor: Predictor, states: Dataset, beyond: Dataset | None = None) 
 
 
 def _trust(predictor: Predictor, states: Dataset, beyond: bool) -> Trust:
-    from cfem.surrogate.stage import all_parameters
 
     _demand_same_rows(predictor, states)
     error, distance, inside = (np.full(len(states), value) for value in (np.nan, np.nan, False))
-    for i, p in enumerate(all_parameters(predictor, states)):
+    for i, p in enumerate(completed(predictor.parameters, states.p)):
         try:
             found = predictor.at_displacement(states.delta_a[i], p)
         except NumericalError:  # a model of forces may know none that leads there: it then says so by itself

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, references
 from cfem.core.errors import SpecError
 from cfem.robot.build import effector_points
 from cfem.robot.deform import displacement
@@ -28,7 +28,7 @@ class Rest:
         self._rest_e = rest_e
         if not self._moves:
             return
-        reference = np.array([one.reference for one in parameters])
+        reference = references(parameters)
         ends = np.array([one.high for one in parameters]), np.array([one.low for one in parameters])
         base = self._at(reference)
         self._slope = np.stack(

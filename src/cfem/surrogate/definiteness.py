@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameters import values
+from cfem.condensed.parameters import completed, values
 from cfem.predict.protocol import Predictor
 from cfem.surrogate.observations import inputs, parameters_of
 
@@ -33,7 +33,7 @@ def definiteness(predictor: Predictor, dataset: Any, queries: int) -> dict[str, 
 def between(predictor: Predictor, dataset: Any, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Arguments s, p of `Predictor.evaluate` at `count` random points between the training states."""
     s, q = random_states(*inputs(dataset, predictor.form), count, seed)
-    return s, _parameters(predictor, dataset, q)
+    return s, completed(predictor.parameters, values(parameters_of(dataset), q))
 
 
 def smallest_eigenvalue(W: np.ndarray) -> np.ndarray:
@@ -55,12 +55,3 @@ def random_states(s: np.ndarray, q: np.ndarray, count: int, seed: int) -> tuple[
     for corner in range(corners):
         mixed += shares[:, corner, None] * t[rng.integers(len(t), size=count)]
     return mixed[:, : s.shape[1]], mixed[:, s.shape[1] :]
-
-
-def _parameters(predictor: Predictor, dataset: Any, q: np.ndarray) -> np.ndarray:
-    """(m, n_p) all parameters of the model: those learned from their coordinates q, exact ones at their reference."""
-    p = np.tile([one.reference for one in predictor.parameters], (len(q), 1))
-    learned = [i for i, one in enumerate(predictor.parameters) if not one.exact]
-    if learned:
-        p[:, learned] = values(parameters_of(dataset), q)
-    return p

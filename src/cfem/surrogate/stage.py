@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameters import completed
 from cfem.condensed.skin import read_skin
 from cfem.core.errors import InputError
 from cfem.core.files import file_sha256, write_json, write_npz
@@ -255,19 +256,12 @@ def check_definite(predictor: Predictor, training: Any) -> dict[str, Any]:
 def model_inputs(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
     """s (m, n_a) by the model's form, p (m, n_p) of the test states."""
     s = test.delta_a if predictor.form == "displacement" else test.lambda_a
-    return s, all_parameters(predictor, test)
-
-
-def all_parameters(predictor: Predictor, dataset: Any) -> np.ndarray:
-    """(m, n_p) the dataset's sampled parameters among all that the model has, exact ones at their reference."""
-    p = np.tile([one.reference for one in predictor.parameters], (len(dataset), 1))
-    p[:, [i for i, one in enumerate(predictor.parameters) if not one.exact]] = dataset.p
-    return p
+    return s, completed(predictor.parameters, test.p)
 
 
 def predictions(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
     """W (m, n, n), delta_free (m, n) where the actuators stand as in the test states, whatever the model's form."""
-    p = all_parameters(predictor, test)
+    p = completed(predictor.parameters, test.p)
     if predictor.form == "displacement":
         return predictor.evaluate(test.delta_a, p)
     found = [predictor.at_displacement(*state) for state in zip(test.delta_a, p, strict=True)]
