@@ -40,7 +40,7 @@ def commands(robots, ticks, seed=0):
 def test_each_robot_moves_as_one_alone(model, kind, monkeypatch):
     """Stiffness and viscosity of its own; commands change evenly in a tick of two steps."""
     monkeypatch.setattr(batches, "prewarp", lambda frequency, dt: 1.0)
-    robots, rng = MovingRobots(model, kind, 2 * DT, 2), np.random.default_rng(1)
+    robots, rng = MovingRobots(model, kind, 2 * DT, 2, tolerance=1e-6), np.random.default_rng(1)
     robots.static.pulls = False  # the single step holds all cables
     stiffness, viscosity = rng.uniform(0.8, 1.2, COUNT), rng.uniform(0.7, 1.3, COUNT)
     steps = list(commands(robots, 20))
@@ -58,6 +58,17 @@ def test_each_robot_moves_as_one_alone(model, kind, monkeypatch):
             assert states.failed == 0 and states.tip[b] == pytest.approx(tip, abs=1e-4)
             moved = max(moved, np.abs(one.q[2:]).max())
         assert moved > 0.05 and robots.forces_of(states)[b] == pytest.approx(one.lam, rel=1e-3, abs=1e-3)
+
+
+def test_what_the_tolerance_leaves_out_is_small(model):
+    coarse, fine = MovingRobots(model), MovingRobots(model, tolerance=1e-6)
+    steps = list(commands(coarse, 30))
+    states, wanted = (robots.standing(steps[0], np.ones(COUNT), np.ones(COUNT)) for robots in (coarse, fine))
+    for u in steps[1:]:
+        coarse.move(states, u)
+        fine.move(wanted, u)
+    off = np.linalg.norm(states.tip - wanted.tip, axis=1)
+    assert 0 < np.median(off) < 1e-3 * np.ptp(wanted.tip) and off.max() < 1e-2 * np.ptp(wanted.tip)
 
 
 def test_a_robot_at_rest_stays_there(model):

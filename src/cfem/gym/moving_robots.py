@@ -42,11 +42,14 @@ class MovingStates:
 
 
 class MovingRobots:
-    """model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps of a tick. Mass and
-    viscosity are scaled so that steps of that length have the lowest natural frequency right
-    (`cfem.control.moving.clocked` says how). InputError for models of other kinds."""
+    """model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps of a tick;
+    tolerance: of a step, share of its velocities, of which the error is about the square. Mass and viscosity are scaled
+    so that steps of that length have the lowest natural frequency right (`cfem.control.moving.clocked` says
+    how). InputError for models of other kinds."""
 
-    def __init__(self, model: MotionModel, kind: str = "force", tick: float = 0.01, substeps: int = 1):
+    def __init__(
+        self, model: MotionModel, kind: str = "force", tick: float = 0.01, substeps: int = 1, tolerance: float = 1e-2
+    ):
         self.static = Robots(model.static)
         from cfem.gym.moving_step import ticks
 
@@ -55,7 +58,7 @@ class MovingRobots:
                 "batches of robots that move know no Prony terms", do="use a material with relaxation alone"
             )
         self.model, self.kind, self.forces = model, kind, kind == "force"
-        self.tick, self.substeps, self._ticks = tick, substeps, ticks
+        self.tick, self.substeps, self._tolerance, self._ticks = tick, substeps, tolerance, ticks
         about = model.static.domain.states[0, : model.n_a]
         self.frequency = float(natural_modes(model, about, not self.forces, 1).frequency[0])
         self._learned, self._effectors = learned(model, prewarp(self.frequency, tick / substeps))
@@ -103,7 +106,7 @@ class MovingRobots:
         begin, end, tip = states.u * factor, np.ascontiguousarray(u.T) * factor, np.empty(states.tip.shape[::-1])
         states.failed = self._ticks(
             self._learned, self._effectors, lanes, begin, end, self.forces, self.static.pulls,
-            self.tick / self.substeps, self.substeps, self._small, tip, states.outside,
+            self.tick / self.substeps, self.substeps, self._small, self._tolerance, tip, states.outside,
         )  # fmt: skip
         states.u, states.tip = np.array(u.T), np.ascontiguousarray(tip.T)
 

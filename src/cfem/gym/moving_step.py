@@ -20,7 +20,7 @@ from cfem.gym.moving_kernel import (
 )
 
 EXPANSIONS, CHOICES, NEWTON = 3, 4, 6  # at most, of a step: of the learned functions; of the slack cables; for each
-NEAR, TOLERANCE = 1e-2, 1e-5  # of the half width of the learned box, from which an expansion is good; of a velocity
+NEAR = 20.0  # tolerances of velocity, in half widths of the learned box: how far an expansion may be from its middle
 
 
 class Effectors(NamedTuple):
@@ -64,7 +64,7 @@ def _choose(lanes, room, dt, small, short, count):
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
-def _step(learned, lanes, room, forces, pulls, dt, small, count):
+def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
     """One step of all lanes. Returns of how many of the first `count` robots the equations were not solved."""
     n_a, n_q = lanes.told.shape[0], learned.n_q
     for i in range(n_q):
@@ -82,7 +82,7 @@ def _step(learned, lanes, room, forces, pulls, dt, small, count):
                 assemble(learned, lanes, room, forces, dt / 2)
                 matrix(lanes, room)
                 eliminate(room.A, room.change)
-                failed = advance(room, before, TOLERANCE, learned.smallest / dt, count)
+                failed = advance(room, before, tolerance, learned.smallest / dt, count)
                 if failed == 0:
                     break
             carry_on(room)
@@ -92,7 +92,7 @@ def _step(learned, lanes, room, forces, pulls, dt, small, count):
             failed += wrong
             if not wrong:
                 break
-        if _apart(learned, lanes, room, dt) <= NEAR:
+        if _apart(learned, lanes, room, dt) <= NEAR * tolerance:
             break
     for i in range(n_q):
         for b in range(LANES):
@@ -141,11 +141,11 @@ def _effectors(effectors, lanes, still, moving, room, tip, outside):
 
 
 @njit(cache=True, error_model="numpy")
-def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, small, tip, outside):
+def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, small, tolerance, tip, outside):
     """A tick of `substeps` steps of dt s of B robots. state: `Lanes` of (n, B) instead of (n, LANES), changed in place;
     begin, end (n_a, B): commands at both ends of the tick, between which they move evenly: forces, or displacements;
-    pulls: whether actuators only pull; small: force that counts as none; tip (n_e, B), outside (B,): see `_effectors`.
-    Returns how many steps of robots were not solved."""
+    pulls: whether actuators only pull; small: force that counts as none; tolerance: of a step, share of the velocities;
+    tip (n_e, B), outside (B,): see `_effectors`. Returns how many steps of robots were not solved."""
     (n_a, B), n_q, failed = begin.shape, learned.n_q, 0
     lanes = Lanes(
         np.zeros((n_q, LANES)), np.zeros((n_q, LANES)), np.zeros((n_q, LANES)), np.zeros((n_q, LANES)),
@@ -161,7 +161,7 @@ def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, sm
             for a in range(n_a):
                 for b in range(count):
                     lanes.told[a, b] = begin[a, first + b] + share * (end[a, first + b] - begin[a, first + b])
-            failed += _step(learned, lanes, room, forces, pulls, dt, small, count)
+            failed += _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count)
         _effectors(effectors, lanes, still, moving, room, here, far)
         _copy(lanes, state, 0, first, count)
         for b in range(count):

@@ -18,17 +18,18 @@ from cfem.gym.tasks import LARGEST, Follow, Goals, Reach, Scales
 def moving_observation(scales: Scales, tips: np.ndarray, us: np.ndarray, goals: np.ndarray) -> np.ndarray:
     """tips (B, history, n_e) mm from rest, us (B, history, n_a), both newest first; goals (B, ahead, n_e), the next
     first -> (B, n) float32."""
-    off, many = goals[:, 0] - tips[:, 0], (len(tips), -1)
+    off, many, close = goals[:, 0] - tips[:, 0], (len(tips), -1), 5 * scales.near
     parts = [
         off / scales.scale,
-        np.clip(off / (5 * scales.near), -1.0, 1.0),
-        np.diff(goals, axis=1).reshape(many) / (5 * scales.near),
+        np.clip(off / close, -1.0, 1.0),
+        ((goals[:, 1:] - goals[:, :-1]) / close).reshape(many),
         tips[:, 0] / scales.scale,
-        -np.diff(tips, axis=1).reshape(many) / (5 * scales.near),
+        ((tips[:, :-1] - tips[:, 1:]) / close).reshape(many),
         2.0 * (us[:, 0] - scales.low) / (scales.reach - scales.low) - 1.0,
-        (-np.diff(us, axis=1) / scales.step).reshape(many),
+        ((us[:, :-1] - us[:, 1:]) / scales.step).reshape(many),
     ]
-    return np.clip(np.concatenate(parts, axis=1), -LARGEST, LARGEST).astype(np.float32)
+    seen = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
+    return np.clip(seen, -LARGEST, LARGEST, out=seen)
 
 
 class MovingReach(Reach):
@@ -67,8 +68,9 @@ def ahead_of(goals: Goals, t: np.ndarray, ahead: int) -> np.ndarray:
     """(B, ahead, n_e): goals of the ends of the ticks that follow t (B,)."""
     if goals.path.shape[1] == 1:
         return np.repeat(goals.path, ahead, axis=1)
-    which = np.minimum(t[:, None] + 1 + np.arange(ahead), goals.path.shape[1] - 1)
-    return goals.path[np.arange(len(t))[:, None], which]
+    count, ticks, n_e = goals.path.shape
+    which = np.minimum(t[:, None] + 1 + np.arange(ahead), ticks - 1) + ticks * np.arange(count)[:, None]
+    return goals.path.reshape(-1, n_e).take(which, axis=0)
 
 
 MOVING = {"moving-reach": MovingReach, "moving-follow": MovingFollow}

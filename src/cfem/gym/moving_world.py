@@ -128,8 +128,9 @@ class MovingWorld:
 
     def observe(self) -> np.ndarray:
         """(B, n) float32."""
-        which = self.delay[:, None] + np.arange(self.history)
-        tips = np.take_along_axis(self.samples, which[:, :, None], axis=1)
+        count, kept, n_e = self.samples.shape
+        which = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
+        tips = self.samples.reshape(-1, n_e).take(which, axis=0)
         return moving_observation(self.scales, tips, self.told, ahead_of(self.goals, self.t, self.ahead))
 
     def _sample(self, which: np.ndarray | slice) -> np.ndarray:
