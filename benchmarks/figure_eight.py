@@ -64,9 +64,12 @@ def picture(folder: Path, results: dict, path: Path) -> None:
     shown = [list(results)[min(1, len(results) - 1)], list(results)[-1]]
     figure, axes = plt.subplots(1, 3, figsize=(12, 4), layout="constrained")
     speeds, drawn = [speed_of(one) for one in results], [one for one in ("static", "pi", "mpc") if one in names]
+    colour = {name: f"C{place}" for place, name in enumerate(names)}
+    last = max(3, len(names) - 1)  # red for mpc, which is to stand out beside the blue of static
+    colour = {name: {"C3": f"C{last}", f"C{last}": "C3"}.get(one, one) for name, one in colour.items()}
     for name in names:
         means = [row[name]["error"]["mean"] if row[name]["error"] else np.nan for row in results.values()]
-        axes[0].loglog(speeds, means, "o-", ms=4, label=name)
+        axes[0].loglog(speeds, means, "o-", ms=4, label=name, color=colour[name])
     axes[0].set(xlabel="laps a second (Hz)", ylabel="mean distance from the goal (mm)")
     axes[0].set_xticks(speeds, [f"{one:g}" for one in speeds])
     axes[0].minorticks_off()
@@ -77,10 +80,11 @@ def picture(folder: Path, results: dict, path: Path) -> None:
         run_up = max(row["tick"] for row in mine) - results[trajectory][names[0]]["goals"]
         goal = np.array([r["goal"] for r in mine if r["controller"] == names[0] and r["tick"] > run_up])
         j, i = max([(0, 1), (0, 2), (1, 2)], key=lambda pair: np.linalg.det(np.cov(goal[:, pair].T)))
-        axis.plot(goal[:, j], goal[:, i], "k--", lw=1)
+        axis.plot(goal[:, j], goal[:, i], "k--", lw=1, zorder=3)
         for name in drawn:
             x = np.array([r["x_e"] for r in mine if r["controller"] == name and r["tick"] > run_up])
-            axis.plot(x[:, j], x[:, i], lw=1, color=f"C{names.index(name)}")
+            axis.plot(x[:, j], x[:, i], lw=2 if name == "mpc" else 1, color=colour[name], label=name)
+        axis.legend(fontsize=8, loc="upper left")
         axis.set(
             xlabel=f"{'xyz'[j]} (mm)", ylabel=f"{'xyz'[i]} (mm)", title=f"{speed_of(trajectory):g} Hz; dashed: goal"
         )
