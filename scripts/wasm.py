@@ -19,7 +19,7 @@ SOURCES = (
     "web/cfem_page.c",
     "web/cfem_page_motion.c",
     *(f"c/cfem_{name}.c" for name in ("controller", "condense", "serial", "spectral", "qp")),
-    *(f"mpc/cfem_{name}.c" for name in ("mpc", "plan", "tick")),
+    *(f"mpc/cfem_{name}.c" for name in ("mpc", "plan", "program", "tick")),
     *(f"motion/cfem_{name}.c" for name in ("inertia", "series")),
 )
 FLAGS = (

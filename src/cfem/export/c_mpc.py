@@ -18,7 +18,7 @@ from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.predict.load import build
 
 SOURCES = Path(__file__).parent / "mpc"
-CORE = ("cfem_mpc.c", "cfem_observer.c", "cfem_plan.c", "cfem_tick.c", "cfem_mpc_data.c")
+CORE = ("cfem_mpc.c", "cfem_observer.c", "cfem_plan.c", "cfem_program.c", "cfem_tick.c", "cfem_mpc_data.c")
 NOISE = 0.1  # mm, of a sensor of which nothing is said
 
 

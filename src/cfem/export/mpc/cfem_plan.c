@@ -1,184 +1,21 @@
+/* The active set of a plan's program: cfem_plan.h says how. */
 #include "cfem_plan.h"
 
 #include <string.h>
 
 #include "cfem_linear.h"
+#include "cfem_program.h"
 
 #define NA CFEM_MOTION_NA
-#define NE CFEM_MOTION_NE
-#define TICKS CFEM_MPC_TICKS
-#define MOVES CFEM_MPC_MOVES
-#define PLANES CFEM_MPC_PLANES
 #define V CFEM_MPC_VARIABLES
 #define MOST_V CFEM_MPC_MOST_VARIABLES
-#define SOFT (2 * V) /* the first constraint on what the robot does: before are the box and the rates */
-#define COUNT (SOFT + TICKS * (NA + PLANES))
 #define OUTSIDE 1e-11   /* in shares of a bound's size: what is violated by less is not */
 #define DEPENDENT 1e-11 /* squared length of a unit normal outside of the active ones: less depends on them */
 #define MEETS 1e-9      /* bounds that exclude each other by less meet */
 #define REFINEMENTS 3
 #define ROW(k) (p->G + (k) * ((k) + 3) / 2)
 
-static double size_of(int i) {
-    if (i < SOFT) return 1.0;
-    return (i - SOFT) / TICKS < NA ? cfem_mpc_course_size[(i - SOFT) / TICKS] : CFEM_MPC_LENGTH;
-}
-
-/* Constraint i: its row is zero outside of [*begin, end), and there written to `row`, which may be NULL. Returns end; its bounds. */
-static int constraint(const cfem_plan *p, int i, double *row, int *begin, double *low, double *high) {
-    *low = -HUGE_VAL, *high = HUGE_VAL;
-    if (i < V) {
-        *low = cfem_mpc_command[i % NA][0] / cfem_mpc_size[i % NA], *high = cfem_mpc_command[i % NA][1] / cfem_mpc_size[i % NA];
-        if (row) row[i] = 1.0;
-        *begin = i;
-        return i + 1;
-    }
-    if (i < SOFT) {
-        const int j = i - V, a = j % NA;
-        const double from = j < NA ? p->told[a] / cfem_mpc_size[a] : 0.0, rate = cfem_mpc_rate[a] / cfem_mpc_size[a];
-        *low = from - rate, *high = from + rate, *begin = j < NA ? j : j - NA;
-        if (row) {
-            for (int c = *begin; c < j; c++) row[c] = 0.0;
-            row[*begin] = -1.0, row[j] = 1.0;
-        }
-        return j + 1;
-    }
-    const int k = (i - SOFT) % TICKS, which = (i - SOFT) / TICKS, end = p->known[k];
-    *begin = 0;
-    if (which < NA) {
-        *low = cfem_mpc_course[which][0] - p->course[k][which], *high = cfem_mpc_course[which][1] - p->course[k][which];
-        if (row) memcpy(row, p->by_course[k][which], sizeof(double) * (size_t)end);
-        return end;
-    }
-#if CFEM_MPC_MOST_PLANES
-    const double *normal = cfem_mpc_normal[which - NA];
-    *low = cfem_mpc_level[which - NA] - cfem_dot(NE, normal, p->e[k]);
-    for (int c = 0; row && c < end; c++) {
-        row[c] = 0.0;
-        for (int e = 0; e < NE; e++) row[c] += normal[e] * p->E[k][e][c];
-    }
-#endif
-    return end;
-}
-
-static double at(const cfem_plan *p, int i, const double *x) {
-    if (i < V) return x[i];
-    if (i < SOFT) return x[i - V] - (i - V < NA ? 0.0 : x[i - V - NA]);
-    const int k = (i - SOFT) % TICKS, which = (i - SOFT) / TICKS;
-    if (which < NA) return cfem_dot(p->known[k], p->by_course[k][which], x);
-    double sum = 0.0;
-#if CFEM_MPC_MOST_PLANES
-    for (int e = 0; e < NE; e++) sum += cfem_mpc_normal[which - NA][e] * cfem_dot(p->known[k], p->E[k][e], x);
-#endif
-    return sum;
-}
-
-/* v := L^-1 v, whose first `begin` entries are zero; v := L^-T v. */
-static void forward(const cfem_plan *p, int begin, double *v) {
-    for (int i = begin; i < V; i++) v[i] = (v[i] - cfem_dot(i - begin, p->L[i] + begin, v + begin)) / p->L[i][i];
-}
-static void backward(const cfem_plan *p, double *v) {
-    for (int i = V - 1; i >= 0; i--) {
-        v[i] /= p->L[i][i];
-        for (int j = 0; j < i; j++) v[j] -= p->L[i][j] * v[i];
-    }
-}
-
-static double lasting(int block) { return (block + 1 < MOVES ? cfem_mpc_begins[block + 1] : TICKS) - cfem_mpc_begins[block]; }
-
-/* M^T (M x - d): the objective's slope. */
-static void slope_at(const cfem_plan *p, const double *x, double *slope) {
-    for (int j = 0; j < V; j++) slope[j] = 0.0;
-    for (int k = 0; k < TICKS; k++)
-        for (int e = 0, end = p->known[k]; e < NE; e++) {
-            if (!(cfem_mpc_weight[e] > 0.0)) continue;
-            const double *row = p->E[k][e];
-            const double off = cfem_mpc_weight[e] * cfem_mpc_weight[e] * (p->e[k][e] - p->goal[k][e] + cfem_dot(end, row, x));
-            for (int j = 0; j < end; j++) slope[j] += off * row[j];
-        }
-    for (int j = 0; j < V; j++) {
-        const int a = j % NA;
-        const double size = cfem_mpc_size[a], smooth = cfem_mpc_smooth[a] * size, effort = cfem_mpc_effort[a] * size;
-        const double by = smooth * smooth * (x[j] - (j < NA ? p->told[a] / size : x[j - NA]));
-        slope[j] += by + lasting(j / NA) * effort * effort * (x[j] - p->rest[a] / size);
-        if (j >= NA) slope[j - NA] -= by;
-    }
-}
-
-/* Adds the objective's part of the goals to the lower triangle of H in L, two rows and two columns at once, and finds the largest weighted
- * slope. Ticks whose effectors do not know a variable yet come before those that do. */
-static void add_goals(cfem_plan *p, double *largest) {
-    for (int i = 0, from = 0; i < V; i += 2) {
-        while (p->known[from] <= i) from++;
-        for (int j = 0; j <= i; j += 2) {
-            double aa = 0.0, ab = 0.0, ba = 0.0, bb = 0.0;
-            const int more = i + 1 < V;
-            for (int k = from; k < TICKS; k++)
-                for (int e = 0; e < NE; e++) {
-                    const double *row = p->E[k][e], w = cfem_mpc_weight[e] * cfem_mpc_weight[e];
-                    const double one = w * row[i], other = more && i + 1 < p->known[k] ? w * row[i + 1] : 0.0;
-                    const double next = j + 1 < p->known[k] ? row[j + 1] : 0.0;
-                    aa += one * row[j], ab += one * next, ba += other * row[j], bb += other * next;
-                }
-            p->L[i][j] += aa;
-            if (j < i) p->L[i][j + 1] += ab;
-            if (more) p->L[i + 1][j] += ba, p->L[i + 1][j + 1] += bb;
-        }
-        for (int k = from; k < TICKS; k++)
-            for (int e = 0; e < NE; e++)
-                for (int c = i; c < i + 2 && c < p->known[k]; c++)
-                    *largest = fmax(*largest, cfem_mpc_weight[e] * fabs(p->E[k][e][c]) / cfem_mpc_size[c % NA]);
-    }
-}
-
-/* L, and in `best` the optimum without bounds; the price of missing a bound. 0, or 1 where H is not positive definite. */
-static int factorise(cfem_plan *p) {
-    double largest = 0.0, none[MOST_V] = {0};
-    for (int k = 0, block = 0; k < TICKS; k++) {
-        if (block + 1 < MOVES && cfem_mpc_begins[block + 1] == k) block++;
-        p->known[k] = (block + 1) * NA;
-    }
-    for (int i = 0; i < V; i++)
-        for (int j = 0; j <= i; j++) p->L[i][j] = 0.0;
-    add_goals(p, &largest);
-    for (int j = 0; j < V; j++) {
-        const int a = j % NA;
-        const double size = cfem_mpc_size[a], smooth = cfem_mpc_smooth[a] * size, effort = cfem_mpc_effort[a] * size;
-        const double many = lasting(j / NA);
-        p->L[j][j] += (j + NA < V ? 2.0 : 1.0) * smooth * smooth + many * effort * effort;
-        if (j >= NA) p->L[j][j - NA] -= smooth * smooth;
-        largest = fmax(largest, fmax(cfem_mpc_smooth[a], sqrt(many) * cfem_mpc_effort[a]));
-    }
-    for (int i = 0; i < V; i++) {
-        const double whole = p->L[i][i];
-        for (int j = 0; j <= i; j++) {
-            const double rest = p->L[i][j] - cfem_dot(j, p->L[i], p->L[j]);
-            if (j < i)
-                p->L[i][j] = rest / p->L[j][j];
-            else if (rest > 1e-14 * whole)
-                p->L[i][i] = sqrt(rest);
-            else
-                return 1;
-        }
-    }
-    slope_at(p, none, p->best);
-    for (int j = 0; j < V; j++) p->best[j] = -p->best[j];
-    forward(p, 0, p->best);
-    backward(p, p->best);
-    double steepest = 0.0, sum = 0.0;
-    for (int i = SOFT; i < COUNT; i++) {
-        double row[MOST_V], low, high;
-        int begin, end = constraint(p, i, row, &begin, &low, &high);
-        for (int j = begin; j < end && (low > -HUGE_VAL || high < HUGE_VAL); j++)
-            steepest = fmax(steepest, fabs(row[j]) / cfem_mpc_size[j % NA]), sum += row[j];
-    }
-    for (int j = 0; j < V; j++) sum += p->best[j];
-    const double price = steepest > 0.0 ? 1e3 * largest / steepest : 1.0;
-    p->price = 1.0 / (price * price);
-    return !cfem_finite(sum);
-}
-
-static double priced(const cfem_plan *p, int i) { return p->softened && i >= SOFT ? p->price : 0.0; }
+static double priced(const cfem_plan *p, int i) { return p->softened && i >= CFEM_PROGRAM_SOFT ? p->price : 0.0; }
 
 /* Solves G v = v, or G^T v = v, of the first `count` rows. */
 static void down(const cfem_plan *p, int count, double *v) {
@@ -217,26 +54,26 @@ static void settle(cfem_plan *p) {
     for (int i = 0; i < p->count; i++) {
         double low, high;
         int begin;
-        constraint(p, p->which[i], 0, &begin, &low, &high);
-        p->force[i] = (p->sign[i] > 0 ? low : -high) - p->sign[i] * at(p, p->which[i], p->best);
+        cfem_program_row(p, p->which[i], 0, &begin, &low, &high);
+        p->force[i] = (p->sign[i] > 0 ? low : -high) - p->sign[i] * cfem_program_at(p, p->which[i], p->best);
     }
     down(p, p->count, p->force);
     up(p, p->count, p->force);
     for (int i = 0; i < p->count; i++)
         for (int j = 0; j < V; j++) y[j] += p->force[i] * p->N[i][j];
-    backward(p, y);
+    cfem_program_backward(p, y);
     for (int j = 0; j < V; j++) p->x[j] = p->best[j] + y[j];
 }
 
 /* Makes constraint i active, and drops those that it relieves. CFEM_PLAN_OPTIMAL, _INFEASIBLE or _STEPS. */
 static int hold(cfem_plan *p, int i, double sign) {
     double normal[MOST_V], low, high, own = 0.0;
-    int begin, end = constraint(p, i, normal, &begin, &low, &high);
-    double by = (sign > 0 ? low : -high) - sign * at(p, i, p->x);
+    int begin, end = cfem_program_row(p, i, normal, &begin, &low, &high);
+    double by = (sign > 0 ? low : -high) - sign * cfem_program_at(p, i, p->x);
     for (int j = 0; j < V; j++) normal[j] = j >= begin && j < end ? sign * normal[j] : 0.0;
-    forward(p, begin, normal);
+    cfem_program_forward(p, begin, normal);
     const double whole = cfem_dot(V, normal, normal) + priced(p, i);
-    while (p->changes < 4 * COUNT) {
+    while (p->changes < 4 * CFEM_PROGRAM_COUNT) {
         const int count = p->count;
         double *share = ROW(count), r[CFEM_PLAN_ACTIVE], step[MOST_V], partial = HUGE_VAL;
         int slot = -1;
@@ -250,7 +87,7 @@ static int hold(cfem_plan *p, int i, double sign) {
         const int apart = square > DEPENDENT * whole && count < CFEM_PLAN_ACTIVE;
         if (!apart && slot < 0) {
             p->state[i] = 2;
-            return by > MEETS * size_of(i) ? CFEM_PLAN_INFEASIBLE : CFEM_PLAN_OPTIMAL;
+            return by > MEETS * cfem_program_size(i) ? CFEM_PLAN_INFEASIBLE : CFEM_PLAN_OPTIMAL;
         }
         const double full = apart ? by / square : HUGE_VAL, t = full < partial ? full : partial;
         for (int k = 0; k < count; k++) p->force[k] -= t * r[k];
@@ -259,7 +96,7 @@ static int hold(cfem_plan *p, int i, double sign) {
             memcpy(step, normal, sizeof step);
             for (int k = 0; k < count; k++)
                 for (int j = 0; j < V; j++) step[j] -= r[k] * p->N[k][j];
-            backward(p, step);
+            cfem_program_backward(p, step);
             for (int j = 0; j < V; j++) p->x[j] += t * step[j];
             by -= t * square;
         }
@@ -280,13 +117,13 @@ static int hold(cfem_plan *p, int i, double sign) {
 static int violated(const cfem_plan *p, double *sign) {
     double most = OUTSIDE;
     int found = -1;
-    for (int i = 0; i < COUNT; i++) {
+    for (int i = 0; i < CFEM_PROGRAM_COUNT; i++) {
         if (p->state[i]) continue;
         double low, high;
         int begin;
-        constraint(p, i, 0, &begin, &low, &high);
+        cfem_program_row(p, i, 0, &begin, &low, &high);
         if (low == -HUGE_VAL && high == HUGE_VAL) continue;
-        const double value = at(p, i, p->x), below = low - value, above = value - high, by = fmax(below, above) / size_of(i);
+        const double value = cfem_program_at(p, i, p->x), below = low - value, above = value - high, by = fmax(below, above) / cfem_program_size(i);
         if (by > most) found = i, most = by, *sign = below > above ? 1.0 : -1.0;
     }
     return found;
@@ -297,7 +134,7 @@ static int search(cfem_plan *p) {
     p->count = p->changes = 0;
     memset(p->state, 0, sizeof p->state);
     memcpy(p->x, p->best, sizeof p->x);
-    while (p->changes < 4 * COUNT) {
+    while (p->changes < 4 * CFEM_PROGRAM_COUNT) {
         double sign = 1.0;
         const int i = violated(p, &sign);
         if (i >= 0) {
@@ -327,19 +164,19 @@ static void refine(cfem_plan *p) {
     for (int i = 0; i < V; i++) unit = fmax(unit, cfem_dot(i + 1, p->L[i], p->L[i]));
     for (int round = 0;; round++) {
         double off = 0.0;
-        slope_at(p, p->x, slope);
+        cfem_program_slope(p, p->x, slope);
         for (int k = 0; k < p->count; k++) {
             double row[MOST_V], low, high;
-            int begin, i = p->which[k], end = constraint(p, i, row, &begin, &low, &high);
+            int begin, i = p->which[k], end = cfem_program_row(p, i, row, &begin, &low, &high);
             const double bound = p->sign[k] > 0 ? low : -high;
             for (int j = begin; j < end; j++) slope[j] -= p->force[k] * p->sign[k] * row[j];
-            left[k] = bound - p->sign[k] * at(p, i, p->x) - priced(p, i) * p->force[k];
-            off = fmax(off, fabs(left[k]) / size_of(i));
+            left[k] = bound - p->sign[k] * cfem_program_at(p, i, p->x) - priced(p, i) * p->force[k];
+            off = fmax(off, fabs(left[k]) / cfem_program_size(i));
         }
         for (int j = 0; j < V; j++) off = fmax(off, fabs(slope[j]) / unit), slope[j] = -slope[j];
         p->kkt = off;
         if (!(off > 1e-2 * CFEM_PLAN_TOLERANCE) || round == REFINEMENTS) return;
-        forward(p, 0, slope);
+        cfem_program_forward(p, 0, slope);
         for (int k = 0; k < p->count; k++) left[k] -= cfem_dot(V, p->N[k], slope);
         down(p, p->count, left);
         up(p, p->count, left);
@@ -347,7 +184,7 @@ static void refine(cfem_plan *p) {
             p->force[k] = fmax(0.0, p->force[k] + left[k]);
             for (int j = 0; j < V; j++) slope[j] += left[k] * p->N[k][j];
         }
-        backward(p, slope);
+        cfem_program_backward(p, slope);
         for (int j = 0; j < V; j++) p->x[j] += slope[j];
     }
 }
@@ -355,7 +192,7 @@ static void refine(cfem_plan *p) {
 int cfem_plan_solve(cfem_plan *p) {
     p->count = p->changes = p->softened = 0;
     p->kkt = HUGE_VAL;
-    if (factorise(p)) return CFEM_PLAN_FLAT;
+    if (cfem_program_factorise(p)) return CFEM_PLAN_FLAT;
     int status = search(p);
     if (status == CFEM_PLAN_INFEASIBLE) {
         p->softened = 1;

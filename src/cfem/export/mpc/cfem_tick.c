@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "cfem_block.h"
 #include "cfem_linear.h"
 #include "cfem_parts.h"
 
@@ -18,90 +19,16 @@
 #define ITERATIONS 4
 #define SETTLED 1e-4
 
-/* out (rows, m) += A (rows, inner) z (inner, m): two rows at once, whose columns are summed in registers. */
-CFEM_INLINE void add_product(int rows, int inner, const double *A, int across, int m, const double *z, int stride, double *out,
-                             int wide) {
-    int i = 0;
-    for (; i + 1 < rows; i += 2, A += 2 * across, out += 2 * wide) {
-        double one[MOST_NA], other[MOST_NA];
-        CFEM_UNROLL for (int c = 0; c < m; c++) one[c] = out[c], other[c] = out[wide + c];
-        const double *from = z;
-        for (int j = 0; j < inner; j++, from += stride) {
-            const double a = A[j], b = A[across + j];
-            CFEM_UNROLL for (int c = 0; c < m; c++) one[c] += a * from[c], other[c] += b * from[c];
-        }
-        CFEM_UNROLL for (int c = 0; c < m; c++) out[c] = one[c], out[wide + c] = other[c];
-    }
-    if (i == rows) return;
-    double one[MOST_NA];
-    CFEM_UNROLL for (int c = 0; c < m; c++) one[c] = out[c];
-    for (int j = 0; j < inner; j++, z += stride) CFEM_UNROLL for (int c = 0; c < m; c++) one[c] += A[j] * z[c];
-    CFEM_UNROLL for (int c = 0; c < m; c++) out[c] = one[c];
-}
-
-/* A's rows and columns from `first` on become L U with row pivots, the diagonal of U its inverse; 1 where A is singular. */
-static int factorise(int first, double A[MOST_NQ][MOST_NQ], int *pivots) {
-    for (int k = first; k < NQ; k++) {
-        int pivot = k;
-        for (int i = k + 1; i < NQ; i++)
-            if (fabs(A[i][k]) > fabs(A[pivot][k])) pivot = i;
-        if (!(fabs(A[pivot][k]) > 0.0)) return 1;
-        pivots[k] = pivot;
-        for (int j = first; j < NQ && pivot != k; j++) {
-            const double one = A[k][j];
-            A[k][j] = A[pivot][j], A[pivot][j] = one;
-        }
-        const double by = A[k][k] = 1.0 / A[k][k], *restrict row = A[k];
-        for (int i = k + 1; i < NQ; i++) {
-            double *restrict to = A[i];
-            const double factor = to[k] *= by;
-            for (int j = k + 1; j < NQ; j++) to[j] -= factor * row[j];
-        }
-    }
-    return 0;
-}
-
-/* X (NQ, m) := A^-1 X from row `first` on. */
-CFEM_INLINE void solve(const cfem_stage *s, int first, int m, double *X) {
-    for (int k = first; k < NQ; k++)
-        for (int c = 0; c < m && s->pivots[k] != k; c++) {
-            const double one = X[k * m + c];
-            X[k * m + c] = X[s->pivots[k] * m + c], X[s->pivots[k] * m + c] = one;
-        }
-    for (int i = first; i < NQ; i += 2) { /* two rows at once, of which the second needs the first */
-        const double *A = s->factor[i], *B = s->factor[i + 1 < NQ ? i + 1 : i], *from = X + first * m;
-        double one[MOST_NA], other[MOST_NA], *to = X + i * m;
-        CFEM_UNROLL for (int c = 0; c < m; c++) one[c] = to[c], other[c] = i + 1 < NQ ? to[m + c] : 0.0;
-        for (int j = first; j < i; j++, from += m) {
-            const double a = A[j], b = B[j];
-            CFEM_UNROLL for (int c = 0; c < m; c++) one[c] -= a * from[c], other[c] -= b * from[c];
-        }
-        CFEM_UNROLL for (int c = 0; c < m; c++) to[c] = one[c];
-        for (int c = 0; c < m && i + 1 < NQ; c++) to[m + c] = other[c] - B[i] * one[c];
-    }
-    for (int i = NQ - 1; i >= first; i -= 2) {
-        const double *A = s->factor[i], *B = s->factor[i > first ? i - 1 : i], *from = X + (i + 1) * m;
-        double one[MOST_NA], other[MOST_NA], *to = X + i * m;
-        CFEM_UNROLL for (int c = 0; c < m; c++) one[c] = to[c], other[c] = i > first ? to[c - m] : 0.0;
-        for (int j = i + 1; j < NQ; j++, from += m) {
-            const double a = A[j], b = B[j];
-            CFEM_UNROLL for (int c = 0; c < m; c++) one[c] -= a * from[c], other[c] -= b * from[c];
-        }
-        CFEM_UNROLL for (int c = 0; c < m; c++) to[c] = one[c] *= A[i];
-        for (int c = 0; c < m && i > first; c++) to[c - m] = (other[c] - B[i] * one[c]) * B[i - 1];
-    }
-}
-
 /* What m columns do: right (NQ, m) of the equations, which what is held (X of actuators, known) is taken off; X (NQ, m) = v. */
 CFEM_INLINE void respond(const cfem_stage *s, int m, double right[MOST_NQ * MOST_NA], double X[MOST_NQ * MOST_NA], double *lambda,
                          int stride) {
     if (HELD) {
         double held[MOST_NA * MOST_NA];
         for (int i = 0; i < NA * m; i++) held[i] = -X[i];
-        add_product(NR, NA, s->speed[NA], MOST_NQ, m, held, m, right + NA * m, m);
+        cfem_add_product(NR, NA, s->speed[NA], MOST_NQ, m, held, m, right + NA * m, m);
     }
     for (int i = FIRST * m; i < NQ * m; i++) X[i] = right[i];
-    solve(s, FIRST, m, X);
+    cfem_solve((const double(*)[CFEM_MOTION_MOST_NQ])s->factor, s->pivots, FIRST, m, X);
     if (!HELD || !lambda) return;
     for (int a = 0; a < NA; a++) /* what the rows of the actuators lack */
         for (int c = 0; c < m; c++) {
@@ -117,8 +44,8 @@ CFEM_INLINE void arrive(const cfem_stage *s, int m, const double *z, int stride,
     for (int a = 0; a < NA; a++) CFEM_UNROLL for (int c = 0; c < m; c++) moved[a * m + c] = DT / 2 * X[a * m + c];
     for (int a = 0; z && a < NA; a++) CFEM_UNROLL for (int c = 0; c < m; c++) moved[a * m + c] += z[a * stride + c];
     for (int i = 0; i < NQ * m; i++) impulse[i] = 0.0;
-    add_product(NQ, NQ, s->M[0], MOST_NQ, m, X, m, impulse, m);
-    add_product(NQ, NA, s->turning[0], MOST_NA, m, moved, m, impulse, m);
+    cfem_add_product(NQ, NQ, s->M[0], MOST_NQ, m, X, m, impulse, m);
+    cfem_add_product(NQ, NA, s->turning[0], MOST_NA, m, moved, m, impulse, m);
     for (int i = 0; i < NQ; i++) {
         const double *x = X + i * m, *p = impulse + i * m;
         double *q = out + i * stride, *after = out + (NQ + i) * stride;
@@ -152,7 +79,7 @@ CFEM_INLINE void apply(const cfem_stage *s, int m, int stride, const double *z, 
             CFEM_UNROLL for (int c = 0; c < m; c++) to[c] = p[c] - inner * q[c];
         }
         for (int a = 0; a < NA; a++) CFEM_UNROLL for (int c = 0; c < m; c++) back[a * m + c] = -z[a * stride + c];
-        add_product(NQ, NA, s->place[0], MOST_NA, m, back, m, right, m);
+        cfem_add_product(NQ, NA, s->place[0], MOST_NA, m, back, m, right, m);
         for (int l = 0, t = 0; l < CFEM_MOTION_LOSSES; l++)
             for (int k = 0; k < cfem_motion_prony_terms[l]; k++, t++) {
                 const double by = -cfem_motion_prony[t][0] / (1.0 + DT / (2.0 * cfem_motion_prony[t][1]));
@@ -246,7 +173,7 @@ int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_
     for (int a = 0; a < NA; a++)
         for (int j = 0; j < NQ; j++) s->speed[a][j] -= DT / 2 * by_turn[a][j];
     memcpy(s->factor, s->speed, sizeof s->factor);
-    if (factorise(FIRST, s->factor, s->pivots)) return 1;
+    if (cfem_factorise(FIRST, s->factor, s->pivots)) return 1;
     cfem_add_symmetric(1.0, inertia->M, v, Mv);
     for (int i = 0; i < NQ; i++) {
         s->of_material[i][0] = DT / 2 * (elastic[i] + lost[i]), s->of_material[i][1] = DT / 2 * lost[i];
