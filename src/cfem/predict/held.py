@@ -113,6 +113,9 @@ class Held:
 
     def _parts(self, chosen: np.ndarray) -> "_Parts":
         key = chosen.tobytes()
+        if not len(chosen):
+            none, blocks = np.zeros((0, 0)), np.zeros((0, 3, 3))
+            return _Parts(np.zeros((0, len(self.C_ss))), none, none, blocks, blocks, np.zeros((0, 3, 3, 3)))
         if self._known is None or self._known[0] != key:
             c, U = len(chosen), self.of.U[chosen].reshape(3 * len(chosen), len(self.C_ss))
             R, each = self.of.turns(self.unloaded, chosen), np.arange(c)

@@ -159,6 +159,8 @@ class _Step:
         answer = None if softer is None else pressed(softer[0], gap, into, known, self.mu)
         if answer is None:
             softer, answer = None, pressed(yields, gap, into, known, self.mu)
+        if answer is None:  # under large forces the derivative may be indefinite, which this is not
+            answer = pressed(self.held.unpressed(self.chosen), gap, into, known, self.mu)
         if answer is None:
             return None
         self.modes, local = answer

@@ -74,7 +74,8 @@ int cfem_touch_obey(cfem_touch_round *at) {
     if (turns && (soften(room, m) || law(at, room->turned, gap))) turns = 0;
     if (!turns) {
         for (int i = 0; i < n; i++) at->local[i / 3][i % 3] = known[i / 3][i % 3];
-        if (law(at, room->yields, gap)) return 1;
+        /* under large forces the derivative may be indefinite, which `total` is not */
+        if (law(at, room->yields, gap) && law(at, room->total, gap)) return 1;
     }
     for (int i = 0; i < m; i++)
         for (int a = 0; a < 3; a++) {
