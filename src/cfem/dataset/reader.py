@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pyarrow as pa
@@ -19,13 +19,26 @@ from cfem.dataset.schema import COLUMNS, FORMAT, metadata, metadata_of, paramete
 CONVERGED = "converged"
 LARGEST = 1e100  # of any number of a converged state: products of it still are numbers
 _AGAIN = "sample it again with cfem simulate-sample --force"
-
-
 COST = ("iterations", "factorizations", "steps", "residual", "tolerance", "seconds")
 
 
 @dataclass(frozen=True)
-class Dataset:
+class OfStates:
+    """What is known of m states. Every field that is an array has one entry a state along its first axis."""
+
+    def take(self, index: np.ndarray | slice) -> Self:
+        """Of the states that `index` (numbers, a mask or a slice) picks, in its order."""
+
+        def picked(value: Any) -> Any:
+            if isinstance(value, OfStates):
+                return value.take(index)
+            return value[index] if isinstance(value, np.ndarray) else value
+
+        return replace(self, **{field.name: picked(getattr(self, field.name)) for field in fields(self)})
+
+
+@dataclass(frozen=True)
+class Dataset(OfStates):
     """Converged states of one robot, m of them, in the order of their plan.
 
     id (m,) number of the row in its plan; u (m, n_a + n_p) its place in the unit cube; p (m, n_p) values of the sampled
@@ -41,9 +54,7 @@ class Dataset:
 
     Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
     both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that
-    holds it, N and N mm) and n_a include them.
-
-    Every field that is an array has one entry a row along its first axis."""
+    holds it, N and N mm) and n_a include them."""
 
     rows: Rows
     id: np.ndarray
@@ -76,17 +87,13 @@ class Dataset:
         """The sampled ones, in the order of the columns of p."""
         return sampled(parameters_of(self.meta))
 
-    def take(self, index: np.ndarray | slice) -> "Dataset":
-        """The rows that `index` (numbers, a mask or a slice) picks, in its order."""
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        picked = {name: array[index] for name, array in arrays.items() if isinstance(array, np.ndarray)}
-        picked["whole"] = None if self.whole is None else self.whole.take(index)
-        picked["moving"] = None if self.moving is None else self.moving.take(index)
-        return replace(self, **picked, cost={name: values[index] for name, values in self.cost.items()})
+    def take(self, index: np.ndarray | slice) -> Self:
+        """As `OfStates.take`."""
+        return replace(super().take(index), cost={name: values[index] for name, values in self.cost.items()})
 
 
 @dataclass(frozen=True)
-class WithSkin:
+class WithSkin(OfStates):
     """What a dataset of m states knows of the skin. rows: with n_s of the skin between effectors and actuators, of
     which there are n in all; delta_s (m, n_s) mm from rest; W (m, n, n); dW (m, n_a, n, n) and ddelta_s_dp
     (m, n_s, n_p), None where the dataset has none; left (m, 2) mm: root mean square and largest distance of the surface
@@ -100,13 +107,9 @@ class WithSkin:
     left: np.ndarray
     sha256: str
 
-    def take(self, index: np.ndarray | slice) -> "WithSkin":
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
-
 
 @dataclass(frozen=True)
-class Moving:
+class Moving(OfStates):
     """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.inertia` says of which.
     rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; inner_K, inner_M, inner_loss,
     inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them, where the robot has such; dV
@@ -124,10 +127,6 @@ class Moving:
     inner_M: np.ndarray | None = None
     inner_loss: np.ndarray | None = None
     inner_e: np.ndarray | None = None
-
-    def take(self, index: np.ndarray | slice) -> "Moving":
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(self, **{name: one[index] for name, one in arrays.items() if isinstance(one, np.ndarray)})
 
 
 def read_dataset(path: Path) -> Dataset:
