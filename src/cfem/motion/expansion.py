@@ -13,6 +13,7 @@ from cfem.motion.model import MotionModel
 
 NEAR = 1e-4  # of the half width of the learned box, from which the expansion is good
 _ITERATIONS = 30
+_SLOW = 0.03  # rate of the changes from which the slopes are taken again
 
 
 @dataclass(frozen=True)
@@ -50,14 +51,14 @@ class Expansion:
         return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / float(self.scale.min()))
 
     def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> Solved | None:
-        """From v, whose entries `free` are changed, by Newton's method with the slopes at v, which hardly change within
-        a step, until the next change would be below the tolerance by the rate at which changes have fallen; None where
-        it does not end."""
+        """From v, whose entries `free` are changed, by Newton's method with the slopes at v, later ones where changes
+        fall slowly, until the next change would be below the tolerance by the rate at which they have fallen; None
+        where it does not end."""
         v, change, before, every = v.copy(), np.zeros(len(v)), np.inf, len(free) == len(v)
-        small, slope = tolerance * self.size(v), None
+        small, slope, stale = tolerance * self.size(v), None, True
         for _ in range(_ITERATIONS):
             rest, Mv, turning = self._terms(v)
-            if slope is None:
+            if stale:
                 slope = self._slope(turning)
                 factor, pivots, failed = dgetrf(slope if every else slope[free[:, None], free])
                 if failed:
@@ -70,8 +71,8 @@ class Expansion:
             moved = float(np.abs(change / self.scale).max())
             if not isfinite(moved):
                 return None
-            rate = 1.0 if before == np.inf else min(moved / before, 1.0)
-            before = moved
+            first, rate = before == np.inf, min(moved / before, 1.0) if before < np.inf else 1.0
+            before, stale = moved, rate > _SLOW and not first
             if moved * rate <= small:
                 impulse = Mv + self.M @ change + change[: len(turning)] @ turning
                 return Solved(v, rest - slope @ change, impulse)

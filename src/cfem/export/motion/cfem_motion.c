@@ -15,6 +15,7 @@
 #define ITERATIONS 30
 #define EXPANSIONS 30
 #define TOLERANCE 1e-8
+#define SLOW 0.03 /* rate of the changes from which the slopes are taken again */
 #define NEAR 1e-4 /* of the half width of the learned box */
 
 /* The equations of a step where the learned functions are expanded about a place near its middle: as src/cfem/motion/expansion.py has
@@ -133,18 +134,18 @@ static void solve(int n, double A[NQ][NQ], const int *pivots, double *b) {
     }
 }
 
-/* Newton's method from v, whose n entries `free` are changed, with the slopes there: they hardly change within a step. v, what is left, and
- * the impulse M v, these two to first order in the last change. 1 where it does not end. */
+/* Newton's method from v, whose n entries `free` are changed, with the slopes there, and later ones where changes fall slowly. v, what is left,
+ * and the impulse M v, these two to first order in the last change. 1 where it does not end. */
 static int newton(const cfem_motion *motion, expansion *near, const int *free, int n, double dt, double *v, double *left,
                   double *impulse) {
     double before = HUGE_VAL, size = 0.0, slope[NQ][NQ], A[NQ][NQ];
-    int pivots[NQ];
+    int pivots[NQ], stale = 1;
     for (int i = 0; i < NQ; i++) size = fmax(size, fmax(fabs(v[i]), 1e-6 / dt) * cfem_motion_unit[i]);
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         double change[NQ], full[NQ] = {0}, moved = 0.0;
         equations at;
         assemble(motion, near, v, dt, &at);
-        if (!iteration) {
+        if (stale) {
             slopes(near, &at, dt, slope);
             for (int i = 0; i < n; i++)
                 for (int j = 0; j < n; j++) A[i][j] = slope[free[i]][free[j]];
@@ -158,7 +159,7 @@ static int newton(const cfem_motion *motion, expansion *near, const int *free, i
         }
         if (!(moved - moved == 0.0)) return 1;
         const double rate = before == HUGE_VAL ? 1.0 : fmin(moved / before, 1.0);
-        before = moved;
+        stale = before != HUGE_VAL && rate > SLOW, before = moved;
         if (moved * rate > TOLERANCE * size) continue;
         for (int i = 0; i < NQ; i++) {
             left[i] = at.rest[i], impulse[i] = at.Mv[i];
