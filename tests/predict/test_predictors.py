@@ -86,8 +86,20 @@ def test_at_force_inverts_the_energy(exports):
 
 
 def test_at_force_says_where_it_fails(exports):
+    model = load_model(exports["spectral"])
     with pytest.raises(NumericalError, match=r"N.*are left"):
-        load_model(exports["spectral"]).at_force(np.array([-1e9, 1e9]))
+        model._find(np.array([-1e9, 1e9]), None)
+
+
+@pytest.mark.parametrize("kind", ["spectral", "mlp"])
+def test_no_answer_is_given_far_outside_the_training_states(exports, kind):
+    model = load_model(exports[kind])
+    for ask, (low, high) in ((model.at_displacement, model.domain.delta_a), (model.at_force, model.domain.lambda_a)):
+        with pytest.raises(NumericalError, match=r"far outside what the model was trained on \(cable0 -?[0-9.]+ to"):
+            ask(high + [0.0, 1.1] * (high - low))
+    assert not model.inside(
+        model.at_displacement(model.domain.delta_a[1] + 0.5)
+    )  # a little outside it answers, and says so
 
 
 @pytest.fixture(scope="module")

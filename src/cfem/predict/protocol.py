@@ -123,13 +123,18 @@ class Predictor(ABC):
         return Condensed(self.rows, W, delta_free, lam)
 
     def at_displacement(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
-        """The condensed robot where its actuators stand at delta_a (n_a,) mm. NumericalError where there is none."""
+        """The condensed robot where its actuators stand at delta_a (n_a,) mm. NumericalError where there is none,
+        and far outside the domain."""
         delta_a = self._one_each(delta_a, "a state of displacements")
+        self._demand_near(delta_a, self.domain.delta_a, "displacements", "mm")
         return self.at(delta_a, p) if self.form == "displacement" else self._find(delta_a, p)
 
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
-        """The condensed robot under lambda_a (n_a,) N. NumericalError where there is none."""
+        """The condensed robot under lambda_a (n_a,) N. NumericalError where there is none, and far outside the
+        domain."""
         lambda_a = self._one_each(lambda_a, "a state of forces")
+        softer = float(self.softer(self._p(p))) if self.parameters else 1.0
+        self._demand_near(lambda_a, self.domain.lambda_a / softer, "forces", "N")
         return self.at(lambda_a, p) if self.form == "force" else self._find(lambda_a, p)
 
     def _one_each(self, values: ArrayLike, what: str) -> np.ndarray:
@@ -138,6 +143,21 @@ class Predictor(ABC):
         if array.shape != (self.rows.n_a,) or not np.isfinite(array).all():
             raise self._not_one_each(values, what)
         return array
+
+    def _demand_near(self, state: np.ndarray, box: np.ndarray, what: str, unit: str) -> None:
+        """NumericalError where a state lies outside the box (2, n_a) of the training states by more than its width: the
+        answer would be wrong by orders of magnitude."""
+        low, high = box
+        width = np.where(high > low, high - low, np.inf)  # one value alone tells nothing of what is far
+        if (np.maximum(low - state, state - high) > width).any():
+            ranges = ", ".join(
+                f"{name} {one:.3g} to {other:.3g}"
+                for name, one, other in zip(self.rows.actuators, low, high, strict=True)
+            )
+            raise NumericalError(
+                f"{what} {np.round(state, 6).tolist()} {unit} are far outside what the model was trained on ({ranges})",
+                do="ask inside, or sample a larger space and train again",
+            )
 
     def _not_one_each(self, values: ArrayLike, what: str) -> InputError:
         names = ", ".join(self.rows.actuators)
