@@ -1,10 +1,8 @@
 """Of many points, states are found where Newton's method finds none, by the way along growing friction."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from support.benchmark import benchmark
 
 from cfem.contact.check import check
 from cfem.contact.modes import VALID
@@ -13,8 +11,7 @@ from cfem.contact.path import along_friction
 from cfem.contact.problem import ContactProblem
 from cfem.contact.solve import ContactStatus, solve_contact
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from contact_random import a_problem
+a_problem = benchmark("contact_random").a_problem
 
 
 def random_problem(seed, m, mu, rank=None):

@@ -1,12 +1,11 @@
 """Contact anywhere in C against Python's: obstacles, the law, and whole steps."""
 
 import ctypes
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.benchmark import benchmark
 
 import cfem
 from cfem.contact import ContactProblem, check
@@ -26,8 +25,7 @@ from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from contact_random import a_problem
+a_problem = benchmark("contact_random").a_problem
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
