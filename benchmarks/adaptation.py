@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed.model import under_force
-from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.controller import Controller, Gains
 from cfem.control.frame import CameraFrame
@@ -34,6 +34,7 @@ from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
 from cfem.plant.protocol import Measurement
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model
 
 RATE, NOISE = 10, 0.1
@@ -59,7 +60,7 @@ class Trial:
         self.model, self.first = model, np.array([one.reference for one in model.parameters])
         turn = 2 * np.pi * np.arange(ticks) / (12 * RATE)
         share = np.column_stack([0.5 + 0.3 * np.cos(turn), 0.5 + 0.3 * np.sin(turn)])[:, : model.rows.n_a]
-        known, near, goals = Adapted(model, self.first), None, []
+        known, near, goals = AtParameters(model, self.first), None, []
         for force in 0.6 * share * model.domain.lambda_a[1]:
             near = under_force(known, force, near or self.start(known))
             goals.append(model.rest_e + near.delta_e)
@@ -74,7 +75,9 @@ class Trial:
         course = np.column_stack([model.reach[:, 1] * -0.25, model.reach[:, 1] * 1.5])
         limits = Limits(np.array([[0.0, most]] * n_a), course)
         ridge, settings = ridge_of(1e-10, model.reach, model.length), Settings(20, 1e-5, 0.25 * model.reach.max())
-        pilot = Pilot(Adapted(model, self.first.copy()), "force", "equilibrium", limits, np.ones(3), ridge, settings)
+        pilot = Pilot(
+            AtParameters(model, self.first.copy()), "force", "equilibrium", limits, np.ones(3), ridge, settings
+        )
         if not adapt:
             return Controller(pilot, model.rest_e, gains)
         tracker = Tracker(model, "force", noise, loss=loss, forget=20.0, frame=frame)
@@ -94,7 +97,7 @@ class Trial:
 
 def model_plant(trial, p_of, push=lambda tick: 0.0, lost=0.0):
     """A robot of the family with parameters p_of(tick), forces less than told, and an effector that is shifted."""
-    known, last = Adapted(trial.model, trial.first.copy()), []
+    known, last = AtParameters(trial.model, trial.first.copy()), []
 
     def step(tick: int, u: np.ndarray) -> np.ndarray:
         known.p = p_of(tick)

@@ -6,8 +6,9 @@ from surrogate.stored import train_folder
 from surrogate.synthetic import stiffer
 
 from cfem.condensed.model import under_force
-from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptation import Tracker
 from cfem.core.errors import InputError
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model
 
 NOISE = 0.02
@@ -28,7 +29,7 @@ def forces(model, count, seed=0):
 
 def feed(tracker, model, p_of, count=60, seed=0, noise=NOISE, lost=0.0, spoil=lambda n, x: x):
     """Samples of a robot whose parameters are p_of(n); what the tracker used after each."""
-    rng, real, used = np.random.default_rng(seed), Adapted(model, p_of(0)), []
+    rng, real, used = np.random.default_rng(seed), AtParameters(model, p_of(0)), []
     near = model.at_displacement(0.2 * model.reach[:, 1], p_of(0))
     for n, u in enumerate(forces(model, count, seed)):
         real.p = p_of(n)

@@ -7,7 +7,7 @@ import pytest
 from surrogate.stored import train_folder
 
 from cfem.condensed.model import under_force
-from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.controller import Controller, Gains
 from cfem.control.inverse import Limits, ridge_of
@@ -15,6 +15,7 @@ from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
 from cfem.plant.protocol import Measurement
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model
 
 TICKS, NOISE, FEEDBACK = 80, 0.05, Gains(0.0, 0.2)
@@ -33,7 +34,7 @@ def first(model):
 def goals(model):
     turn = 2 * np.pi * np.arange(TICKS) / 40
     share = np.column_stack([0.4 + 0.2 * np.cos(turn), 0.4 + 0.2 * np.sin(turn)])
-    known = Adapted(model, first(model))
+    known = AtParameters(model, first(model))
     near, found = known.at_displacement(0.2 * model.reach[:, 1]), []
     for u in share * model.domain.lambda_a[1]:
         near = under_force(known, u, near)
@@ -45,7 +46,7 @@ def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng
     limits = Limits(np.array([[0.0, 3 * model.domain.lambda_a[1].max()]] * 2), model.reach * [[1, 1.5]] - [[1, 0]])
     ridge = ridge_of(1e-10, model.reach, model.length)
     pilot = Pilot(
-        Adapted(model, first(model)), "force", "equilibrium", limits, np.ones(3), ridge, Settings(20, 1e-5, 3.0)
+        AtParameters(model, first(model)), "force", "equilibrium", limits, np.ones(3), ridge, Settings(20, 1e-5, 3.0)
     )
     if adapt:
         controller = AdaptiveController(
@@ -53,7 +54,7 @@ def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng
         )
     else:
         controller = Controller(pilot, model.rest_e, gains)
-    rng, real, errors, samples, measured = np.random.default_rng(seed), Adapted(model, first(model)), [], [], None
+    rng, real, errors, samples, measured = np.random.default_rng(seed), AtParameters(model, first(model)), [], [], None
     there = real.at_displacement(0.2 * model.reach[:, 1])
     for tick, goal in enumerate(aims, 1):
         u = controller.tick(goal, measured).u

@@ -8,9 +8,10 @@ from surrogate.stored import train_folder
 
 from cfem.condensed import Rows
 from cfem.condensed.model import under_force
-from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptation import Tracker
 from cfem.control.frame import CameraFrame
 from cfem.core.errors import InputError
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model
 
 MOVED = np.array([3.0, -2.0, 1.5, 0.03, 0.0, -0.02])
@@ -58,7 +59,7 @@ def test_a_moved_camera_and_another_stiffness_are_told_apart(model):
     camera = CameraFrame.of(model.rows, model.rest_e)
     assert len(camera.points) == 1
     tracker = Tracker(model, "force", NOISE, frame=(5.0, 0.05), find=("young",))
-    real, rng = Adapted(model, reference(model)), np.random.default_rng(1)
+    real, rng = AtParameters(model, reference(model)), np.random.default_rng(1)
     place = [one.name for one in model.parameters].index("young")
     real.p[place] *= 0.8
     near = model.at_displacement(0.2 * model.reach[:, 1], real.p)

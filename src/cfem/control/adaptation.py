@@ -33,6 +33,7 @@ from cfem.condensed.parameters import coordinates, range_coordinates, references
 from cfem.control.frame import CameraFrame
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.protocol import Predictor
 
 SD = 0.3  # of a parameter's range: about that of a uniform distribution
@@ -45,29 +46,6 @@ STEADY = 100.0  # times as long are samples kept of what does not change with ti
 PATIENCE = 20  # refused samples after which the robot has changed
 RATE = 20.0  # times `forget`: in so many samples a drift crosses a parameter's standard deviation
 MOST = 0.05  # of a range, by which what is used changes in a tick
-
-
-@dataclass
-class Adapted:
-    """`Model`: a predictor whose parameters p (n_p,) change while it is used."""
-
-    predictor: Predictor
-    p: np.ndarray
-
-    def __getattr__(self, name: str):
-        return getattr(self.predictor, name)
-
-    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
-        return self.predictor.at_displacement(delta_a, self.p)
-
-    def at_force(self, lambda_a: np.ndarray) -> Condensed:
-        return self.predictor.at_force(lambda_a, self.p)
-
-    def inside(self, condensed: Condensed) -> bool:
-        return self.predictor.inside(condensed, self.p)
-
-    def distance(self, condensed: Condensed) -> float:
-        return self.predictor.distance(condensed, self.p)
 
 
 @dataclass
@@ -229,7 +207,7 @@ class Tracker:
         return (axes * np.clip(size, 0.0, 1.0)) @ axes.T * np.outer(self._sd, self._sd)
 
     def _state(self, x: np.ndarray, u: np.ndarray, near: Condensed) -> Condensed:
-        model, felt = Adapted(self.predictor, self._p(x)), u - self._b(x)
+        model, felt = AtParameters(self.predictor, self._p(x)), u - self._b(x)
         if self.command == "displacement":
             return model.at_displacement(felt)
         return under_force(model, felt, model.at_displacement(near.delta_a))  # near is of other parameters

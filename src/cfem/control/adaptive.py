@@ -6,16 +6,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed.model import under_force
-from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptation import Tracker
 from cfem.control.controller import Controller, Gains
 from cfem.control.estimated import Estimated
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import NumericalError
 from cfem.plant.protocol import Measurement
+from cfem.predict.at_parameters import AtParameters
 
 
 class AdaptiveController(Controller):
-    """pilot.model: an `Adapted`, whose parameters change here; tracker: what is tracked, and what of it is used."""
+    """pilot.model: `AtParameters`, which change here; tracker: what is tracked, and what of it is used."""
 
     def __init__(
         self,
@@ -48,7 +49,7 @@ class AdaptiveController(Controller):
         """The model becomes another: where the robot stands under the last command is found again. What the feedback
         had added up for the faults of the model before is taken back as far as the change accounts for it."""
         model, old = self._pilot.model, self.belief.iterate
-        assert isinstance(model, Adapted)
+        assert isinstance(model, AtParameters)
         before, model.p = model.p, self.tracker.used_p
         try:
             now = model.at_displacement(old.condensed.delta_a)

@@ -1,47 +1,25 @@
 """One robot of a family: its FE model and the learned models at its parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cfem.condensed import Condensed, Rows
 from cfem.condensed.given import vector
 from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.mesh import Mesh
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.protocol import Predictor
 from cfem.robot.spec import SceneSpec
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import with_values
 
 
-@dataclass(frozen=True)
-class Bound:
-    """`Model`: a predictor at parameters p (n_p,)."""
-
-    predictor: Predictor
-    p: np.ndarray
-
-    @property
-    def rows(self) -> Rows:
-        return self.predictor.rows
-
-    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
-        return self.predictor.at_displacement(delta_a, self.p)
-
-    def inside(self, condensed: Condensed) -> bool:
-        return self.predictor.inside(condensed, self.p)
-
-    def distance(self, condensed: Condensed) -> float:
-        return self.predictor.distance(condensed, self.p)
-
-
 def designed(
     scene: SceneSpec, mesh: Mesh, predictors: Mapping[str, Predictor], design: Mapping[str, Any]
-) -> tuple[Robot, dict[str, Bound], np.ndarray]:
+) -> tuple[Robot, dict[str, AtParameters], np.ndarray]:
     """The FE robot of the design, the models bound to it, and how far its effectors rest (n_e,) mm from where the
     scene's own do. SpecError where the models differ in their parameters."""
     first, *others = predictors.values()
@@ -49,7 +27,7 @@ def designed(
         raise SpecError("the models have different parameters", where="design")
     p = vector(first.parameters, design, "design")
     robot, own = robot_at(scene, mesh, first.parameters, p)
-    return robot, {name: Bound(one, p) for name, one in predictors.items()}, robot.rest_e - own.rest_e
+    return robot, {name: AtParameters(one, p) for name, one in predictors.items()}, robot.rest_e - own.rest_e
 
 
 def robot_at(scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter], p: np.ndarray) -> tuple[Robot, Robot]:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.design import Bound
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import InputError
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_plant import pushed
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load_spec import forces_of
 from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.protocol import Predictor
@@ -34,8 +34,8 @@ def _wrench(spec: ControlSpec, robot: Robot) -> np.ndarray:
     return wrench_of(robot.rows, forces_of(spec.loads, robot.masses))
 
 
-def _under(wrench: np.ndarray, model: Predictor | Bound, where: str) -> Predictor | Bound:
-    own = (model.predictor if isinstance(model, Bound) else model).meta.get("wrench")
+def _under(wrench: np.ndarray, model: Predictor | AtParameters, where: str) -> Predictor | AtParameters:
+    own = (model.predictor if isinstance(model, AtParameters) else model).meta.get("wrench")
     if own is not None:
         if np.allclose(own, wrench, rtol=1e-9, atol=0.0):
             return model

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.model import Model
-from cfem.control.adaptation import Adapted, Tracker
+from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.controller import Gains
@@ -18,6 +18,7 @@ from cfem.control.moving.built import Situation
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.motion.model import MotionModel
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.protocol import Predictor
 
 
@@ -70,7 +71,7 @@ def _measuring(
         pilot.weights > 0,
         (0.0, 0.0) if camera is None else (camera.shift, camera.turn),
     )
-    own = replace(pilot, model=Adapted(model, tracker.used_p))
+    own = replace(pilot, model=AtParameters(model, tracker.used_p))
     return AdaptiveController(own, at.rest_e, tracker, gains, start)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop_spec import LoopSpec
-from cfem.control.design import Bound, robot_at
+from cfem.control.design import robot_at
 from cfem.control.estimated import camera_of
 from cfem.control.estimated_account import judged
 from cfem.control.loads import under_loads
@@ -25,6 +25,7 @@ from cfem.plant.model_plant import ModelPlant
 from cfem.plant.moving_plant import MovingFemPlant, MovingModelPlant
 from cfem.plant.pipe_plant import PipePlant
 from cfem.plant.protocol import Plant
+from cfem.predict.at_parameters import AtParameters
 from cfem.predict.protocol import Predictor
 from cfem.robot.spec import SceneSpec
 
@@ -92,7 +93,7 @@ def push_of(loop: LoopSpec, robot: Robot) -> tuple[np.ndarray | None, int]:
 def _fem_plants(
     spec: ControlSpec,
     base: Path,
-    model: Predictor | Bound,
+    model: Predictor | AtParameters,
     push: np.ndarray | None,
     since: int,
     places: tuple[np.ndarray, np.ndarray] | None = None,
@@ -108,7 +109,7 @@ def _fem_plants(
     scene = base / spec.scene
     _, nodes = load_scene_and_mesh(scene, base / (real.mesh or spec.mesh))
     described = load_spec(scene, SceneSpec, real.scene)
-    if isinstance(model, Bound):
+    if isinstance(model, AtParameters):
         robot = robot_at(described, nodes, model.predictor.parameters, model.p)[0]
     else:
         robot = under_loads(spec, build_robot(described, nodes))

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed.parameters import references
-from cfem.control.design import Bound
 from cfem.control.loop import ReachStatus
 from cfem.control.moving.mpc import Told
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import InputError
 from cfem.gym.policy import Policy
 from cfem.plant.protocol import Measurement
+from cfem.predict.at_parameters import AtParameters
 
 
 class PolicyController:
@@ -102,9 +102,9 @@ def _parameters(model: Any, policy: Policy) -> np.ndarray:
     have those that the policy wants to be told."""
     if not policy.parameters:
         return np.zeros(0)
-    predictor = model.predictor if isinstance(model, Bound) else model
+    predictor = model.predictor if isinstance(model, AtParameters) else model
     if predictor.parameters != policy.parameters:
         names = ", ".join(one.name for one in policy.parameters)
         what = f"is a policy of other parameters than the model's: {names}, with ranges of their own"
         raise InputError(what, where=str(policy.path), do="train it on this model")
-    return model.p if isinstance(model, Bound) else references(policy.parameters)
+    return model.p if isinstance(model, AtParameters) else references(policy.parameters)
