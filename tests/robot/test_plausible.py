@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from robot.scenes import scene
 
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
 from cfem.robot.build import build_robot
 from cfem.robot.meshing import make_mesh
@@ -47,3 +47,28 @@ def test_a_missing_shape_is_named_with_its_key(tmp_path, path):
     with pytest.raises(InputError, match=rf"scene\.yaml:4: geometry\.path: no such file: .*{path}") as error:
         run(tmp_path / "scene.yaml", [], None, Options(quiet=True))
     assert "stage" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "watched",
+    [
+        "{name: tip, point: {mm: [0, 3, 2.5]}}",
+        "{name: tip, points: {mm: [[0, 3, 2.5], [0, 0, 0]]}}",
+        "{name: tip, point: {mm: [0, 0, 0]}, radius: 4 mm, orientation: true}",
+    ],
+)
+@pytest.mark.parametrize("element", ["tet4", "tet10p0", "hex8"])
+def test_an_effector_on_a_held_face_is_named(tmp_path, watched, element):
+    """The nodes around the point are free, and move the average that stands for it by a little."""
+    own = scene(tmp_path, effectors=f"[{watched}]", mesh=f"{{size: 5 mm, element: {element}}}")
+    mesh = make_mesh(own, tmp_path)[0]
+    with pytest.raises(
+        SpecError, match=r"scene\.yaml:9: effectors\.0: effector 'tip' lies where `fixed` holds the body"
+    ):
+        build_robot(own, mesh)
+
+
+def test_an_effector_beside_a_held_face_moves(tmp_path):
+    for watched in ["{name: tip, point: {mm: [1, 0, 0]}}", "{name: tip, points: {mm: [[0, 0, 0], [1, 0, 0]]}}"]:
+        own = scene(tmp_path, effectors=f"[{watched}]")
+        assert build_robot(own, make_mesh(own, tmp_path)[0]).rows.n_e == 3

@@ -4,7 +4,7 @@ import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
-from cfem.robot.soundness import moves_nothing
+from cfem.robot.soundness import moves_nothing, stands_still
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
@@ -19,7 +19,7 @@ def demand_possible(scene, robot: Robot) -> None:
                 what = f"{item.kind} '{item.name}' acts on held nodes alone and moves nothing"
                 raise SpecError(what, do="lead it beyond what `fixed` holds, or hold less")
     for index, (item, effector) in enumerate(zip(scene.effectors, robot.effectors, strict=True)):
-        if moves_nothing(robot, effector):
+        if stands_still(robot, effector):
             what = f"effector '{item.name}' lies where `fixed` holds the body and cannot move"
             with scene.locating("effectors", index):
                 raise SpecError(what, do="watch a point that is free, or hold less")

@@ -5,6 +5,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from cfem.constraint.attachment import attach
+from cfem.constraint.effector import CombinedEffector, PointEffector, RotationEffector
 from cfem.constraint.protocol import Watched
 from cfem.core.errors import InputError
 from cfem.equilibrium.robot import Robot
@@ -75,6 +77,23 @@ def demand_held(robot: Robot) -> None:
         size = " x ".join(f"{each:.3g}" for each in np.ptp(nodes, axis=0))
         what = f"a piece of {count} cells, {size} mm large at {_place(nodes.mean(axis=0))}, is joined to nothing held"
         raise InputError(what, where=robot.name, do="hold it under 'fixed', join it to the rest, or leave it out")
+
+
+def stands_still(robot: Robot, row: Watched) -> bool:
+    """Whether a row watches nothing but held points: the nodes around them may be free, the points are not."""
+    parts = row.parts if isinstance(row, CombinedEffector) else (row,)
+    places = [each for each in parts if not isinstance(each, RotationEffector)]
+    return moves_nothing(robot, row) or all(isinstance(each, PointEffector) and _held(robot, each) for each in places)
+
+
+def _held(robot: Robot, row: PointEffector) -> bool:
+    """Whether the element at a point follows held nodes alone there."""
+    mesh = robot.body.mesh
+    cells = np.flatnonzero(np.isin(mesh.cells, row.nodes).all(axis=1))
+    if len(cells) == 0:
+        return False  # of a section, which `moves_nothing` knows
+    at = attach(mesh, row.rest, 0.0, robot.name, cells)
+    return not np.abs(at.weights[~np.isin(at.nodes, robot.fixed)]).max(initial=0.0) > _HELD
 
 
 def moves_nothing(robot: Robot, row: Watched) -> bool:
