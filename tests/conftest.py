@@ -6,11 +6,14 @@ import os
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
 
 import cfem
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
 

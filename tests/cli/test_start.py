@@ -23,15 +23,10 @@ start.main()
 """
 
 
-def heed():
-    """Where the tests run in the background, a shell has them ignore it."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_while_it_imports(how):
     words = [sys.executable, "-c", SLOWLY]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heed) as process:
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(how)
         assert process.communicate(timeout=20) == ("", "cfem: interrupted\n") and process.returncode == 130
@@ -68,7 +63,6 @@ def test_an_interrupt_after_the_work_does_not_undo_what_is_said(capsys):
             return "done"
 
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         run_command(lambda _: Late())
     finally:

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import signal
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
@@ -30,8 +29,6 @@ def processes() -> Any:
 def as_command(work: Any, arguments: tuple, said: Path) -> None:
     """Calls `work(*arguments)` with the signals and the exit codes of the command line. said: file for what it prints,
     there when signals are taken care of."""
-
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # of tests in the background, a shell has it ignored
 
     def run(_: Options) -> Any:
         os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 1)
