@@ -54,7 +54,7 @@ def test_a_poor_model_is_judged_in_words():
         "positive_definite": {"share": 0.49, "queries": 100},
     }
     loss, definite = (one["what"] for one in judged(poor))
-    assert loss.startswith("loss 4.64e+00") and "0.28 mm" in loss and "51 % of 100 random states" in definite
+    assert loss.startswith("loss of vectors 4.64e+00") and "0.28 mm" in loss and "51 % of 100 random states" in definite
     nan = {
         "errors": {"frame_loss": float("nan"), "tip_mm": {"max": 0.1}},
         "positive_definite": sound["positive_definite"],
@@ -140,9 +140,10 @@ def test_mlp_is_stored_and_loaded(tmp_path):
 
 
 def test_the_headline_states_mm_and_N_before_the_loss():
-    errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "frame_loss": 5e-6, "states": 40}
+    errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "loss": 7e-6, "frame_loss": 5e-6, "states": 40}
     results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
     (line,) = headline({**results, "positive_definite": {"share": 1.0}})
-    assert "largest errors 12 um at the tip and 0.34 N on 40 states; standardised loss 5.00e-06" in line.replace(
-        "µ", "u"
+    assert (
+        "largest errors 12 um at the tip and 0.34 N on 40 states; the paper's loss 7.00e-06, of whole vectors 5.00e-06"
+        in line.replace("µ", "u")
     )

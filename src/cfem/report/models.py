@@ -54,9 +54,10 @@ def models_section(
     if trusts:
         parts += [trust_chart(trusts, prefix), trust_table(summaries)]
     text = (
-        "All errors are those at the test states, which no training has seen. The loss is the mean squared error of "
-        "the entries of W and delta_free, standardised by the test set, as in the paper. `cfem train` prints that of "
-        "whole vectors, which does not depend on the axes of the scene. W is checked at random states between samples."
+        "All errors are those at the test states, which no training has seen. The paper's loss is the mean squared "
+        "error of the entries of W and delta_free, standardised by the test set. `cfem train` judges the model by that "
+        "of whole vectors, which does not depend on the axes of the scene, and prints both. W is checked at random "
+        "states between samples."
     )
     facts = {"models": {name: dict(results) for name, results in models.items()}, "trust": summaries}
     return Section(title, text, tuple(parts), facts)
@@ -75,7 +76,7 @@ def model_table(models: Models, published: Published | None = None, default: str
         {
             "model": lambda row: row[0],
             "samples": lambda row: str(row[1]["samples"]),
-            "loss": lambda row: number(row[1]["errors"]["loss"]),
+            "the paper's loss": lambda row: number(row[1]["errors"]["loss"]),
             "tip error, mean / max (mm)": lambda row: spread(row[1]["errors"]["tip_mm"]),
             f"force error, mean / max ({force})": lambda row: spread(row[1]["errors"]["force_N"]),
             "sampling (CPU s)": lambda row: number(row[1]["seconds_sampling"]),

@@ -91,7 +91,7 @@ def sampling_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         {
             "model, method": lambda row: f"{row['model']}, {row['method']}",
             "rows": lambda row: str(row["samples"]),
-            "loss": lambda row: number(row["errors"]["loss"]),
+            "the paper's loss": lambda row: number(row["errors"]["loss"]),
             "tip error, mean / max (mm)": lambda row: spread(row["errors"]["tip_mm"]),
             "force error, mean / max (N)": lambda row: spread(row["errors"]["force_N"]),
             "training (s)": lambda row: number(row["seconds_fit"]),
@@ -142,7 +142,7 @@ def sizes_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         {
             "mesh": lambda line: line[0],
             "samples": lambda line: str(line[1]["samples"]),
-            "loss": lambda line: number(line[1]["errors"]["loss"]),
+            "the paper's loss": lambda line: number(line[1]["errors"]["loss"]),
             "tip error, mean / max (mm)": lambda line: spread(line[1]["errors"].get("tip_mm")),
             "samples per second, one core": lambda line: (
                 number(line[1]["samples"] / line[1]["seconds_sampling"]) if "seconds_sampling" in line[1] else ""
