@@ -6,11 +6,13 @@ from robot.scenes import scene
 from support.blocks import bar as bar_robot
 
 from cfem.core.errors import SpecError
+from cfem.core.stage import Options
 from cfem.equilibrium import actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
 from cfem.robot.grading import estimate, grade, scene_mesh
+from cfem.robot.stage import run
 
 PULL = "[{kind: cable, name: c, radius: 1 mm, pull_point: {mm: [0, 0, 4]}, points: {mm: [[10, 0, 4], [25, 0, 3]]},"
 PULL += " reach: {mm: [0, 3]}}]"
@@ -76,3 +78,10 @@ def test_parts_of_an_assembly_are_graded_where_they_stand(tmp_path):
 def test_what_cannot_be_graded_says_so(tmp_path):
     with pytest.raises(SpecError, match="grades tetrahedra"):
         scene(tmp_path, mesh="{size: 5 mm, element: hex8, cells: 500}")
+
+
+def test_the_command_says_what_was_asked_and_what_it_made(tmp_path):
+    scene(tmp_path, mesh="{size: 10 mm, cells: 100, element: tet4}")
+    results = run(tmp_path / "scene.yaml", [], None, Options(quiet=True))["results"]
+    assert f"{results['cells']} cells; " in results["headline"][0]
+    assert results["headline"][0].endswith("; sizes were graded for 100 cells")

@@ -67,4 +67,6 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     demand_inside(scene, mesh.base)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
     judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts()]]
-    return {"headline": [figures.sentence()], "judgement": judgement, **asdict(figures)}
+    wanted = scene.mesh.cells
+    asked = "" if wanted is None else f"; sizes were graded for {wanted} cells"
+    return {"headline": [figures.sentence() + asked], "judgement": judgement, **asdict(figures)}
