@@ -54,3 +54,26 @@ def test_kernels_compile_where_neither_package_nor_home_can_be_written_to(tmp_pa
     code = "import cfem, cfem.mechanics.material.tensor; print(cfem.__file__)"
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "") and done.stdout.startswith(str(tmp_path))
+
+
+def test_machine_code_of_other_sources_is_not_run(tmp_path):
+    """A function whose own file is as it was, and that calls one whose file has changed."""
+    package = tmp_path / "kernels"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "from pathlib import Path\nfrom cfem.core.cache import place_compiled_code\n"
+        "place_compiled_code(Path(__file__).parent)\n"
+    )
+    (package / "outer.py").write_text(
+        "from numba import njit\nfrom kernels.inner import inner\n\n"
+        "@njit(cache=True)\ndef outer():\n    return inner()\n"
+    )
+    environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    environment["PYTHONPATH"] = str(tmp_path)
+    code = "from kernels.outer import outer; print(outer(), sum(outer.stats.cache_hits.values()))"
+    said = []
+    for value in (1, 1, 22):
+        (package / "inner.py").write_text(f"from numba import njit\n\n@njit\ndef inner():\n    return {value}\n")
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        said.append(done.stdout.strip())
+    assert said == ["1 0", "1 1", "22 0"]

@@ -4,6 +4,8 @@ import os
 import stat
 import sys
 import tempfile
+from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 
 
@@ -43,11 +45,34 @@ def _is_private(folder: Path) -> bool:
 
 
 def place_compiled_code(package: Path) -> None:
-    """Tells numba, before its first use, where to keep the machine code of a package that cannot be written to."""
-    if os.environ.get("NUMBA_CACHE_DIR") or is_writable(package / "__pycache__"):
+    """Tells numba, before its first use, where to keep the machine code of a package that cannot be written to.
+
+    Code of other sources is removed. numba looks at the file of a function alone: after an upgrade that leaves it as it
+    was, it would run with the functions and constants that it had from other files."""
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return
+    sources = sha256()
+    for file in sorted(package.rglob("*.py")):
+        text = file.read_bytes()
+        if b"njit" in text:
+            sources.update(text)
+    if is_writable(package / "__pycache__"):
+        _forget_others(package, sources.hexdigest())
         return
     folder = cache_folder()
     if folder is not None:
-        os.environ["NUMBA_CACHE_DIR"] = str(folder / "numba")
+        place = str(folder / f"numba-{sources.hexdigest()[:16]}")
+        os.environ["NUMBA_CACHE_DIR"] = place
         if "numba" in sys.modules:  # which has read its environment
-            sys.modules["numba"].config.CACHE_DIR = str(folder / "numba")
+            sys.modules["numba"].config.CACHE_DIR = place
+
+
+def _forget_others(package: Path, sources: str) -> None:
+    """Removes the machine code beside a package that was made of other sources."""
+    stamp = package / "__pycache__" / "kernels.sha256"
+    if stamp.exists() and stamp.read_text() == sources:
+        return
+    for file in package.rglob("__pycache__/*.nb[ic]"):
+        with suppress(OSError):  # another process removes it too
+            file.unlink()
+    stamp.write_text(sources)

@@ -7,6 +7,12 @@ cfem/MovingFollow-v0.
 
 It needs `pip install 'cfem[gym]'`."""
 
+from pathlib import Path
+
+from cfem.core.cache import place_compiled_code
+
+place_compiled_code(Path(__file__).parent)
+
 TASKS = ("reach", "follow", "press", "carry", "moving-reach", "moving-follow")
 NAMES = {f"cfem/{task.title().replace('-', '')}-v0": task for task in TASKS}
 

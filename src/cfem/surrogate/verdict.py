@@ -36,9 +36,7 @@ def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
     errors, definite, found = results["errors"], results["positive_definite"], []
     if not (loss := errors["frame_loss"]) <= LOSS:
         tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
-        found.append(
-            poor(f"loss of vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}")
-        )
+        found.append(poor(f"loss of vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
     if not definite["share"] >= 1 - INDEFINITE_SHARE:
         share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
         found.append(poor(f"W is not positive definite at {share}: control may find no command there"))
