@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from cfem.report.estimates import estimate_table
 from cfem.report.loops import loop_chart, loop_table
 from cfem.report.summary import loops_summary
 
@@ -56,3 +57,15 @@ def test_of_controllers_that_reach_all_goals_the_nearest_is_the_best():
     near = result() | {"error_at_goals": {"mean": 0.01, "max": 0.5}}
     found = loops_summary({"points": {"curve": {"policy": far, "closed": near}}})
     assert found.sentence.startswith("Controller closed")
+
+
+def test_the_table_of_estimates_has_intervals_and_innovations():
+    found = {"samples": 9, "estimated": 8, "covered": 0.99, "covered_observed": 0.95, "innovation": 0.98}
+    found |= {"left_out": 3, "unknowns": {"tip.y": {"rms": 0.01, "sd": 0.02}}}
+    blind = {"samples": 9, "estimated": 8, "covered": 0.5, "covered_observed": None, "innovation": None}
+    blind |= {"left_out": 0, "unknowns": {}}
+    table = estimate_table({"line": {"one": {"estimate": found}, "other": {"estimate": blind}}}, ["tip.y"])
+    assert table.rows == [
+        ("line", "one", "8 of 9", "10 / 20", "99.0 % / 95.0 %", "0.98", "3"),
+        ("line", "other", "8 of 9", "", "50.0 % / –", "–", "0"),
+    ]

@@ -32,10 +32,18 @@ def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str])
                 f"{name}, error / stated standard deviation (mN)": lambda row, name=name: force(row[2], name)
                 for name in loaded
             },
-            "95 % intervals that hold": lambda row: f"{100 * row[2]['covered']:.1f} %" if "covered" in row[2] else "",
+            "95 % intervals that hold, of all / of what is observed": lambda row: _covered(row[2]),
+            "innovations, of what is stated": lambda row: number(row[2].get("innovation")),
             "markers left out": lambda row: str(row[2]["left_out"]),
         },
     )
+
+
+def _covered(found: Mapping[str, Any]) -> str:
+    if "covered" not in found:
+        return ""
+    shares = [found["covered"], found["covered_observed"]]  # None where nothing is observed
+    return " / ".join("–" if one is None else f"{100 * one:.1f} %" for one in shares)
 
 
 def _shape(found: Mapping[str, Any]) -> str:
