@@ -1,36 +1,44 @@
-"""How inner motions move the skin: its modes, as `MotionModel.H` has the effectors."""
+"""How inner motions move a robot's rows, effectors and modes of its skin: series of the actuators' displacements."""
 
 import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.predict.chebyshev import Basis
+from cfem.predict.mode_series import joined
 from cfem.predict.series import input_derivatives
 
 
 class InnerSkin:
-    """arrays: of motion.npz: to_box (n_a, n_a) and offset (n_a,) of the model's inputs, skin_indices (L, n_a) and skin
-    (k n_r, L), series of what n_r inner motions do to k modes, row by row; T (r, k): a fixed map of the modes, the
-    modes themselves unless given."""
+    """arrays: of motion.npz: to_box (n_a, n_a) and offset (n_a,) of the model's inputs, indices (M, n_a), skin_indices
+    (L, n_a) and skin (k n_r, L), series of what n_r inner motions do to k modes, row by row; H (n_e n_r, M): the same
+    of the effectors; T (r, n_e + k): a fixed map of effectors, then modes.
 
-    def __init__(self, arrays: dict[str, np.ndarray], n_r: int, T: np.ndarray | None = None):
-        to_box = arrays["to_box"]
+    modes: k; parts: indices, and a series for each row and each inner motion, row by row"""
+
+    def __init__(self, arrays: dict[str, np.ndarray], H: np.ndarray, n_r: int, T: np.ndarray | None = None):
+        to_box, n_e = arrays["to_box"], len(H) // n_r
         n_a = len(to_box)
-        indices = take(arrays, "skin_indices", (None, n_a), "iu").astype(np.int64)
-        series = take(arrays, "skin", (None, len(indices)))
+        own = take(arrays, "skin_indices", (None, n_a), "iu").astype(np.int64)
+        series = take(arrays, "skin", (None, len(own)))
         if not len(series) or len(series) % n_r:
             raise InputError(f"array 'skin' has {len(series)} rows, not so many for each of {n_r} inner motions")
-        series, self._arrays = series.reshape(-1, n_r * len(indices)), arrays
-        self.modes = len(series)
-        series = (series if T is None else T @ series).reshape(-1, len(indices))
+        self.modes, self._given, self._n_r = len(series) // n_r, (arrays, H, n_r), n_r
+        paths = np.vstack([H, np.zeros((len(series), H.shape[1]))])
+        skin = np.vstack([np.zeros((len(H), len(own))), series])
+        indices, found = joined([(arrays["indices"], paths), (own, skin)])
+        series = found.sum(axis=0)
+        if T is not None:
+            series = (T @ series.reshape(n_e + self.modes, -1)).reshape(-1, len(indices))
+        self.parts = indices, series
         slopes = [D @ series.T for D in input_derivatives(indices, to_box, n_a)]
         self._series = np.stack([series.T, *slopes], axis=1).reshape(len(indices), -1)
-        self._to_box_T, self._offset, self._basis = to_box.T, arrays["offset"], Basis(indices)
+        self._to_box_T, self._offset, self._basis = to_box.T.copy(), arrays["offset"], Basis(indices)
         self._shape = (1 + n_a, len(series) // n_r, n_r)
 
     def mapped(self, T: np.ndarray) -> "InnerSkin":
-        """Of a map T (r, k) of the modes."""
-        return InnerSkin(self._arrays, self._shape[2], T)
+        """Of a map T (r, n_e + k) of effectors, then modes."""
+        return InnerSkin(*self._given, T)
 
     def __call__(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n_a,) mm -> motions (r, n_r) mm by the amplitudes, and their derivatives (n_a, r, n_r) by delta_a."""

@@ -64,10 +64,9 @@ class Place:
 
     @property
     def K(self) -> np.ndarray:
-        """(n_q, n_q): stiffness about a state of rest."""
-        n_a, n = len(self.pull), len(self.M)
-        out = np.zeros((n, n))
-        out[:n_a, :n_a], out[n_a:, n_a:] = self.stiff, self.inner
+        """(..., n_q, n_q): stiffness about a state of rest."""
+        n_a, out = self.stiff.shape[-1], np.zeros(self.M.shape)
+        out[..., :n_a, :n_a], out[..., n_a:, n_a:] = self.stiff, self.inner
         return out
 
     @property
@@ -94,7 +93,7 @@ class MotionModel:
     unit of each of q in which M and F are learned, stiffness: kappa, N mm, curve (n_e n_r (n_r + 1) / 2, M): series of
     E, or none, and what `InnerSkin` takes, or none; viscosity: that each loss form is multiplied by.
 
-    skin: how the inner motions move it, None where that was not learned"""
+    skin: how the inner motions move effectors and skin, None where that was not learned"""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
         if static.form != "displacement" or static.parameters or not hasattr(static, "parts"):
@@ -121,7 +120,7 @@ class MotionModel:
         if "curve" in arrays:
             outputs = n_e * self.n_r * (self.n_r + 1) // 2
             self._curve_T = np.ascontiguousarray(take(arrays, "curve", (outputs, len(indices))).T)
-        self.skin = InnerSkin(arrays, self.n_r) if "skin" in arrays else None
+        self.skin = InnerSkin(arrays, parts[1], self.n_r) if "skin" in arrays else None
         self._slopes = hstack(input_derivatives(indices, to_box, n_a), format="csc").T.tocsr()
         self._unpack = unpacking(self.n_q)
         self.inner = self.stiffness * np.eye(self.n_r)

@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 
 FIRST, LEVELS, LAST = 12, 12, 8  # iterations: with all markers, with weights, with those that fit
-TOLERANCE = 1e-5  # of each unknown's scale: the last step
+TOLERANCE = 1e-5  # of each unknown's scale: the next step
 OUTLIER = 4.0  # standard deviations at which a marker counts a quarter
 FIT = 2.57  # standard deviations of a coordinate, root mean square of three: 1 in 5000 true markers is farther
 
@@ -158,20 +158,22 @@ def _weighted(problem: Residuals, x: np.ndarray, scale: np.ndarray, box: np.ndar
 def _descend(
     problem: Residuals, here: Evaluated, scale: np.ndarray, box: np.ndarray, kept: np.ndarray, most: int
 ) -> tuple[Evaluated, int, bool]:
-    """Levenberg-Marquardt until the step is below the tolerance, relative to scale; how many steps, and whether."""
-    damping, cost, count = 1e-6, float(here.r @ here.r), 0
+    """Levenberg-Marquardt until the next step would be below the tolerance, relative to scale, by the rate at which
+    undamped ones fall; how many steps, and whether."""
+    damping, cost, count, before = 1e-6, float(here.r @ here.r), 0, np.inf
     while count < most:
         count += 1
         trial = problem(np.clip(here.x - scale * _step(here, scale, damping), *box.T), kept)
         step, new = np.abs((trial.x - here.x) / scale).max(), float(trial.r @ trial.r)
         if not new <= cost * (1 + 1e-12):
-            damping *= 100
+            damping, before = damping * 100, np.inf
             if damping < 1e8:
                 continue
             return here, count, True
         here, cost, damping = trial, new, max(damping / 100, 1e-12)
-        if step <= TOLERANCE:
+        if step * (min(step / before, 1.0) if before < np.inf else 1.0) <= TOLERANCE:
             return here, count, True
+        before = step if damping < 1e-5 else np.inf
     return here, count, False
 
 

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from cfem.control.moving.clocked import Clocked, State
 from cfem.control.moving.moving_markers import MovingMarkers
 from cfem.core.errors import InputError, NumericalError
-from cfem.motion.linear import Kind, Material
+from cfem.motion.linear import Kind, Material, places
 from cfem.motion.model import MotionModel, Place
 from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_spec import DynamicsSpec
@@ -78,15 +77,18 @@ class MarkedSteps:
         if time <= 0:
             return known
         count = max(1, int(np.ceil(time * STEPS * self.first - 1e-9)))
-        told, ahead = known.state.u, np.r_[known.state.v, np.zeros(self.n_z - self._motion.n_q)]
-        J, by_slip = self._slopes(known.state.z + time / 2 * ahead), np.zeros((self.n_z, len(told)))
+        told, middle = known.state.u, known.state.z[: self._motion.n_q] + time / 2 * known.state.v
+        place, by_slip = places(self._motion, middle[None, : self._motion.n_a]), np.zeros((self.n_z, len(told)))
+        J = self._slopes(place, middle)
         for share in np.arange(1, count + 1) / count:
-            known, A, B = self._step(known, told + share * (u - told), time / count, J)
+            known, A, B = self._step(known, told + share * (u - told), time / count, place, J)
             by_slip = A @ by_slip + B / count
         return Known(known.state, known.loads, known.log, known.covariance, by_slip)
 
-    def _step(self, known: Known, u: np.ndarray, dt: float, J: np.ndarray) -> tuple[Known, np.ndarray, np.ndarray]:
-        """J (n_w, n_q): of the rows with forces by q. Also slopes of the state by the one before and by the command."""
+    def _step(
+        self, known: Known, u: np.ndarray, dt: float, place: Place, J: np.ndarray
+    ) -> tuple[Known, np.ndarray, np.ndarray]:
+        """place: whose inertia is taken; J (n_w, n_q): of the rows with forces by q. Also slopes of the state by the one before and by the command."""
         n_a, n_q, n_z, n_w = self._motion.n_a, self._motion.n_q, self.n_z, len(known.loads)
         momenta, loads, state = slice(n_q, 2 * n_q), slice(n_z, n_z + n_w), known.state
         stiffness, half_push = float(np.exp(known.log)), dt / 2 * known.loads @ J
@@ -94,7 +96,7 @@ class MarkedSteps:
         before[momenta] += half_push
         goal = before[:n_a] + u - state.u if self._held else u  # an actuator keeps its distance from its command
         pushed = State(before, state.v, state.u)
-        after, steps, place = self._clocked(round(dt, 9)).step(pushed, goal, Material(stiffness))
+        after, steps, place = self._clocked(round(dt, 9)).step(pushed, goal, Material(stiffness), place)
         A, B, F = steps.A[0].copy(), steps.B[0], np.eye(n_z + n_w + 1)
         if self._held:
             A[:, :n_a] += B
@@ -118,20 +120,21 @@ class MarkedSteps:
             raise NumericalError("the filter has lost the robot: its estimate is not finite")
         return Known(State(z, after.v, u), keeps * known.loads, known.log, (P + P.T) / 2, known.by_slip), A, B
 
-    def _slopes(self, z: np.ndarray) -> np.ndarray:
-        """(n_w, n_q) of the rows with forces by q."""
-        n_a, n_q, model = self._motion.n_a, self._motion.n_q, self._estimator.model
-        rows, delta_a, eta = self._estimator.loaded_rows, z[:n_a], z[n_a:n_q]
-        if not len(rows):
-            return np.zeros((0, n_q))
-        H, dH = self._markers.loaded_paths(delta_a)
-        J = np.vstack([self._motion.at(delta_a).J, model.skin.gradient(delta_a, model.q(None))])[rows]
-        return np.hstack([J + (dH @ eta).T, H])
+    def _slopes(self, place: Place, q: np.ndarray) -> np.ndarray:
+        """(n_w, n_q) of the rows with forces by q (n_q,), where the model says `place`."""
+        rows, n_a, model = self._estimator.loaded_rows, self._motion.n_a, self._estimator.model
+        J, H, dH = place.J[0], place.H[0], place.dH[0]
+        if (rows >= len(J)).any():
+            Hs, dHs = self._motion.skin(q[:n_a])
+            J = np.vstack([J, model.skin.gradient(q[:n_a], model.q(None))])
+            H, dH = Hs, dHs
+        return np.hstack([J[rows] + (dH[:, rows] @ q[n_a:]).T, H[rows]])
 
     def _pushes(self, by_force: np.ndarray, place: Place, stiffness: float, dt: float) -> np.ndarray:
         """(n_z, n_z), of forces that nobody knows."""
         free = slice(self._motion.n_a if self._held else 0, None)
-        K = stiffness * block_diag(place.stiff[0], place.inner)[free, free]
+        K = stiffness * place.K[0, free, free]
         J = np.concatenate([place.J[0], place.H[0]], axis=1)[:, free]
         moved = np.trace(J @ np.linalg.solve(K, J.T)) / len(J)
-        return self._unknown.push**2 / moved * (0.01 / dt) * by_force[:, free] @ K @ by_force[:, free].T
+        by = by_force[:, free]
+        return self._unknown.push**2 / moved * (0.01 / dt) * by @ K @ by.T

@@ -191,13 +191,18 @@ class MarkerFilter:
         )
 
     def _effectors(self, y: np.ndarray) -> np.ndarray:
-        n_a, n_q = self._motion.n_a, self._motion.n_q
-        place, w = self._motion.at(y[:n_a]), y[n_q:-1] * np.exp(-y[-1])
-        found = place.effectors(y[n_a:n_q])
+        n_a, n_q, estimator = self._motion.n_a, self._motion.n_q, self.estimator
+        part, inner = self._motion.static.parts(y[:n_a], y[:0]), self._motion.learned(y[:n_a], slopes=False)
+        w, H, eta = y[n_q:-1] * np.exp(-y[-1]), inner["H"], y[n_a:n_q]
+        found = part["effector"] + H @ eta + (inner["E"] @ eta @ eta / 2 if "E" in inner else 0.0)
         if not len(w):
             return found
-        H = self._markers.loaded_paths(y[:n_a])[0]
-        return found + (self.estimator.response(y[:n_a]).locked - place.H @ H.T / self._motion.stiffness) @ w
+        rows, n_e = estimator.loaded_rows, len(H)
+        locked, paths = part["effector_compliance"], H
+        if (rows >= n_e).any():
+            locked = np.hstack([locked, estimator.model.skin.compliance(y[:n_a], estimator.material[0])[0]])
+            paths = self._motion.skin(y[:n_a])[0]
+        return found + (locked[:, rows] - H @ paths[rows].T / self._motion.stiffness) @ w
 
 
 def _good(found: Minimum) -> bool:

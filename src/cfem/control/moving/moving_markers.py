@@ -28,10 +28,13 @@ class MovingMarkers:
         if motion.skin.modes != len(estimator.model.skin):
             what = f"its skin has {len(estimator.model.skin)} modes, and its motion knows {motion.skin.modes}"
             raise InputError(what, do="train it again")
-        self._motion, self._loaded, self._n_e = motion, estimator.loaded_rows, motion.rows.n_e
-        self._of_skin = bool((self._loaded >= self._n_e).any())
-        self._seen = estimator.marker_series, motion.skin.mapped(estimator.marker_map)
-        self._all = estimator.mode_series, motion.skin
+        n_e, k = motion.rows.n_e, motion.skin.modes
+        self._motion, own = motion, np.eye(n_e + k)
+        loaded = own[estimator.loaded_rows]
+        of_markers = np.hstack([np.zeros((3 * len(estimator.markers), n_e)), estimator.marker_map])
+        # inner motions of what is seen, then of the rows with forces
+        self._seen = estimator.marker_series, motion.skin.mapped(np.vstack([of_markers, loaded]))
+        self._all = estimator.mode_series, motion.skin.mapped(np.vstack([own[n_e:], loaded]))
 
     def seen(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3 m,) mm of the markers from rest at y (n_y,), and its derivative (3 m, n_y)."""
@@ -41,27 +44,17 @@ class MovingMarkers:
         """(k,) mm of the skin, likewise."""
         return self._mapped(*self._all, y)
 
-    def loaded_paths(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """H_w (n_w, n_r) of the rows with forces, and its derivatives (n_a, n_w, n_r) by delta_a (n_a,) mm."""
-        H, dH = self._motion.paths(delta_a)
-        if self._of_skin:
-            Hs, dHs = self._motion.skin(delta_a)
-            H, dH = np.concatenate([H, Hs]), np.concatenate([dH, dHs], axis=1)
-        return H[self._loaded], dH[:, self._loaded]
-
     def _mapped(self, series: ModeSeries, inner: InnerSkin, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        n_a, n_q, n_w = self._motion.n_a, self._motion.n_q, len(self._loaded)
-        delta_a, eta, soft = y[:n_a], y[n_a:n_q], np.exp(-y[-1])
-        w = soft * y[n_q : n_q + n_w]
+        n_a, n_q, yields = self._motion.n_a, self._motion.n_q, 1 / self._motion.stiffness
+        delta_a, swings, soft = y[:n_a], y[n_a:n_q], np.exp(-y[-1])
+        w = soft * y[n_q:-1]
         value, slope = series(delta_a, w)
-        R, dR = inner(delta_a)
-        by_a, by_w, swings = slope[:, :n_a], slope[:, n_a:], eta
-        if n_w:
-            H, dH = self.loaded_paths(delta_a)
-            yields = 1 / self._motion.stiffness
-            swings = eta - yields * H.T @ w
-            by_w = by_w - yields * R @ H.T
-            by_a = by_a - yields * R @ (dH.swapaxes(1, 2) @ w).T
-        by_a = by_a + (dR @ swings).T
-        by_log = -by_w @ w if n_w else np.zeros(len(value))
-        return value + R @ swings, np.concatenate([by_a, R, soft * by_w, by_log[:, None]], axis=1)
+        paths, by_place = inner(delta_a)
+        r, by_y = len(value), np.empty((len(value), len(y)))
+        R, H = paths[:r], paths[r:]
+        swings = swings - yields * w @ H
+        by_y[:, :n_a] = slope[:, :n_a] + (by_place[:, :r] @ swings).T - yields * R @ (w @ by_place[:, r:]).T
+        by_y[:, n_a:n_q] = R
+        by_w = slope[:, n_a:] - yields * R @ H.T
+        by_y[:, n_q:-1], by_y[:, -1] = soft * by_w, -by_w @ w
+        return value + R @ swings, by_y

@@ -9,7 +9,6 @@ commands given since lead to the present."""
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from cfem.control.moving.clocked import Clocked, State
 from cfem.core.errors import InputError, NumericalError
@@ -109,7 +108,7 @@ class Observer:
         """(n_z, n_z): of forces during a tick with a covariance in proportion to the stiffness, such that at rest they
         would move the effectors by `push`."""
         n_a = self._clocked.n_a
-        K = self.material.stiffness * block_diag(place.stiff[0], place.inner)
+        K = self.material.stiffness * place.K[0]
         J = np.concatenate([place.J[0], place.H[0]], axis=1)
         free = slice(n_a, None) if self._clocked.kind == "displacement" else slice(None)
         moved = np.trace(J[:, free] @ np.linalg.solve(K[free, free], J[:, free].T)) / len(J)

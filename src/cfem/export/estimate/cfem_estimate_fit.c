@@ -8,7 +8,7 @@
 #define FIRST 12       /* steps with all markers, */
 #define LEVELS 12      /* with weights, */
 #define LAST 8         /* with those that fit */
-#define TOLERANCE 1e-5 /* of each unknown's scale: the last step */
+#define TOLERANCE 1e-5 /* of each unknown's scale: the next step */
 #define OUTLIER 4.0    /* standard deviations at which a marker counts a quarter */
 #define FIT 2.57       /* standard deviations of a coordinate, root mean square of three */
 
@@ -106,9 +106,10 @@ static void within(double *x) {
     for (int i = 0; i < N; i++) x[i] = fmin(fmax(x[i], cfem_estimate_box[i][0]), cfem_estimate_box[i][1]);
 }
 
-/* Levenberg and Marquardt's steps until one is below the tolerance: how many; done: whether. */
+/* Levenberg and Marquardt's steps until the next would be below the tolerance by the rate at which undamped ones fall: how many; done:
+ * whether. */
 static int descend(const cfem_estimate_problem *asked, cfem_estimate_evaluated *here, const int *kept, int most, int *done) {
-    double damping = 1e-6, step[N], x[N];
+    double damping = 1e-6, last = HUGE_VAL, step[N], x[N];
     cfem_estimate_evaluated trial;
     int steps = 0;
     for (*done = 0; steps < most;) {
@@ -120,17 +121,18 @@ static int descend(const cfem_estimate_problem *asked, cfem_estimate_evaluated *
         for (int i = 0; i < N; i++) moved = fmax(moved, fabs(x[i] - here->x[i]) / cfem_estimate_scale[i]);
         look(asked, x, &trial), gather(asked, kept, NULL, &trial);
         if (!(trial.cost <= here->cost * (1.0 + 1e-12))) {
-            damping *= 100.0;
+            damping *= 100.0, last = HUGE_VAL;
             if (damping < 1e8) continue;
             *done = 1;
             return steps;
         }
         *here = trial;
         damping = fmax(damping / 100.0, 1e-12);
-        if (moved <= TOLERANCE) {
+        if (moved * (last < HUGE_VAL ? fmin(moved / last, 1.0) : 1.0) <= TOLERANCE) {
             *done = 1;
             return steps;
         }
+        last = damping < 1e-5 ? moved : HUGE_VAL;
     }
     return steps;
 }
