@@ -57,6 +57,10 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
     at each so many, and interpolated between; of more than one, their slopes are those at the first. Energy and where
     the effectors rest are asked of all."""
     count = len(delta_a)
+    if count == 1:
+        only = vars(model.at(delta_a[0])) | {"inner": None}
+        found = {name: values[None] for name, values in only.items() if values is not None}
+        return Place(inner=model.inner, **found)
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
     found = [model.learned(delta_a[k], slopes=k == 0) for k in knots]

@@ -145,20 +145,25 @@ class MotionModel:
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
         """M, F, H and, where it is known, E of `Place` at delta_a (n_a,) mm, and their slopes where these are asked."""
-        terms, n_e = self._terms(delta_a, slopes), self.rows.n_e
+        terms = self._terms(delta_a, slopes)
         M, dM, F = self._inertia(terms)
-        H = (terms @ self._H_T).reshape(len(terms), n_e, self.n_r)
+        H, E = self._bends(terms)
         found = {"M": M, "F": F, "H": H[0]} | ({"dM": dM, "dH": H[1:]} if slopes else {})
-        if self._curve_T is None:
+        if E is None:
             return found
-        E = (terms @ self._curve_T).reshape(len(terms), n_e, -1)[:, :, self._unpack_r]
         return found | {"E": E[0]} | ({"dE": E[1:]} if slopes else {})
 
-    def paths(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """H and dH of `Place` at delta_a (n_a,) mm."""
-        terms = self._terms(delta_a)
-        H = (terms @ self._H_T).reshape(len(terms), self.rows.n_e, self.n_r)
-        return H[0], H[1:]
+    def paths(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        """H and E of `Place` at delta_a (n_a,) mm."""
+        H, E = self._bends(self._terms(delta_a, slopes=False))
+        return H[0], None if E is None else E[0]
+
+    def _bends(self, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        n, n_e = len(terms), self.rows.n_e
+        H = (terms @ self._H_T).reshape(n, n_e, self.n_r)
+        if self._curve_T is None:
+            return H, None
+        return H, (terms @ self._curve_T).reshape(n, n_e, -1)[:, :, self._unpack_r]
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(n_a,), (n_a, n_a): grad Psi and its Hessian at delta_a (n_a,) mm."""

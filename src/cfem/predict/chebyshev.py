@@ -52,6 +52,8 @@ class Basis:
             table = _of_one(z.tolist(), self._degree)
             one, *others = (np.multiply.reduce(table.take(part)).take(place) for part, place in self._of_one)
             return one * others[0] if others else one
+        if z.shape[:-1] == (1,):
+            return self(z[0])[None]
         table = polynomials(z.T, self._degree)
         found = None
         for first, part, place in self._factors:

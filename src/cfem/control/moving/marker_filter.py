@@ -192,9 +192,9 @@ class MarkerFilter:
 
     def _effectors(self, y: np.ndarray) -> np.ndarray:
         n_a, n_q, estimator = self._motion.n_a, self._motion.n_q, self.estimator
-        part, inner = self._motion.static.parts(y[:n_a], y[:0]), self._motion.learned(y[:n_a], slopes=False)
-        w, H, eta = y[n_q:-1] * np.exp(-y[-1]), inner["H"], y[n_a:n_q]
-        found = part["effector"] + H @ eta + (inner["E"] @ eta @ eta / 2 if "E" in inner else 0.0)
+        part, (H, E) = self._motion.static.parts(y[:n_a], y[:0]), self._motion.paths(y[:n_a])
+        w, eta = y[n_q:-1] * np.exp(-y[-1]), y[n_a:n_q]
+        found = part["effector"] + H @ eta + (0.0 if E is None else E @ eta @ eta / 2)
         if not len(w):
             return found
         rows, n_e = estimator.loaded_rows, len(H)
