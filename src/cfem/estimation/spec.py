@@ -1,21 +1,14 @@
 """What `estimate.yaml` says: which recording, which markers, what may push."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
-from cfem.predict.estimate_spec import ActuatorSensorsSpec, DynamicsSpec, LoadsSpec
-
-
-class RecordedDynamicsSpec(DynamicsSpec):
-    """A filter on the dynamics that the model has learned. Standard deviations."""
-
-    driven: Literal["displacement", "force"] = "displacement"
-    """What the actuators are told: unit of `ACTUATOR.command`. Forces need such columns."""
+from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
 
 
 class EstimateSpec(Spec):
@@ -36,7 +29,7 @@ class EstimateSpec(Spec):
     """Unknown forces. None unless given."""
     actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
     """What is known of the actuators."""
-    dynamics: RecordedDynamicsSpec | None = None
+    dynamics: DrivenDynamicsSpec | None = None
     """A robot that moves from frame to frame, of a model that has learned to. At rest in each frame unless given."""
     each_frame: bool = False
     """Whether each frame is estimated alone. All frames before it count otherwise."""

@@ -201,11 +201,11 @@ def _vectors(made: Filter) -> str:
     rows, unknowns = [], made.estimator.unknowns
     for one in moving_frames(made):
         answer = one["answer"]
-        frame = ", ".join(_numbers(one[name]) for name in ("place", "displacement", "force", "command"))
+        frame = ", ".join(numbers(one[name]) for name in ("place", "displacement", "force", "command"))
         variance = np.diag(answer.covariance)
         unseen = bits(tuple(unknowns.index(name) for name in answer.unseen))
         flags = f"{bits(answer.outliers)}u, {unseen}u, {status_of(answer.status)}u"
-        rows.append(f"{{{{{frame}}}, {_numbers(one['x'])}, {_numbers(variance)}, {_numbers(answer.delta_e)}, {flags}}}")
+        rows.append(f"{{{{{frame}}}, {numbers(one['x'])}, {numbers(variance)}, {numbers(answer.delta_e)}, {flags}}}")
     n = len(unknowns)
     return (
         "/* Frames of a robot that moves, and what Python estimates: by cfem export. */\n"
@@ -219,7 +219,7 @@ def _vectors(made: Filter) -> str:
     )
 
 
-def _numbers(values: np.ndarray) -> str:
+def numbers(values: np.ndarray) -> str:
     if values.ndim > 1:
-        return "{" + ", ".join(_numbers(one) for one in values) + "}"
+        return "{" + ", ".join(numbers(one) for one in values) + "}"
     return "{" + ", ".join("NAN" if np.isnan(one) else c_text.number(one, "double") for one in values) + "}"

@@ -11,7 +11,7 @@ from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
-from cfem.predict.estimate_spec import ActuatorSensorsSpec, LoadsSpec
+from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
@@ -84,6 +84,9 @@ class CEstimateSpec(Spec):
     """Unknown forces. None unless given."""
     actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
     """What is known of the actuators."""
+    dynamics: DrivenDynamicsSpec | None = None
+    """A filter of a robot that moves from frame to frame, beside that of a robot at rest. Needs a model that has
+    learned to move. None unless given."""
 
 
 class CSpec(Spec):

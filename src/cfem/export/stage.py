@@ -31,7 +31,11 @@ from cfem.robot.spec import SceneSpec, scene_meaning
 MOTION = motion.FILE
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c", "html": "page.html"}
 CONTROLLERS = {"c", "html"}
-IN_PYTHON = {"c contact": "contact in Python", "c estimate": "the estimator in Python"}  # not of the model alone
+IN_PYTHON = {  # not of the model alone
+    "c contact": "contact in Python",
+    "c estimate": "the estimator in Python",
+    "c swing": "the filter in Python",
+}
 PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
 NOTHING = Embedding()
 
@@ -91,9 +95,9 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page_file import sources
 
         return sources()
-    from cfem.export import c_estimate, c_export, c_motion, c_mpc, c_skin, c_touch
+    from cfem.export import c_estimate, c_export, c_motion, c_mpc, c_skin, c_swing, c_touch
 
-    folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_estimate)]
+    folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_estimate, c_swing)]
     paths = [path for folder in (*folders, c_skin.OF_ROW) for path in folder.iterdir()]
     return {f"{path.parent.name}/{path.name}": file_sha256(path) for path in sorted(paths)}
 
@@ -214,7 +218,8 @@ def _write_shape(
 
 
 def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, float]:
-    """Adds it to the C folder; its parity, where there is a compiler. InputError where the model cannot tell."""
+    """Adds it to the C folder, and with `dynamics` the filter of what moves; their parity, where there is a compiler.
+    InputError where the model cannot tell."""
     from cfem.export.c_estimate import write_c_estimate
     from cfem.export.compiled import compiler
     from cfem.export.compiled_estimate import estimate_parity
@@ -222,8 +227,16 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
     if spec.loads:
         raise InputError("an estimator of a loaded robot has no C code", where="loads", do="leave out c.estimate")
-    made = write_c_estimate(folder, load_model(model_folder), spec.c)
-    return {"c estimate": estimate_parity(folder, made)} if compiler() else {}
+    made, own = write_c_estimate(folder, load_model(model_folder), spec.c), spec.c.estimate
+    parity = {"c estimate": estimate_parity(folder, made)} if compiler() else {}
+    if own.dynamics is None:
+        return parity
+    from cfem.export.c_swing import write_c_swing
+    from cfem.export.compiled_swing import swing_parity
+    from cfem.motion.load import load_motion
+
+    filtered = write_c_swing(folder, made, spec.c, load_motion(model_folder))
+    return parity | ({"c swing": swing_parity(folder, filtered, 1 / own.rate)} if compiler() else {})
 
 
 def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict) -> tuple[dict, dict, dict]:

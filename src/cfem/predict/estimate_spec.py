@@ -1,6 +1,6 @@
 """What a spec says of unknown forces and of the sensors of the actuators, wherever a state is estimated."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -41,6 +41,13 @@ class DynamicsSpec(Spec):
     """Stiffness over the model's, as a share, at the start."""
     wander: Annotated[float, Field(ge=0)] = 0.1
     """Change of the stiffness in a second, as a share of that."""
+
+
+class DrivenDynamicsSpec(DynamicsSpec):
+    """A filter on the dynamics that the model has learned. Standard deviations."""
+
+    driven: Literal["displacement", "force"] = "displacement"
+    """What the actuators are told: unit of their commands. Forces need a command in each frame."""
 
 
 class ActuatorSensorsSpec(Spec):

@@ -50,7 +50,7 @@ def moved(parts, filtered, seed, frames=60, kind="displacement", stiffness=1.0, 
         for _ in range(4):
             now = step(real, now, Command(**{kind: target + astray}, push=np.array(push)), DT / 4)
         y = np.r_[now.q, push, np.log(stiffness)]
-        seen = estimator.rest + filtered._markers.seen(y)[0].reshape(-1, 3)
+        seen = estimator.rest + filtered.markers.seen(y)[0].reshape(-1, 3)
         seen = seen + NOISE * rng.normal(size=seen.shape)
         if spoilt is not None:
             seen = spoilt(frame, seen)[0]
@@ -71,7 +71,7 @@ def test_it_follows_what_swings(parts):
     p, true = filtered.known.state.z[n_q + 1 : 2 * n_q], found[-1][3].p[1:]
     deviation = np.sqrt(np.diag(filtered.known.covariance))[n_q + 1 : 2 * n_q]
     assert (np.abs(p - true) < 4 * deviation).all()
-    before = np.sqrt(motion.stiffness * np.diag(motion.at(np.array([2.6])).M)[1:]) * filtered._swing
+    before = np.sqrt(motion.stiffness * np.diag(motion.at(np.array([2.6])).M)[1:]) * filtered.swing
     assert (deviation[:2] < 0.3 * before[:2]).all()
 
 

@@ -11,7 +11,6 @@ from functools import lru_cache
 import numpy as np
 
 from cfem.control.moving.clocked import Clocked, State
-from cfem.control.moving.moving_markers import MovingMarkers
 from cfem.core.errors import InputError, NumericalError
 from cfem.motion.linear import Kind, Material, places
 from cfem.motion.model import MotionModel, Place
@@ -65,8 +64,8 @@ class Known:
 class MarkedSteps:
     """kind: what is commanded. first: Hz, the first natural frequency; n_z: numbers of a state."""
 
-    def __init__(self, estimator: Estimator, motion: MotionModel, markers: MovingMarkers, kind: Kind, unknown: Unknown):
-        self._estimator, self._motion, self._markers, self._unknown = estimator, motion, markers, unknown
+    def __init__(self, estimator: Estimator, motion: MotionModel, kind: Kind, unknown: Unknown):
+        self._estimator, self._motion, self._unknown = estimator, motion, unknown
         self._held, about = kind == "displacement", estimator.middle[: motion.n_a]
         self._clocked = lru_cache(16)(lambda dt: Clocked(motion, kind, dt, about))
         one = self._clocked(1e-3)
@@ -76,7 +75,7 @@ class MarkedSteps:
         """After `time` s in which commands move evenly to u (n_a,). NumericalError where the motion is lost."""
         if time <= 0:
             return known
-        count = max(1, int(np.ceil(time * STEPS * self.first - 1e-9)))
+        count = self.count(time)
         told, middle = known.state.u, known.state.z[: self._motion.n_q] + time / 2 * known.state.v
         place, by_slip = places(self._motion, middle[None, : self._motion.n_a]), np.zeros((self.n_z, len(told)))
         J = self._slopes(place, middle)
@@ -85,10 +84,15 @@ class MarkedSteps:
             by_slip = A @ by_slip + B / count
         return Known(known.state, known.loads, known.log, known.covariance, by_slip)
 
+    def count(self, time: float) -> int:
+        """Steps in `time` s."""
+        return max(1, int(np.ceil(time * STEPS * self.first - 1e-9)))
+
     def _step(
         self, known: Known, u: np.ndarray, dt: float, place: Place, J: np.ndarray
     ) -> tuple[Known, np.ndarray, np.ndarray]:
-        """place: whose inertia is taken; J (n_w, n_q): of the rows with forces by q. Also slopes of the state by the one before and by the command."""
+        """place: whose inertia is taken; J (n_w, n_q): of the rows with forces by q. Also slopes of the state by the
+        one before and by the command."""
         n_a, n_q, n_z, n_w = self._motion.n_a, self._motion.n_q, self.n_z, len(known.loads)
         momenta, loads, state = slice(n_q, 2 * n_q), slice(n_z, n_z + n_w), known.state
         stiffness, half_push = float(np.exp(known.log)), dt / 2 * known.loads @ J

@@ -31,26 +31,35 @@ LOST = 10  # frames without an estimate, after which everything before is forgot
 class MarkerFilter:
     """kind: what is commanded; where nobody knows commands, displacements that slip.
 
-    known: after the last frame, None before the first"""
+    known: after the last frame, None before the first; scale (n,), box (n, 2): of what markers tell, and where it is
+    looked for; swing: an amplitude of inner motions at the start; last: what markers tell, and its covariance, of the
+    last frame"""
 
     def __init__(self, estimator: Estimator, motion: MotionModel, kind: Kind, unknown: Unknown):
-        self.estimator, self._motion, self._kind, self._unknown = estimator, motion, kind, unknown
-        self._markers = MovingMarkers(estimator, motion)
-        self._forward = MarkedSteps(estimator, motion, self._markers, kind, unknown)
-        n_a, n_q, n_z, n_w = motion.n_a, motion.n_q, self._forward.n_z, len(estimator.loaded)
+        self.estimator, self.motion, self.kind, self.unknown = estimator, motion, kind, unknown
+        self.markers = MovingMarkers(estimator, motion)
+        self.forward = MarkedSteps(estimator, motion, kind, unknown)
+        n_a, n_q, n_z, n_w = motion.n_a, motion.n_q, self.forward.n_z, len(estimator.loaded)
         self._told = np.r_[0:n_q, n_z : n_z + n_w + 1]  # what markers tell, of all numbers
         self._rest = np.setdiff1d(np.arange(n_z + n_w + 1), self._told)
         H = motion.paths(estimator.middle[:n_a])[0][:3]
-        self._swing = unknown.swing / np.sqrt((H**2).sum())  # an amplitude
-        swings, soft = np.full(motion.n_r, self._swing), max(unknown.stiffness, 1e-6)
-        self._scale = np.r_[estimator.scale[:n_a], swings, estimator.scale[n_a:], soft]
+        self.swing = unknown.swing / np.sqrt((H**2).sum())  # an amplitude
+        swings, soft = np.full(motion.n_r, self.swing), max(unknown.stiffness, 1e-6)
+        self.scale = np.r_[estimator.scale[:n_a], swings, estimator.scale[n_a:], soft]
         far = FAR * np.r_[swings, soft]
         low, high = (
             np.r_[box[:n_a], sign * far[:-1], box[n_a:], sign * far[-1]]
             for sign, box in zip((-1, 1), estimator.box.T, strict=True)
         )
-        self._box, self._missed = np.stack([low, high], axis=1), 0
+        self.box, self._missed = np.stack([low, high], axis=1), 0
         self.known: Known | None = None
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """(n,) names of what markers tell."""
+        n_a, swings = self.motion.n_a, (f"swing.{number}" for number in range(1, self.motion.n_r + 1))
+        return (*self.estimator.unknowns[:n_a], *swings, *self.estimator.loaded, "stiffness")
 
     def tick(
         self,
@@ -71,7 +80,7 @@ class MarkerFilter:
             return
         u = self.known.state.u if commanded is None else np.asarray(commanded, float)
         try:
-            self.known = self._forward(self.known, u, time)
+            self.known = self.forward(self.known, u, time)
         except (NumericalError, np.linalg.LinAlgError):
             self.known = None
 
@@ -84,13 +93,13 @@ class MarkerFilter:
         noise, mean = self._noise(), self._mean(known)
 
         def missing(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            value, by_y = self._markers.seen(y)
+            value, by_y = self.markers.seen(y)
             return (value.reshape(-1, 3) - where) / noise, by_y.reshape(*where.shape, -1) / noise
 
         def fitted(covariance: np.ndarray) -> Minimum:
             before = fit.Known(mean, _root(covariance[np.ix_(self._told, self._told)]))
             problem = Residuals(missing, there, before, sensors)
-            return fit.minimise(problem, mean, self._scale, self._box, lambda: mean)
+            return fit.minimise(problem, mean, self.scale, self.box, lambda: mean)
 
         covariance = known.covariance
         found = fitted(covariance)
@@ -102,8 +111,8 @@ class MarkerFilter:
         P = covariance[np.ix_(self._told, self._told)]
         self._missed = 0 if _good(found) else self._missed + 1
         if _good(found):
-            scaled = found.J * self._scale
-            P = np.linalg.inv(scaled.T @ scaled) * np.outer(self._scale, self._scale)
+            scaled = found.J * self.scale
+            P = np.linalg.inv(scaled.T @ scaled) * np.outer(self.scale, self.scale)
             self.known = self._corrected(replace(known, covariance=covariance), found.x, mean, P)
         answer = self._answer(found, self._mean(self.known), P, there)
         if self._missed >= LOST:
@@ -113,27 +122,27 @@ class MarkerFilter:
     def _sensors(self, sensed: ArrayLike | None) -> tuple[Sensor, ...]:
         if sensed is None or not np.isfinite(sensed).any():
             return ()
-        numbers, n_a = np.asarray(sensed, float), self._motion.n_a
-        unit = np.eye(n_a, len(self._scale))
+        numbers, n_a = np.asarray(sensed, float), self.motion.n_a
+        unit = np.eye(n_a, len(self.scale))
         return (Sensor(lambda y: (y[:n_a], unit), numbers, self.estimator.sensor, np.isfinite(numbers)),)
 
     def _mean(self, known: Known) -> np.ndarray:
         """Of what markers tell."""
-        return np.r_[known.state.z[: self._motion.n_q], known.loads, known.log]
+        return np.r_[known.state.z[: self.motion.n_q], known.loads, known.log]
 
     def _first(self, measured: ArrayLike, sensed: ArrayLike | None, commanded: ArrayLike | None) -> Known:
         """Before the first frame: about where it is told, or where a robot at rest would be."""
-        n_a, n_q, n_z, unknown = self._motion.n_a, self._motion.n_q, self._forward.n_z, self._unknown
+        n_a, n_q, n_z, unknown = self.motion.n_a, self.motion.n_q, self.forward.n_z, self.unknown
         u, n_w = None if commanded is None else np.asarray(commanded, float), len(self.estimator.loaded)
-        if u is None and self._kind == "force":
+        if u is None and self.kind == "force":
             raise InputError("commanded forces are missing", do="give them in each frame")
-        told = u is not None and self._kind == "displacement"
+        told = u is not None and self.kind == "displacement"
         delta_a = u if told else self.estimator.estimate(measured, sensed).delta_a
         P = np.zeros((n_z + n_w + 1,) * 2)
         P[range(n_a), range(n_a)] = np.square(unknown.offset if told else 3.0 * self.estimator.scale[:n_a])
-        P[range(n_a, n_q), range(n_a, n_q)] = self._swing**2
-        still = self._motion.at(delta_a).M[n_a:, n_a:]
-        P[n_q + n_a : 2 * n_q, n_q + n_a : 2 * n_q] = self._swing**2 * self._motion.stiffness * still
+        P[range(n_a, n_q), range(n_a, n_q)] = self.swing**2
+        still = self.motion.at(delta_a).M[n_a:, n_a:]
+        P[n_q + n_a : 2 * n_q, n_q + n_a : 2 * n_q] = self.swing**2 * self.motion.stiffness * still
         P[n_z:-1, n_z:-1] = self.estimator.load_covariance
         P[-1, -1] = unknown.stiffness**2
         state = State(np.r_[delta_a, np.zeros(n_z - n_a)], np.zeros(n_q), delta_a if u is None else u)
@@ -142,20 +151,20 @@ class MarkerFilter:
     def _noise(self) -> float:
         """mm of a marker's coordinate: the camera's, and the sag u^2 / (2 length) of an arc on which the effectors
         swing by u, which the skin's model does not have."""
-        eta, known = slice(self._motion.n_a, self._motion.n_q), self.known
-        H = self._motion.paths(known.state.z[: self._motion.n_a])[0][:3]
+        eta, known = slice(self.motion.n_a, self.motion.n_q), self.known
+        H = self.motion.paths(known.state.z[: self.motion.n_a])[0][:3]
         square = ((H @ known.state.z[eta]) ** 2).sum() + np.trace(H @ known.covariance[eta, eta] @ H.T)
         return float(np.hypot(self.estimator.noise, SAG * square / self.estimator.model.length))
 
     def _jumped(self, known: Known) -> np.ndarray:
         """The covariance if actuators were not where their commands are: cables that are slack for a moment."""
-        found, by_jump = known.covariance.copy(), JUMP * known.by_slip * self.estimator.scale[: self._motion.n_a]
+        found, by_jump = known.covariance.copy(), JUMP * known.by_slip * self.estimator.scale[: self.motion.n_a]
         found[: len(by_jump), : len(by_jump)] += by_jump @ by_jump.T
         return found
 
     def _corrected(self, known: Known, y: np.ndarray, mean: np.ndarray, P: np.ndarray) -> Known:
         """y: what markers tell of, P: its covariance, both after the frame."""
-        told, rest, n_q = self._told, self._rest, self._motion.n_q
+        told, rest, n_q = self._told, self._rest, self.motion.n_q
         new, before = known.covariance.copy(), known.covariance[np.ix_(told, told)]
         gain = new[np.ix_(rest, told)] @ _inverse(before)
         new[np.ix_(told, told)] = P
@@ -169,12 +178,10 @@ class MarkerFilter:
         return Known(state, y[n_q:-1], float(y[-1]), (new + new.T) / 2, known.by_slip)
 
     def _answer(self, found: Minimum, y: np.ndarray, P: np.ndarray, there: np.ndarray) -> Estimate:
-        n_a, n_q, estimator = self._motion.n_a, self._motion.n_q, self.estimator
-        s, by_y = self._markers.modes(y)
-        own, marker = np.r_[0:n_a, n_q : len(y) - 1], found.r[: 3 * int(found.kept.sum())]
-        swings = tuple(f"swing.{number}" for number in range(1, self._motion.n_r + 1))
-        names = (*estimator.unknowns[:n_a], *swings, *estimator.loaded, "stiffness")
-        weak = np.sqrt(np.diag(P)) > UNSEEN * self._scale
+        n_a, n_q = self.motion.n_a, self.motion.n_q
+        s, by_y = self.markers.modes(y)
+        own, marker, self.last = np.r_[0:n_a, n_q : len(y) - 1], found.r[: 3 * int(found.kept.sum())], (y, P)
+        weak = np.sqrt(np.diag(P)) > UNSEEN * self.scale
         return Estimate(
             found.status,
             y[:n_a],
@@ -184,15 +191,15 @@ class MarkerFilter:
             by_y @ P @ by_y.T,
             self._effectors(y),
             tuple(int(number) for number in np.flatnonzero(there & ~found.kept)),
-            tuple(name for name, one in zip(names, weak, strict=True) if one),
+            tuple(name for name, one in zip(self.unknowns, weak, strict=True) if one),
             float(np.sqrt(np.mean(marker**2))) if len(marker) else 0.0,
             found.iterations,
             found.innovation,
         )
 
     def _effectors(self, y: np.ndarray) -> np.ndarray:
-        n_a, n_q, estimator = self._motion.n_a, self._motion.n_q, self.estimator
-        part, (H, E) = self._motion.static.parts(y[:n_a], y[:0]), self._motion.paths(y[:n_a])
+        n_a, n_q, estimator = self.motion.n_a, self.motion.n_q, self.estimator
+        part, (H, E) = self.motion.static.parts(y[:n_a], y[:0]), self.motion.paths(y[:n_a])
         w, eta = y[n_q:-1] * np.exp(-y[-1]), y[n_a:n_q]
         found = part["effector"] + H @ eta + (0.0 if E is None else E @ eta @ eta / 2)
         if not len(w):
@@ -201,8 +208,8 @@ class MarkerFilter:
         locked, paths = part["effector_compliance"], H
         if (rows >= n_e).any():
             locked = np.hstack([locked, estimator.model.skin.compliance(y[:n_a], estimator.material[0])[0]])
-            paths = self._motion.skin(y[:n_a])[0]
-        return found + (locked[:, rows] - H @ paths[rows].T / self._motion.stiffness) @ w
+            paths = self.motion.skin(y[:n_a])[0]
+        return found + (locked[:, rows] - H @ paths[rows].T / self.motion.stiffness) @ w
 
 
 def _good(found: Minimum) -> bool:

@@ -19,7 +19,9 @@ from cfem.predict.mode_series import ModeSeries
 
 class MovingMarkers:
     """Linear maps of the modes: of the markers (3 m) and of all modes (k). Unknowns are (delta_a, eta, w, log
-    stiffness), n_y = n_q + n_w + 1 of them."""
+    stiffness), n_y = n_q + n_w + 1 of them.
+
+    inner: what inner motions do to markers, then to rows with forces; and to modes, then to these"""
 
     def __init__(self, estimator: Estimator, motion: MotionModel):
         if motion.skin is None:
@@ -32,17 +34,16 @@ class MovingMarkers:
         self._motion, own = motion, np.eye(n_e + k)
         loaded = own[estimator.loaded_rows]
         of_markers = np.hstack([np.zeros((3 * len(estimator.markers), n_e)), estimator.marker_map])
-        # inner motions of what is seen, then of the rows with forces
-        self._seen = estimator.marker_series, motion.skin.mapped(np.vstack([of_markers, loaded]))
-        self._all = estimator.mode_series, motion.skin.mapped(np.vstack([own[n_e:], loaded]))
+        self.inner = tuple(motion.skin.mapped(np.vstack([one, loaded])) for one in (of_markers, own[n_e:]))
+        self._series = estimator.marker_series, estimator.mode_series
 
     def seen(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3 m,) mm of the markers from rest at y (n_y,), and its derivative (3 m, n_y)."""
-        return self._mapped(*self._seen, y)
+        return self._mapped(self._series[0], self.inner[0], y)
 
     def modes(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(k,) mm of the skin, likewise."""
-        return self._mapped(*self._all, y)
+        return self._mapped(self._series[1], self.inner[1], y)
 
     def _mapped(self, series: ModeSeries, inner: InnerSkin, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         n_a, n_q, yields = self._motion.n_a, self._motion.n_q, 1 / self._motion.stiffness
