@@ -26,7 +26,6 @@ import scipy.sparse as sp
 import cfem.control.moving.horizon as horizon
 import cfem.export.c_mpc as c_mpc
 from cfem.condensed.model import under_force
-from cfem.control.moving.clocked import Clocked
 from cfem.control.moving.horizon import Bounds, Cost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
@@ -37,6 +36,7 @@ from cfem.export.compiled import compiler
 from cfem.export.compiled_mpc import CompiledMpc
 from cfem.export.spec import CSpec
 from cfem.motion.altered import Altered
+from cfem.motion.clocked import Clocked
 from cfem.motion.load import load_motion
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant

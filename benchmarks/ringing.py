@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.moving.marked_steps import Unknown
-from cfem.control.moving.marker_filter import MarkerFilter
 from cfem.motion.load import load_motion
+from cfem.motion.marked_steps import Unknown
+from cfem.motion.marker_filter import MarkerFilter
 from cfem.plant.fem_plant import pushed
 from cfem.plant.marked_plant import MarkedPlant, MarkerNoise
 from cfem.plant.moving_plant import MovingFemPlant

@@ -7,9 +7,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import cfem
-from cfem.control.moving.moving_markers import MovingMarkers
 from cfem.core.errors import InputError, SpecError
 from cfem.motion.load import load_motion
+from cfem.motion.moving_markers import MovingMarkers
 from cfem.motion.step import Command, at_rest, step
 from cfem.predict.estimate import Estimator
 from cfem.predict.load import load_model

@@ -8,7 +8,6 @@ from export.embedded import export, spectral
 from export.pages import skin_of
 
 from cfem.condensed.model import under_force
-from cfem.control.moving.clocked import Clocked
 from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
@@ -18,6 +17,7 @@ from cfem.export.compiled_mpc import CompiledMpc
 from cfem.export.embedding import Embedding
 from cfem.export.page import page
 from cfem.export.spec import CSpec
+from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel, layout
 from cfem.predict.load import build
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.control.estimated_spec import EstimateSpec
-from cfem.control.moving.marked_steps import unknown_of
-from cfem.control.moving.marker_filter import MarkerFilter
+from cfem.motion.marked_steps import unknown_of
+from cfem.motion.marker_filter import MarkerFilter
 from cfem.motion.model import MotionModel
 from cfem.plant.marked_plant import MarkerNoise
 from cfem.plant.protocol import Measurement

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.moving.marked_steps import unknown_of
-from cfem.control.moving.marker_filter import MarkerFilter
 from cfem.estimation.recording import Recording
 from cfem.estimation.spec import EstimateSpec
+from cfem.motion.marked_steps import unknown_of
+from cfem.motion.marker_filter import MarkerFilter
 from cfem.motion.model import MotionModel
 from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_answer import Estimate

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.moving.marked_steps import unknown_of
-from cfem.control.moving.marker_filter import MarkerFilter
 from cfem.core.errors import InputError, SpecError
 from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_estimate, c_mpc, c_text
 from cfem.export.spec import CSpec
+from cfem.motion.marked_steps import unknown_of
+from cfem.motion.marker_filter import MarkerFilter
 from cfem.motion.model import MotionModel
 from cfem.motion.modes import prewarp
 from cfem.motion.step import Command, at_rest, step

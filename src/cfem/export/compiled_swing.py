@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.moving.marker_filter import MarkerFilter
 from cfem.export import c_motion, c_swing
 from cfem.export.c_estimate import status_of
 from cfem.export.compiled import CORE, FAST, defines_of, library, struct_of
 from cfem.export.compiled_estimate import SOURCES as ESTIMATE
+from cfem.motion.marker_filter import MarkerFilter
 
 SOURCES = (*c_swing.CORE, *ESTIMATE, *c_motion.CORE, *CORE)
 

@@ -44,7 +44,7 @@ class MovingStates:
 class MovingRobots:
     """model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps of a tick;
     tolerance: of a step, share of its velocities, of which the error is about the square. Mass and viscosity are scaled
-    so that steps of that length have the lowest natural frequency right (`cfem.control.moving.clocked` says
+    so that steps of that length have the lowest natural frequency right (`cfem.motion.clocked` says
     how). InputError for models of other kinds."""
 
     def __init__(

@@ -12,7 +12,7 @@ commanded, actuators move as the model yields to them and to the loads,
     delta_a' = delta_a + W_aa (u' - u) + W_aw (w' - w) + slip
 
 so that a push shows in where they go. The robot is at rest at each tick, to the accuracy of its model: motion faster
-than that is not modelled (cfem.control.moving.marker_filter)."""
+than that is not modelled (cfem.motion.marker_filter)."""
 
 import numpy as np
 from numpy.typing import ArrayLike

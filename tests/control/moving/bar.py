@@ -10,11 +10,11 @@ from cfem.condensed.model import under_force
 from cfem.control.controller import Controller, Gains
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
-from cfem.control.moving.clocked import Clocked
 from cfem.control.moving.horizon import Bounds, Cost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.tick import Pilot
 from cfem.motion.altered import Altered
+from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant

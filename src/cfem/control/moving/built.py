@@ -11,12 +11,12 @@ from cfem.control.controller import Controller, Gains
 from cfem.control.inverse import Aim
 from cfem.control.loop import Iterate, reach
 from cfem.control.moving.ahead import Computed, Shaped
-from cfem.control.moving.clocked import Clocked
 from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
+from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
 from cfem.motion.mpc_spec import DoubtSpec, MpcSpec
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
-from cfem.control.moving.clocked import Clocked, State
 from cfem.control.moving.horizon import (
     Bounds,
     Commands,
@@ -24,6 +23,7 @@ from cfem.control.moving.horizon import (
 from cfem.control.moving.observer import Doubt, Observer
 from cfem.control.qp import Backend, QpStatus
 from cfem.core.errors import NumericalError
+from cfem.motion.clocked import Clocked, State
 from cfem.motion.linear import Guess, Material, first_of
 from cfem.motion.model import Place
 from cfem.motion.mpc_spec import EVERY, blocks

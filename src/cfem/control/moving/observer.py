@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.control.moving.clocked import Clocked, State
 from cfem.core.errors import InputError, NumericalError
+from cfem.motion.clocked import Clocked, State
 from cfem.motion.linear import Linear, Material
 from cfem.motion.model import Place
 from cfem.plant.protocol import Measurement

@@ -1,4 +1,4 @@
-/* A tick of the condensed robot in motion, linearised: as src/cfem/motion/linear.py and src/cfem/control/moving/clocked.py have it. */
+/* A tick of the condensed robot in motion, linearised: as src/cfem/motion/linear.py and src/cfem/motion/clocked.py have it. */
 #ifndef CFEM_TICK_H
 #define CFEM_TICK_H
 

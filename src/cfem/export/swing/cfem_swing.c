@@ -1,4 +1,4 @@
-/* The filter, as src/cfem/control/moving/marker_filter.py has it: a frame's correction by markers. */
+/* The filter, as src/cfem/motion/marker_filter.py has it: a frame's correction by markers. */
 #include <math.h>
 #include <string.h>
 

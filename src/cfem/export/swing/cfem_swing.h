@@ -1,5 +1,5 @@
 /* Where a robot is that moves, how it moves and who pushes it, from markers on its skin: an iterated extended Kalman filter on the
- * condensed dynamics, src/cfem/control/moving/marker_filter.py in C, in double precision, without heap, in a bounded number of steps.
+ * condensed dynamics, src/cfem/motion/marker_filter.py in C, in double precision, without heap, in a bounded number of steps.
  * cfem_swing.c is the same for every robot; cfem_swing_data.c holds its numbers. Units: mm, N, s (chambers: mm^3, MPa). A number that is
  * not finite was not measured; load cells are not read. Frames come CFEM_SWING_RATE times a second; of one that was lost, give a frame
  * in which nothing is seen. */

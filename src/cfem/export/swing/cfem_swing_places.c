@@ -1,4 +1,4 @@
-/* Where markers, modes and effectors of a robot that moves are, as src/cfem/control/moving/moving_markers.py has them: what the static
+/* Where markers, modes and effectors of a robot that moves are, as src/cfem/motion/moving_markers.py has them: what the static
  * model says, and inner motions but for those that forces hold. */
 #include <math.h>
 #include <string.h>

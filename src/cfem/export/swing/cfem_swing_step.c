@@ -1,4 +1,4 @@
-/* A frame's step forward, as src/cfem/control/moving/marked_steps.py has it. */
+/* A frame's step forward, as src/cfem/motion/marked_steps.py has it. */
 #include <math.h>
 #include <string.h>
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cfem.control.moving.moving_markers import MovingMarkers
 from cfem.core.errors import InputError
 from cfem.motion.load import load_motion
+from cfem.motion.moving_markers import MovingMarkers
 from cfem.predict.estimate import Estimator
 from cfem.predict.load import load_model
 from cfem.predict.markers import markers_near

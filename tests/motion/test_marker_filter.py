@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cfem.control.moving.marked_steps import Unknown
-from cfem.control.moving.marker_filter import MarkerFilter
 from cfem.core.errors import InputError
 from cfem.motion.altered import Altered
 from cfem.motion.load import load_motion
+from cfem.motion.marked_steps import Unknown
+from cfem.motion.marker_filter import MarkerFilter
 from cfem.motion.step import Command, at_rest, step
 from cfem.plant.marked_plant import MarkedPlant
 from cfem.plant.moving_plant import MovingFemPlant

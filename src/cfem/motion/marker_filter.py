@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.control.moving.clocked import State
-from cfem.control.moving.marked_steps import Known, MarkedSteps, Unknown
-from cfem.control.moving.moving_markers import MovingMarkers
 from cfem.core.errors import InputError, NumericalError
+from cfem.motion.clocked import State
 from cfem.motion.linear import Kind
+from cfem.motion.marked_steps import Known, MarkedSteps, Unknown
 from cfem.motion.model import MotionModel
+from cfem.motion.moving_markers import MovingMarkers
 from cfem.predict import estimate_fit as fit
 from cfem.predict.estimate import UNSEEN, Estimator
 from cfem.predict.estimate_answer import Estimate

@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cfem.control.moving.clocked import Clocked, State
 from cfem.core.errors import InputError, NumericalError
+from cfem.motion.clocked import Clocked, State
 from cfem.motion.linear import Kind, Material, places
 from cfem.motion.model import MotionModel, Place
 from cfem.predict.estimate import Estimator
