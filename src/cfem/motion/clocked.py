@@ -62,12 +62,11 @@ class Clocked:
     ) -> tuple[State, Linear, Place]:
         """The state after a tick in which the command moves to u (n_a,), its last linearisation, and what the model
         says at its middle; place: whose inertia and inner motions are taken, None: those where the last velocity leads
-        to. Of held actuators velocities are known, and the equations of all others are linear: one iteration."""
+        to."""
         z, v, told, size = state.z, state.v.copy(), self.acting(state.u, u), self.model.scale
-        held = self.kind == "displacement"
-        if held:
+        if self.kind == "displacement":
             v[: self.n_a] = (told - z[: self.n_a]) / self.dt
-        for _ in range(1 if held else _ITERATIONS):
+        for _ in range(_ITERATIONS):
             middle = (z[: self.n_a] + self.dt / 2 * v[: self.n_a])[None]
             place = places(self.model, middle) if place is None else moved(place, self.model, middle)
             guess = Guess(z[None], v[None], told[None])

@@ -76,8 +76,10 @@ class MarkedSteps:
         if time <= 0:
             return known
         count = self.count(time)
-        told, middle = known.state.u, known.state.z[: self._motion.n_q] + time / 2 * known.state.v
-        place, by_slip = places(self._motion, middle[None, : self._motion.n_a]), np.zeros((self.n_z, len(told)))
+        told, n_a, middle = known.state.u, self._motion.n_a, known.state.z[: self._motion.n_q] + time / 2 * known.state.v
+        if self._held:
+            middle[:n_a] = known.state.z[:n_a] + (u - told) / 2
+        place, by_slip = places(self._motion, middle[None, :n_a]), np.zeros((self.n_z, len(told)))
         J = self._slopes(place, middle)
         for share in np.arange(1, count + 1) / count:
             known, A, B = self._step(known, told + share * (u - told), time / count, place, J)

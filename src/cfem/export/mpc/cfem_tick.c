@@ -201,11 +201,11 @@ int cfem_tick(cfem_moving *state, const double *u, const cfem_material *material
     double w[MOST_NA], middle[MOST_NA];
     cfem_acting(state->u, u, w);
     for (int a = 0; a < NA; a++) {
-        if (HELD) state->v[a] = (w[a] - state->z[a]) / DT; /* known: the equations of all others are linear */
+        if (HELD) state->v[a] = (w[a] - state->z[a]) / DT;
         middle[a] = state->z[a] + DT / 2 * state->v[a];
     }
     if (!*known) cfem_place_at(middle, 1, place), *known = 1;
-    for (int iteration = 0; iteration < (HELD ? 1 : ITERATIONS); iteration++) {
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         double moved = 0.0, size = 1.0;
         if (cfem_stage_at(state->z, state->v, w, &place->inertia, &place->inertia, material, stage)) return 1;
         for (int i = 0; i < NQ; i++) {

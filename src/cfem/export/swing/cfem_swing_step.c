@@ -134,7 +134,10 @@ static int step(cfem_swing *s, const double *u, cfem_place *place, double J[LOAD
 void cfem_swing_advance(cfem_swing *s, const double *u) {
     double middle[NQ], J[LOADS][NQ], before[NA], now[NA];
     cfem_place place;
-    for (int i = 0; i < NQ; i++) middle[i] = s->z[i] + CFEM_SWING_STEPS * DT / 2 * s->v[i];
+    for (int i = 0; i < NQ; i++) {
+        const double by = HELD && i < NA ? u[i] - s->u[i] : CFEM_SWING_STEPS * DT * s->v[i];
+        middle[i] = s->z[i] + by / 2;
+    }
     cfem_place_at(middle, 1, &place);
     slopes(middle, &place.inner, J);
     memcpy(before, s->u, sizeof before), memset(s->by_slip, 0, sizeof s->by_slip);
