@@ -76,7 +76,8 @@ class MarkedSteps:
         if time <= 0:
             return known
         count = self.count(time)
-        told, n_a, middle = known.state.u, self._motion.n_a, known.state.z[: self._motion.n_q] + time / 2 * known.state.v
+        told, n_a = known.state.u, self._motion.n_a
+        middle = known.state.z[: self._motion.n_q] + time / 2 * known.state.v
         if self._held:
             middle[:n_a] = known.state.z[:n_a] + (u - told) / 2
         place, by_slip = places(self._motion, middle[None, :n_a]), np.zeros((self.n_z, len(told)))
