@@ -16,7 +16,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
-from cfem.robot.grading import scene_mesh
+from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).resolve().parents[1] / "pipelines/parametric-finger/scene.yaml"

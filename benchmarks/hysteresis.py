@@ -23,7 +23,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Status
 from cfem.equilibrium.sticking import Follower
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
 

@@ -23,9 +23,9 @@ from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
 from cfem.parametric.family import FiniteElements
 from cfem.robot.build import build_robot
-from cfem.robot.finer import finer_mesh
-from cfem.robot.grading import scene_mesh
 from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.mesh.finer import finer_mesh
+from cfem.robot.mesh.grading import scene_mesh
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import scene_parameters, with_values
 from cfem.sample.spec import SampleSpec

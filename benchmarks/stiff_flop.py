@@ -19,7 +19,7 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).parents[1] / "pipelines" / "stiff-flop" / "scene.yaml"

@@ -21,7 +21,7 @@ from cfem.equilibrium import condensation, newton, predictor, problem, solve
 from cfem.equilibrium.actuation import force
 from cfem.mechanics import factorization
 from cfem.robot.build import build_robot
-from cfem.robot.grading import scene_mesh
+from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample import tour
 from cfem.sample.plan import actuation, unit_rows

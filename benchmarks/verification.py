@@ -16,7 +16,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
 from cfem.robot.build import build_robot
-from cfem.robot.grading import scene_mesh
+from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 EXACT = Settings(tolerance=1e-12)

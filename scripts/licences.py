@@ -13,7 +13,7 @@ PAGE = Path("docs/licences.md")
 HEAD = """# Dependencies and their licences
 
 Made by `scripts/licences.py` from what is installed. cfem itself is Apache-2.0 and holds no code of these; each is
-installed from its own package. gmsh is GPL-2.0-or-later; it runs in a process of its own, `cfem/robot/gmsh_process.py`.
+installed from its own package. gmsh is GPL-2.0-or-later; `cfem/robot/mesh/gmsh_process.py` runs it in its own process.
 py-mkl-pardiso contains Intel's MKL, free to use and redistribute under the Intel Simplified Software License.
 
 | package | version | licence | needed by |

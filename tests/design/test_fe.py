@@ -14,7 +14,7 @@ from cfem.design.spec import DesignSpec
 from cfem.design.stage import run
 from cfem.parametric.load import differentiable
 from cfem.robot.cad import File
-from cfem.robot.meshing import measure
+from cfem.robot.mesh.meshing import measure
 from cfem.robot.stage import run as make_mesh
 
 QUIET = Options(quiet=True)

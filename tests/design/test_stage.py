@@ -12,7 +12,7 @@ from cfem.core.errors import SpecError
 from cfem.design.answer import contradictions
 from cfem.design.stage import run
 from cfem.robot.cad import File
-from cfem.robot.meshing import measure
+from cfem.robot.mesh.meshing import measure
 from cfem.robot.stage import run as make_mesh
 from cfem.surrogate.stage import run as train
 
@@ -230,7 +230,7 @@ def test_refining_needs_a_scene_and_a_mesh(folder):
 
 def test_a_design_to_which_the_mesh_does_not_stretch_is_checked_on_its_own(folder, monkeypatch):
     """Its mesh counts as stretched too far where a cell has less than 0.93 of its volume: the thinnest bar is."""
-    monkeypatch.setattr("cfem.robot.morph.THINNEST", 0.93)
+    monkeypatch.setattr("cfem.robot.shape.morph.THINNEST", 0.93)
     overrides = [
         *QUICK[1:],
         "front=null",

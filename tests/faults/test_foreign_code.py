@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from cfem.robot.cad import Box, as_data
-from cfem.robot.meshing import measure
+from cfem.robot.mesh.meshing import measure
 from cfem.sample.pool import worker_pool
 
 MODULES = ("gmsh", "json", "numpy", "threading", "signal", "pickle", "multiprocessing")
@@ -36,7 +36,7 @@ def test_workers_take_no_module_from_the_working_folder(trapped):
 
 def test_gmsh_ends_with_the_process_that_waits_for_it(tmp_path):
     """The parent's end, however it comes, closes the pipe to gmsh's process, which has a mesh of hours to make."""
-    command = [sys.executable, "-m", "cfem.robot.gmsh_process", tmp_path / "job.json", tmp_path / "mesh.npz"]
+    command = [sys.executable, "-m", "cfem.robot.mesh.gmsh_process", tmp_path / "job.json", tmp_path / "mesh.npz"]
     job = {
         "solid": as_data(Box((0, 0, 0), (100, 100, 100))),
         "size": 0.1,

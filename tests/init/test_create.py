@@ -22,7 +22,7 @@ from cfem.core.yaml import read_yaml
 from cfem.export.page_block import ROOM
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
 MADE = (

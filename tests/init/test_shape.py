@@ -8,7 +8,7 @@ from init.bodies import write_cells, write_stl
 
 from cfem.core.errors import InputError
 from cfem.init.shape import geometry, make_shape, natural_unit, read_source
-from cfem.robot.meshing import corner_mesh
+from cfem.robot.mesh.meshing import corner_mesh
 from cfem.robot.spec import Meshing
 
 

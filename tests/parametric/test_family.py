@@ -15,7 +15,7 @@ from cfem.parametric.family import FiniteElements, Learned
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.spectral import fit
 

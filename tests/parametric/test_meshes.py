@@ -14,8 +14,8 @@ from cfem.parametric import meshes
 from cfem.parametric.differentiable import Differentiable
 from cfem.parametric.family import FiniteElements
 from cfem.robot.build import build_robot
-from cfem.robot.grading import scene_mesh
 from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.parameters import with_values
@@ -51,7 +51,7 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def robot(folder, monkeypatch):
     """Its mesh counts as stretched too far where a cell has less than 0.9 of its volume."""
-    monkeypatch.setattr("cfem.robot.morph.THINNEST", 0.9)
+    monkeypatch.setattr("cfem.robot.shape.morph.THINNEST", 0.9)
     return load_scene_and_mesh(folder / "scene.yaml", folder / "mesh")
 
 
@@ -96,7 +96,7 @@ def test_the_jump_is_that_at_the_edge_of_the_scenes_mesh(folder, robot):
 
 def test_the_number_of_meshes_has_an_end(folder, robot, monkeypatch):
     monkeypatch.setattr(meshes, "MOST", 1)
-    monkeypatch.setattr("cfem.robot.morph.THINNEST", 0.999)
+    monkeypatch.setattr("cfem.robot.shape.morph.THINNEST", 0.999)
     found = FiniteElements(*robot, PARAMETERS, folder)
     with pytest.raises(NumericalError, match="1 designs have meshes of their own already"):
         found.at("displacement", PULL, np.array([FAR, FAR - [0.3, 0.0]]))

@@ -19,8 +19,8 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.build import build_robot
-from cfem.robot.mesh_file import write_mesh
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.mesh_file import write_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"

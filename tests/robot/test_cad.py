@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from cfem.robot.bar import bar
 from cfem.robot.cad import Box, Difference, Frustum, Loft, Prism, Union
+from cfem.robot.catalogue.bar import bar
+from cfem.robot.catalogue.soft_finger import cavity, soft_finger
 from cfem.robot.geometry import Bar, Refinement, SoftFinger
-from cfem.robot.meshing import run_gmsh
-from cfem.robot.soft_finger import cavity, soft_finger
+from cfem.robot.mesh.meshing import run_gmsh
 from cfem.robot.spec import Meshing
 
 FINGER = SoftFinger(kind="soft-finger")

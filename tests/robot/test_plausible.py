@@ -7,7 +7,7 @@ from robot.scenes import scene
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.plausible import doubts, size_doubts
 from cfem.robot.stage import run
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.robot.cad import Box, Difference, File, Frustum
-from cfem.robot.meshing import measure, write_cad
+from cfem.robot.mesh.meshing import measure, write_cad
 
 BLOCK = Difference(Box((0.0, 0.0, 0.0), (20.0, 10.0, 10.0)), (Frustum((10.0, 5.0, -1.0), (0.0, 0.0, 12.0), 3.0, 3.0),))
 VOLUME = 2000 - 90 * np.pi

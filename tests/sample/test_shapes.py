@@ -7,7 +7,7 @@ from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import displacement
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import scene_parameters, with_values

@@ -26,7 +26,7 @@ from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
-from cfem.robot.finer import carried_over, dimensions, finer_mesh, growth
+from cfem.robot.mesh.finer import carried_over, dimensions, finer_mesh, growth
 from cfem.robot.spec import SceneSpec
 
 ORDER = 2.0

@@ -10,7 +10,7 @@ from scipy.stats import qmc
 
 from cfem.condensed.parameters import Parameter, from_shares, references, shares
 from cfem.core.errors import SpecError
-from cfem.robot.meshing import CATALOGUE, measure
+from cfem.robot.mesh.meshing import CATALOGUE, measure
 from cfem.sample.parameters import with_values
 
 _DEGREE, _SPARE = 3, 3

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cfem.robot import soft_finger, stiff_flop
+from cfem.robot.catalogue import soft_finger, stiff_flop
 from cfem.robot.geometry import SoftFinger, StiffFlop
 
 NEAR = 24  # surface nodes that carry a point of the inside

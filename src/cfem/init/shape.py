@@ -10,8 +10,8 @@ from cfem.core.errors import InputError
 from cfem.init.interior import Interior, interior
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.geometry import MeshFile, StepFile
-from cfem.robot.mesh_file import read_own
-from cfem.robot.meshing import corner_mesh, measure, solid_of
+from cfem.robot.mesh.mesh_file import read_own
+from cfem.robot.mesh.meshing import corner_mesh, measure, solid_of
 from cfem.robot.spec import Meshing
 
 STEP, STL, MESH = (".step", ".stp"), (".stl",), (".vtu", ".vtk", ".msh")

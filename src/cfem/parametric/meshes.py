@@ -15,8 +15,8 @@ import numpy as np
 from cfem.condensed.parameters import Parameter, references, sampled
 from cfem.core.errors import NumericalError, SpecError
 from cfem.core.progress import doing
-from cfem.robot.grading import scene_mesh
-from cfem.robot.morph import Unreachable
+from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.shape.morph import Unreachable
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import with_values
 

@@ -10,7 +10,7 @@ from cfem.core.names import demand_scene_name
 from cfem.core.place import write_beside
 from cfem.pipeline.plan import own_specs, plan
 
-ROBOTS = Path(cfem.__file__).parent / "robots"
+ROBOTS = Path(cfem.__file__).parent / "pipelines"
 
 
 def robots() -> list[str]:

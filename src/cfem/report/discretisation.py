@@ -36,7 +36,7 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
 
     Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
     forces' by the largest. Raises NumericalError where a state does not converge."""
-    from cfem.robot.grading import scene_mesh
+    from cfem.robot.mesh.grading import scene_mesh
 
     ratios = spec.poisson or [scene.material.poisson]
     rows, reference = [], {}
@@ -176,7 +176,7 @@ def _tolerances(scene: SceneSpec, folder: Path, spec: Discretisation) -> list[di
     from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve
     from cfem.robot.build import build_robot
-    from cfem.robot.grading import scene_mesh
+    from cfem.robot.mesh.grading import scene_mesh
 
     if not spec.tolerances:
         return []

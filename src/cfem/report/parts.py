@@ -26,7 +26,7 @@ from cfem.report.tables import Table, number, tabulate
 from cfem.report.tracking import read_tracking, tracking_section
 from cfem.report.trust import Trust, trust
 from cfem.report.viewer import Viewer
-from cfem.robot.mesh_file import read_mesh
+from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.robot.stage import MESH
 

@@ -29,13 +29,14 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.rod import Rod, Section
 from cfem.mechanics.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
-from cfem.robot import constraints, soft_finger, spec, stiff_flop, taper
-from cfem.robot.deform import shaped
+from cfem.robot import constraints, spec
+from cfem.robot.catalogue import soft_finger, stiff_flop, taper
 from cfem.robot.materials import MaterialSpec
-from cfem.robot.on_mesh import on_mesh
 from cfem.robot.plausible import demand_possible
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
+from cfem.robot.shape.deform import shaped
+from cfem.robot.shape.on_mesh import on_mesh
 
 
 def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:

@@ -6,7 +6,7 @@ from cfem.core.chain import demand_current
 from cfem.core.spec import load_spec
 from cfem.core.stage import artefact_file
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.mesh_file import read_mesh
+from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.same import demand_mesh_of
 from cfem.robot.spec import SceneSpec
 from cfem.robot.stage import MESH

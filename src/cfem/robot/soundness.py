@@ -12,7 +12,7 @@ from cfem.core.errors import InputError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import shape_derivatives
 from cfem.mechanics.mesh import TET_EDGES, Mesh
-from cfem.robot.quality import scaled_jacobians
+from cfem.robot.mesh.quality import scaled_jacobians
 
 # Faces of a tetrahedron, each with the corner across from it.
 _FACES = np.array([[1, 2, 3, 0], [0, 2, 3, 1], [0, 1, 3, 2], [0, 1, 2, 3]])

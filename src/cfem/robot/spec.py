@@ -9,10 +9,10 @@ from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
-from cfem.robot.free_form import FreeForm
 from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop, Taper
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
+from cfem.robot.shape.free_form import FreeForm
 
 
 class Meshing(Spec):

@@ -51,11 +51,11 @@ def _demand_files(scene: SceneSpec, folder: Path) -> None:
 
 def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
-    from cfem.robot.grading import scene_mesh
-    from cfem.robot.mesh_file import write_mesh
+    from cfem.robot.mesh.grading import scene_mesh
+    from cfem.robot.mesh.mesh_file import write_mesh
+    from cfem.robot.mesh.quality import quality
     from cfem.robot.passage import demand_inside
     from cfem.robot.plausible import doubts
-    from cfem.robot.quality import quality
     from cfem.robot.soundness import demand_held, demand_independent, demand_unfolded
 
     mesh, volume = scene_mesh(scene, folder)

@@ -10,9 +10,9 @@ from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot, materials_of, with_actuator
-from cfem.robot.deform import Deformation
-from cfem.robot.designs import Designs
-from cfem.robot.on_mesh import on_mesh
+from cfem.robot.shape.deform import Deformation
+from cfem.robot.shape.designs import Designs
+from cfem.robot.shape.on_mesh import on_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import with_values
 

@@ -16,8 +16,8 @@ from cfem.mechanics.load import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import HEX_TETS, TET_EDGES, Mesh, boundary_facets, quadratic
-from cfem.robot import hexahedra
 from cfem.robot.cad import Box
+from cfem.robot.mesh import hexahedra
 
 BAR = (60.0, 10.0, 10.0)  # mm
 COARSE = {"tet4": (8, 2, 2), "tet10": (6, 1, 1), "tet10p0": (6, 1, 1), "hex8": (8, 2, 2)}  # cells of a bar

@@ -5,7 +5,7 @@ from support.blocks import block, box
 
 from cfem.core.errors import InputError
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.mesh_file import read_mesh, read_own, write_mesh
+from cfem.robot.mesh.mesh_file import read_mesh, read_own, write_mesh
 
 CELLS = {4: "tetra", 8: "hexahedron"}
 FACETS = {4: "triangle", 8: "quad"}

@@ -11,7 +11,7 @@ from cfem.equilibrium import actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
-from cfem.robot.grading import estimate, grade, scene_mesh
+from cfem.robot.mesh.grading import estimate, grade, scene_mesh
 from cfem.robot.stage import run
 
 PULL = "[{kind: cable, name: c, radius: 1 mm, pull_point: {mm: [0, 0, 4]}, points: {mm: [[10, 0, 4], [25, 0, 3]]},"

@@ -15,14 +15,14 @@ from cfem.equilibrium.solve import solve
 from cfem.mechanics.element import HEX_CORNERS
 from cfem.mechanics.rod import Section
 from cfem.robot.build import build_robot
+from cfem.robot.catalogue.stiff_flop import chamber_area, chamber_surface, section_shape
 from cfem.robot.geometry import StiffFlop
-from cfem.robot.meshing import make_mesh
-from cfem.robot.quality import quality
+from cfem.robot.mesh.meshing import make_mesh
+from cfem.robot.mesh.quality import quality
 from cfem.robot.spec import SceneSpec
-from cfem.robot.stiff_flop import chamber_area, chamber_surface, section_shape
 
 WEIGHT = ["gravity={acceleration: {m/s^2: [0, 0, -9.81]}}"]
-SCENE = Path(__file__).parents[2] / "pipelines" / "stiff-flop" / "scene.yaml"
+SCENE = Path(__file__).parents[3] / "pipelines" / "stiff-flop" / "scene.yaml"
 KPA = 1e-3  # MPa
 MN = 1e-3  # N
 

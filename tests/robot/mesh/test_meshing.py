@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import connected_components
 from support.blocks import block, hexahedra
 
 from cfem.core.errors import InputError, SpecError
-from cfem.robot import meshing
-from cfem.robot.mesh_file import write_mesh
+from cfem.robot.mesh import meshing
+from cfem.robot.mesh.mesh_file import write_mesh
 from cfem.robot.selection import select_nodes
 
 BOX = "{kind: box, corners: {mm: %s}}"
@@ -137,7 +137,7 @@ def test_missing_libraries_become_one_sentence_with_the_packages(tmp_path, monke
 
 
 def test_set_up_installs_the_packages_that_the_message_names():
-    script = (Path(__file__).parents[2] / "scripts" / "setup.sh").read_text()
+    script = (Path(__file__).parents[3] / "scripts" / "setup.sh").read_text()
     assert set(meshing.DEBIAN_PACKAGES.split()) == set(script.split('packages="')[1].split('"')[0].split())
 
 

@@ -25,8 +25,8 @@ from cfem.constraint.attachment import Attachment
 from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh, tet_volumes
 from cfem.robot.cad import Solid
-from cfem.robot.elastic import middles, stiffness
-from cfem.robot.surfaces import Surface, surfaces
+from cfem.robot.shape.elastic import middles, stiffness
+from cfem.robot.shape.surfaces import Surface, surfaces
 
 _ON, _ALONG = 1e-6, 0.9  # of the mesh's size: on a surface; cosine between a facet's normal and the surface's
 _STEEP = 0.5  # that of a large facet on a narrow cone, where no surface is nearer to its normal

@@ -16,10 +16,10 @@ from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
 from cfem.robot.build import build_robot, cable_points, effector_points, materials_of
-from cfem.robot.deform import Deformation
-from cfem.robot.meshing import CATALOGUE
-from cfem.robot.morph import Morph, Unreachable
-from cfem.robot.on_mesh import carried, moved, on_mesh
+from cfem.robot.mesh.meshing import CATALOGUE
+from cfem.robot.shape.deform import Deformation
+from cfem.robot.shape.morph import Morph, Unreachable
+from cfem.robot.shape.on_mesh import carried, moved, on_mesh
 from cfem.robot.spec import SceneSpec
 
 

@@ -15,8 +15,8 @@ from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import on_nodes
 from cfem.mechanics.load import gravity
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.deform import displacement
 from cfem.robot.selection import select_cells
+from cfem.robot.shape.deform import displacement
 from cfem.robot.spec import SceneSpec
 
 

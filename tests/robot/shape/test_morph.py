@@ -8,12 +8,12 @@ from cfem.constraint.attachment import attach
 from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.cad import Box, Difference, Frustum, Placed, Prism
+from cfem.robot.catalogue.soft_finger import route, soft_finger
 from cfem.robot.geometry import SoftFinger
-from cfem.robot.meshing import make_mesh
-from cfem.robot.morph import Morph, _Past
-from cfem.robot.soft_finger import route, soft_finger
+from cfem.robot.mesh.meshing import make_mesh
+from cfem.robot.shape.morph import Morph, _Past
+from cfem.robot.shape.surfaces import Plane, surfaces
 from cfem.robot.spec import SceneSpec
-from cfem.robot.surfaces import Plane, surfaces
 
 SCENE = {
     "name": "finger",
@@ -86,7 +86,7 @@ def test_nodes_move_smoothly(reference):
 def test_changes_are_the_derivatives_of_the_nodes(reference, monkeypatch):
     """Against differences of fourth order of whole morphs, of a length, a height and a joint's at once. Where surfaces
     meet at small angles, what is missing from them moves a node by a thousand times as much: morphs are closer here."""
-    monkeypatch.setattr("cfem.robot.morph._TOLERANCE", 3e-13)
+    monkeypatch.setattr("cfem.robot.shape.morph._TOLERANCE", 3e-13)
     _, _, morph = reference
     here = np.array([41.0, 20.5, 7.0])
 

@@ -9,8 +9,8 @@ from support.blocks import block, hexahedra
 from cfem.core.errors import SpecError
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.cad import File
-from cfem.robot.faceted import triangles, write_faceted
-from cfem.robot.meshing import measure
+from cfem.robot.mesh.faceted import triangles, write_faceted
+from cfem.robot.mesh.meshing import measure
 
 
 def bulged(order: int) -> Mesh:

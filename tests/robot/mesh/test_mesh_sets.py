@@ -9,7 +9,7 @@ import pytest
 from support.blocks import block
 
 from cfem.core.errors import InputError
-from cfem.robot.mesh_file import read_own
+from cfem.robot.mesh.mesh_file import read_own
 
 MESH = block((4, 2, 1), (4, 1, 1))
 END = np.flatnonzero(MESH.X[MESH.facets, 0].max(axis=1) < 1e-9)

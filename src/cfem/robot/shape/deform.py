@@ -20,9 +20,9 @@ from cfem.constraint.attachment import show
 from cfem.constraint.cavity import enclosed
 from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.elastic import middles, stiffness
-from cfem.robot.free_form import Control, FreeForm, Wall
 from cfem.robot.selection import facets_of
+from cfem.robot.shape.elastic import middles, stiffness
+from cfem.robot.shape.free_form import Control, FreeForm, Wall
 
 THINNEST = 0.1  # of a cell's volume that must be left
 

@@ -5,7 +5,7 @@ from support.blocks import block
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.cad import Box, Placed
 from cfem.robot.geometry import Part
-from cfem.robot.placement import join, place, seen_from
+from cfem.robot.mesh.placement import join, place, seen_from
 
 PLAIN = block((3, 2, 1), (3, 2, 1))
 MESH = Mesh(PLAIN.X, PLAIN.cells, PLAIN.facets, {"end": np.array([0, 1])}, {"skin": np.array([2])})

@@ -3,7 +3,7 @@ import pytest
 from support.blocks import block, hexahedra
 
 from cfem.mechanics.mesh import Mesh, boundary_facets
-from cfem.robot.quality import dihedral_angles, quality, scaled_jacobians
+from cfem.robot.mesh.quality import dihedral_angles, quality, scaled_jacobians
 
 
 def test_regular_tetrahedron_has_one_dihedral_angle():

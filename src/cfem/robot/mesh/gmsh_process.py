@@ -1,5 +1,5 @@
 """The one place that touches gmsh (GPL), which it runs in its own process:
-`python -P -m cfem.robot.gmsh_process JOB.json OUT.npz`.
+`python -P -m cfem.robot.mesh.gmsh_process JOB.json OUT.npz`.
 
 It ends when its stdin does: then nobody waits for the answer any more. A job is {'solid': a tree of cad.py, 'size': mm,
 'refine': [{'low', 'high', 'size', 'blend'}], 'regions': [trees whose surfaces the mesh is to conform to], 'grading':

@@ -20,7 +20,7 @@ from cfem.mechanics.element import shape
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.solid import Solid
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import Grading, make_mesh
+from cfem.robot.mesh.meshing import Grading, make_mesh
 from cfem.robot.spec import SceneSpec
 
 PASSES = 4

@@ -14,19 +14,20 @@ from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.optional import demand
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
-from cfem.robot import hexahedra, selection
-from cfem.robot.bar import bar
+from cfem.robot import selection
 from cfem.robot.cad import Box, Difference, File, Placed, Solid, as_data
-from cfem.robot.deform import shaped
-from cfem.robot.diamond import diamond
+from cfem.robot.catalogue.bar import bar
+from cfem.robot.catalogue.diamond import diamond
+from cfem.robot.catalogue.soft_finger import soft_finger
+from cfem.robot.catalogue.stiff_flop import section_shape, slice_mesh
+from cfem.robot.catalogue.taper import filled, rod_mesh, taper
+from cfem.robot.catalogue.trunk import trunk
 from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Taper, Trunk
-from cfem.robot.mesh_file import read_own
-from cfem.robot.placement import join, place, place_back, seen_from
-from cfem.robot.soft_finger import soft_finger
+from cfem.robot.mesh import hexahedra
+from cfem.robot.mesh.mesh_file import read_own
+from cfem.robot.mesh.placement import join, place, place_back, seen_from
+from cfem.robot.shape.deform import shaped
 from cfem.robot.spec import Meshing, SceneSpec
-from cfem.robot.stiff_flop import section_shape, slice_mesh
-from cfem.robot.taper import filled, rod_mesh, taper
-from cfem.robot.trunk import trunk
 
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
@@ -260,7 +261,7 @@ def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
         place, out = Path(scratch), Path(scratch) / "mesh.npz"
         (place / "job.json").write_text(json.dumps(job), encoding="utf-8")
         # -P: no module is taken from the working folder
-        command = [sys.executable, "-P", "-m", "cfem.robot.gmsh_process", str(place / "job.json"), str(out)]
+        command = [sys.executable, "-P", "-m", "cfem.robot.mesh.gmsh_process", str(place / "job.json"), str(out)]
         with (
             open(place / "said", "wb") as log,
             # this interpreter on a module of ours, which ends when its stdin does: it never outlives this process

@@ -10,8 +10,8 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
-from cfem.robot.taper import volume
+from cfem.robot.catalogue.taper import volume
+from cfem.robot.mesh.meshing import make_mesh
 
 TAPER = {
     "length": "100 mm",

@@ -8,10 +8,10 @@ from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import SECTIONED, barycentric_gradients, shape
 from cfem.mechanics.mesh import Mesh, tet_volumes
-from cfem.robot.deform import shaped
 from cfem.robot.geometry import Assembly, MeshFile
-from cfem.robot.grading import estimate, grade
-from cfem.robot.meshing import make_mesh, with_middles
+from cfem.robot.mesh.grading import estimate, grade
+from cfem.robot.mesh.meshing import make_mesh, with_middles
+from cfem.robot.shape.deform import shaped
 from cfem.robot.spec import SceneSpec
 
 # A tetrahedron as eight, by its corners (0 to 3) and the middles of its edges (4 to 9, in the order of TET_EDGES); the

@@ -3,7 +3,7 @@ import pytest
 
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.cad import Box
-from cfem.robot.hexahedra import block
+from cfem.robot.mesh.hexahedra import block
 
 BAR = Box((0.0, -5.0, -5.0), (30.0, 5.0, 5.0))
 

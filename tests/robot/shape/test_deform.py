@@ -11,11 +11,11 @@ from cfem.equilibrium.solve import solve
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.build import build_robot
 from cfem.robot.cad import Box
-from cfem.robot.deform import bump, displacement, shaped
-from cfem.robot.free_form import Control, FreeForm
-from cfem.robot.hexahedra import block
-from cfem.robot.mesh_file import read_mesh, write_mesh
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.hexahedra import block
+from cfem.robot.mesh.mesh_file import read_mesh, write_mesh
+from cfem.robot.mesh.meshing import make_mesh
+from cfem.robot.shape.deform import bump, displacement, shaped
+from cfem.robot.shape.free_form import Control, FreeForm
 
 
 def control(at, move, radius, **more) -> Control:

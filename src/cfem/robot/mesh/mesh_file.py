@@ -10,7 +10,7 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
-from cfem.robot.mesh_sets import CELL_SET, SET, arrays, named_sets
+from cfem.robot.mesh.mesh_sets import CELL_SET, SET, arrays, named_sets
 
 UNSHAPED = "unshaped"  # point data: the nodes before the free form
 # Cells by their number of nodes, as meshio calls them and their facets.

@@ -6,8 +6,8 @@ from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.mechanics.mesh import Mesh, boundary_facets, tet_volumes
 from cfem.robot.build import build_robot
-from cfem.robot.finer import carried_over, cut_in_eight, finer_mesh, growth
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.finer import carried_over, cut_in_eight, finer_mesh, growth
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
 SIZE = (20.0, 10.0, 10.0)

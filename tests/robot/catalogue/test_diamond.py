@@ -12,10 +12,10 @@ from cfem.equilibrium.actuation import pull
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
-from cfem.robot.meshing import make_mesh
+from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
-SCENE = Path(__file__).parents[2] / "pipelines" / "diamond" / "scene.yaml"
+SCENE = Path(__file__).parents[3] / "pipelines" / "diamond" / "scene.yaml"
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 

@@ -1,0 +1,1 @@
+"""The robots of the catalogue: the solid of each from a few lengths."""
