@@ -205,7 +205,6 @@ Points = _vector("mm", 2, 3)  # (m, 3) mm
 StressVector = _vector("MPa", 1)  # (k,) MPa
 StressRange = _vector("MPa", 1, 2)  # (2,) MPa
 VolumeRange = _vector("mm^3", 1, 2)  # (2,) mm^3
-VolumeVector = _vector("mm^3", 1)  # (k,) mm^3
 AccelerationVector = _vector("mm/s^2", 1, 3)  # (3,) mm/s^2
 Forces = _vector("N", 1)  # (k,) N
 ForceVector = _vector("N", 1, 3)  # (3,) N

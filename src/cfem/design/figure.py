@@ -79,7 +79,7 @@ def front_figure(problem: Problem, grid: Grid, front: Front, verified: dict[int,
     """PNG: the front among the grid's designs, beside the parameters along it. verified: place in the front -> (n_f,)
     objectives by finite elements."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.2))
-    _trade_off(figure, axes[0], problem, grid, front, verified)
+    _trade_off(figure, axes[0], grid, front, verified)
     objectives, z = _along(front)
     for i, parameter in enumerate(problem.parameters):
         axes[1].plot(objectives[:, front.of[0]], z[:, i], ".-", color=LEARNED[i % len(LEARNED)], label=parameter.name)
@@ -88,7 +88,7 @@ def front_figure(problem: Problem, grid: Grid, front: Front, verified: dict[int,
     return png(figure)
 
 
-def _trade_off(figure: Figure, axis, problem: Problem, grid: Grid, front: Front, verified: dict) -> None:
+def _trade_off(figure: Figure, axis, grid: Grid, front: Front, verified: dict) -> None:
     first, second = front.of[:2]
     objectives = np.array([one.objectives for one in front.designs])
     line = _along(front)[0]

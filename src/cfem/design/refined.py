@@ -63,7 +63,7 @@ def _refined(
     return Refined(best_of(ends), ends, time.process_time() - begin)
 
 
-def told(problem: Problem, grid: Grid, found: dict[str, Refined]) -> tuple[dict[str, Any], list[str], list[Any]]:
+def told(problem: Problem, found: dict[str, Refined]) -> tuple[dict[str, Any], list[str], list[Any]]:
     """For design.json; lines for a person; where a search did not end at an optimum."""
     results, lines, doubts = {}, [], []
     for name, one in found.items():

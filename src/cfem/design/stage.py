@@ -204,7 +204,7 @@ def _refine(
     family = Differentiable(*there, problem.family.parameters, folder=scene.parent)
     exact, _ = problem_of(spec.model_copy(update={"by": "fe"}), family, None, base)
     found = refine_all(spec, problem, exact, grid)
-    results, lines, doubts = told(problem, grid, found)
+    results, lines, doubts = told(problem, found)
     said["headline"] += lines
     said["judgement"] += doubts
     _tell_meshes(family, problem, said)

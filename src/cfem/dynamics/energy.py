@@ -45,13 +45,11 @@ def viscous_power(problem: MovingProblem, at: Evaluation, v: np.ndarray) -> floa
     if at.response.rod is not None:
         sections = problem.body.sections
         # motions of both sections in the rod's unknowns: centre, and rotation times radius of gyration
-        power += float(
-            (viscous.rod_stress(problem.body, at.response, over) * _strain_rate(problem, at, v, sections)).sum()
-        )
+        power += float((viscous.rod_stress(problem.body, at.response, over) * _strain_rate(at, v, sections)).sum())
     return power
 
 
-def _strain_rate(problem: MovingProblem, at: Evaluation, v: np.ndarray, sections) -> np.ndarray:
+def _strain_rate(at: Evaluation, v: np.ndarray, sections) -> np.ndarray:
     """(m, 6) of the rod's elements: de/dt."""
     _, R = sections.frames(at.x)
     centre, across = v[sections.nodes].mean(axis=1), sections.across @ v[sections.nodes]  # (s, 3), (s, 2, 3)

@@ -21,7 +21,6 @@ ROOM = {
 DEGREES = ROOM["CFEM_NZ"][0] - 1  # of a group, in memory
 HEAD = 18  # numbers of four bytes
 OWN = ("potential", "effector")  # series of the model
-SIZES = ("FORM_DISPLACEMENT", "NA", "NE", "SERIES_NA", "SERIES_NE", "NZ", "DEGREE")
 VECTORS = ("ridge", "damping", "lambda_low", "lambda_high", "delta_low", "delta_high")
 RATES = ("step_limit", "delta_rate", "lambda_rate", "home")
 

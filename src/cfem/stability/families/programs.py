@@ -13,7 +13,6 @@ from cfem.stability.program import Program, attempt
 
 OPTIMAL, INFEASIBLE, NOT_FINITE = named("OPTIMAL"), named("INFEASIBLE"), named("NOT_FINITE")
 NAN, INF = float("nan"), float("inf")
-HARDEST = named("OPTIMAL", "INACCURATE")
 
 
 def cases() -> list[Case]:
