@@ -19,6 +19,7 @@ from cfem.plant.protocol import Measurement
 from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
+from cfem.predict.estimate_spec import estimator_of
 from cfem.predict.protocol import Predictor
 
 
@@ -27,21 +28,6 @@ class Estimated(Measurement):
     """A measurement that is estimated. by_loads (n_e,) mm: the share of x_e that the estimated loads make."""
 
     by_loads: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-
-def estimator_of(spec: EstimateSpec, model: Predictor) -> Estimator:
-    """InputError where the model cannot tell."""
-    loads, sensors = spec.loads, spec.actuators
-    return Estimator(
-        model,
-        np.array(list(spec.markers.values())),
-        spec.noise,
-        tuple(loads.rows) if loads else (),
-        loads.largest if loads else 1.0,
-        sensors.displacement or 1.0,
-        sensors.force or 1.0,
-        along=None if loads is None or loads.along is None else np.array(loads.along),
-    )
 
 
 def filter_of(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> Filter | MarkerFilter:

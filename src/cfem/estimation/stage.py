@@ -12,6 +12,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.estimation.spec import EstimateSpec
+from cfem.predict.estimate_spec import estimator_of
 
 TABLE = "estimates.parquet"
 _PATHS = ("model", "recording", "truth")
@@ -50,7 +51,7 @@ def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
     recording = read_recording(base / spec.recording, list(spec.markers), model.rows, model.actuator_units, forces)
     demand_units(spec, model.actuator_units)
     _demand_noise(spec, recording)
-    estimator = _estimator(spec, model)
+    estimator = estimator_of(spec, model)
     truth = {}
     if spec.truth is not None:
         truth = read_truth(base / spec.truth, estimator.loaded, model.rows, len(recording))
@@ -60,23 +61,6 @@ def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
     write_estimates(folder / TABLE, found, recording, estimator)
     seen = _seen(spec, estimator, recording, base)
     return summarise(found, estimator, list(spec.markers), truth, seen, spec.dynamics is None)
-
-
-def _estimator(spec: EstimateSpec, model: Any) -> Any:
-    from cfem.predict.estimate import Estimator
-
-    places = np.array([spec.markers[name] for name in spec.markers])
-    loads, sensors = spec.loads, spec.actuators
-    return Estimator(
-        model,
-        places,
-        spec.noise,
-        tuple(loads.rows) if loads else (),
-        loads.largest if loads else 1.0,
-        sensors.displacement or 1.0,
-        sensors.force or 1.0,
-        along=None if loads is None or loads.along is None else np.array(loads.along),
-    )
 
 
 def _tick(spec: EstimateSpec, base: Path, estimator: Any, recording: Any) -> Any:

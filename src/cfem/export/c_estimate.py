@@ -11,9 +11,9 @@ from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.chebyshev import basis
-from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
 from cfem.predict.estimate_fit import EstimateStatus
+from cfem.predict.estimate_spec import estimator_of
 from cfem.predict.force_series import compliance_series, displacement_series, potential_series
 from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
@@ -30,17 +30,7 @@ def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Fi
     if model.meta["kind"] != "spectral" or model.form != "displacement":
         raise InputError("only spectral models of form displacement estimate in C", do="train kind: spectral")
     loads, sensors, reach = spec.loads, spec.actuators, float(np.abs(model.reach).max())
-    estimator = Estimator(
-        model,
-        np.array(list(spec.markers.values())),
-        spec.noise,
-        tuple(loads.rows) if loads else (),
-        loads.largest if loads else 1.0,
-        sensors.displacement or 1.0,
-        sensors.force or 1.0,
-        p,
-        None if loads is None or loads.along is None else np.array(loads.along),
-    )
+    estimator = estimator_of(spec, model, p)
     if max(len(spec.markers), len(estimator.unknowns)) > MOST:
         raise InputError(f"the estimator in C has at most {MOST} markers and unknowns", where="c.estimate")
     lasts = np.inf if loads is None or loads.lasts is None else loads.lasts

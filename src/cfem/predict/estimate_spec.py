@@ -1,12 +1,17 @@
 """What a spec says of unknown forces and of the sensors of the actuators, wherever a state is estimated."""
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
 from cfem.core.units import Force, Length, Time
+
+if TYPE_CHECKING:
+    from cfem.predict.estimate import Estimator
+    from cfem.predict.protocol import Predictor
 
 
 class LoadsSpec(Spec):
@@ -62,3 +67,22 @@ class ActuatorSensorsSpec(Spec):
     motion. 0.05 % of the reach unless given."""
     offset: Annotated[Displacement, Field(gt=0)] | None = None
     """Distance of an actuator from its first command, standard deviation. 5 % of the reach unless given."""
+
+
+def estimator_of(spec: Any, model: "Predictor", p: np.ndarray | None = None) -> "Estimator":
+    """Of a spec with markers, noise, loads and actuators; p (n_p,): parameters of the model. InputError where the model
+    cannot tell."""
+    from cfem.predict.estimate import Estimator
+
+    loads, sensors = spec.loads, spec.actuators
+    return Estimator(
+        model,
+        np.array(list(spec.markers.values())),
+        spec.noise,
+        tuple(loads.rows) if loads else (),
+        loads.largest if loads else 1.0,
+        sensors.displacement or 1.0,
+        sensors.force or 1.0,
+        p,
+        None if loads is None or loads.along is None else np.array(loads.along),
+    )
