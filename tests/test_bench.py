@@ -1,22 +1,17 @@
 """Benchmarks are compared with those of the last release."""
 
-import importlib
 import json
-import sys
 from pathlib import Path
 
 import pytest
+from support.script import script
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
 def bench():
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        return importlib.import_module("bench")
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
+    return script("bench")
 
 
 def run(reference, **medians):

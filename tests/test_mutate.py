@@ -1,20 +1,17 @@
 """The changes that a mutation run makes, and whose compiled code they are part of."""
 
 import ast
-import importlib.util
 from pathlib import Path
 
 import pytest
+from support.script import script
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
 def mutate():
-    spec = importlib.util.spec_from_file_location("mutate", ROOT / "scripts/mutate.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script("mutate")
 
 
 def changed(mutate, source):

@@ -1,22 +1,19 @@
 """The examples and the notebooks run as they are, and print what the site shows."""
 
-import importlib.util
 import re
 import runpy
 from pathlib import Path
 
 import nbformat
 import pytest
+from support.script import script
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
 def executed():
-    spec = importlib.util.spec_from_file_location("notebooks", ROOT / "scripts" / "notebooks.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.executed
+    return script("notebooks").executed
 
 
 def words(notebook):

@@ -1,12 +1,11 @@
 """The README and the pages state what was measured, and name what exists."""
 
-import importlib
 import json
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from support.script import script
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -14,11 +13,7 @@ README = (ROOT / "README.md").read_text()
 
 @pytest.fixture(scope="module")
 def figures():
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        return importlib.import_module("figures")
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
+    return script("figures")
 
 
 def test_the_tables_are_those_of_the_measured_figures(figures):

@@ -1,22 +1,18 @@
 """The stored WebAssembly is what its sources compile to."""
 
-import importlib
 import json
 import sys
 from pathlib import Path
 
 import pytest
+from support.script import script
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
 def wasm():
-    sys.path.insert(0, str(ROOT / "scripts"))
-    try:
-        return importlib.import_module("wasm")
-    finally:
-        sys.path.remove(str(ROOT / "scripts"))
+    return script("wasm")
 
 
 def test_it_was_compiled_from_the_sources_that_are_here(wasm):
