@@ -18,7 +18,7 @@ from cfem.core.stage import read_manifest
 from cfem.predict.load import load_model
 from cfem.report import animate
 from cfem.report.animation import animation
-from cfem.report.course import FE, LEARNED, courses
+from cfem.report.shape_history import FE, LEARNED, histories
 from cfem.report.tracking import read_tracking
 from cfem.robot.spec import SceneSpec
 
@@ -78,7 +78,7 @@ def test_a_run_is_drawn_as_an_animation_and_two_series(run):
 @pytest.mark.parametrize("loads", [{}, LOADS], ids=["free", "loaded"])
 def test_the_learned_skin_stands_where_finite_elements_do(bar, run, loads):
     folder = controlled(bar, "carrying", pictures=6, loads=loads) if loads else run
-    found = {one.kind: one for one in courses(folder, read_manifest(folder), 60)}
+    found = {one.kind: one for one in histories(folder, read_manifest(folder), 60)}
     fe, learned = found[FE], found[LEARNED]
     apart, node = cKDTree(fe.rest).query(learned.rest)
     assert apart.max() < 1e-4  # states are kept in single precision

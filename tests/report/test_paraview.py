@@ -6,26 +6,26 @@ import meshio
 import numpy as np
 import pytest
 
-from cfem.report.course import Course
 from cfem.report.paraview import vtu, write_series
+from cfem.report.shape_history import ShapeHistory
 
 REST = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 0, 0], [2, 1, 0], [1, 1, 0]], float)
 FACETS = {"triangle": [[0, 1, 2], [0, 2, 3]], "quad": [[0, 1, 2, 3]], "triangle6": [[0, 1, 2, 4, 5, 6]]}
 
 
-def course(facets, times=(0.0, 1.0, 4.0)):
+def history(facets, times=(0.0, 1.0, 4.0)):
     x = REST + np.arange(len(times))[:, None, None] * np.array([0, 0, 0.25])
     facts = {"lambda_a left [N]": np.arange(len(times)) + 0.5, "goal [mm]": np.arange(3.0 * len(times)).reshape(-1, 3)}
     index = np.arange(len(times))
     none = np.zeros((len(times), 3))
-    return Course(
+    return ShapeHistory(
         "way", "fe", REST, np.array(facets), x, index, np.array(times), False, facts, none, none, np.zeros(len(times))
     )
 
 
 @pytest.mark.parametrize("kind", FACETS)
 def test_a_surface_is_read_back_with_its_fields(tmp_path, kind):
-    given = course(FACETS[kind])
+    given = history(FACETS[kind])
     write_series(tmp_path, "way-fe", given)
     found = meshio.read(tmp_path / "way-fe" / "0002.vtu")
     assert found.cells[0].type == kind and (found.cells[0].data == FACETS[kind]).all()
@@ -36,7 +36,7 @@ def test_a_surface_is_read_back_with_its_fields(tmp_path, kind):
 
 
 def test_a_series_names_its_files_relative_to_itself_in_the_order_of_time(tmp_path):
-    assert write_series(tmp_path, "way-fe", course(FACETS["quad"])) == "way-fe.pvd"
+    assert write_series(tmp_path, "way-fe", history(FACETS["quad"])) == "way-fe.pvd"
     root = ET.parse(tmp_path / "way-fe.pvd").getroot()
     sets = root.findall("Collection/DataSet")
     assert root.get("type") == "Collection"

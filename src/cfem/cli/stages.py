@@ -105,7 +105,7 @@ def _sample(
     overrides += [f"around.task={around.resolve()}"] if around else []
 
     def fill(*arguments):
-        return import_module("cfem.active.fill").fill(*arguments)
+        return import_module("cfem.active_learning.fill").fill(*arguments)
 
     solve = import_module("cfem.sample.stage").run
     how = {"workers": workers, "scheduler": scheduler, "timeout": timeout, "shard": shard}

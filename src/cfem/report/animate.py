@@ -61,11 +61,11 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
     demand("pyarrow", "matplotlib", "PIL", where="cfem animate")
     from cfem.core.progress import progress
     from cfem.report.animation import viewer_of
-    from cfem.report.course import LEARNED, courses
     from cfem.report.moving import gif
     from cfem.report.paraview import write_series
+    from cfem.report.shape_history import LEARNED, histories
 
-    found = list(courses(control, manifest, spec.frames))
+    found = list(histories(control, manifest, spec.frames))
     if not found or (spec.learned and all(one.kind != LEARNED for one in found)):
         raise _nothing(control, manifest)
     scene = _scene(control, manifest)
@@ -73,14 +73,14 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
     shown = {one.name: one for one in reversed(found)}  # FE, which come first, before the learned
     shown |= {one.name: one for one in found if spec.learned and one.kind == LEARNED}
     with progress("animation", len(found)) as advance:
-        for course in found:
-            made = files.setdefault(course.name, [])
+        for history in found:
+            made = files.setdefault(history.name, [])
             if "paraview" in spec.formats:
-                made.append(write_series(folder, f"{course.name}-{course.kind}", course))
-            if "gif" in spec.formats and shown[course.name] is course:
-                viewer = viewer_of(course.name, [course], scene)
-                write_whole(folder / f"{course.name}.gif", gif(viewer, viewer.takes[0], _durations(course)))
-                made.append(f"{course.name}.gif")
+                made.append(write_series(folder, f"{history.name}-{history.kind}", history))
+            if "gif" in spec.formats and shown[history.name] is history:
+                viewer = viewer_of(history.name, [history], scene)
+                write_whole(folder / f"{history.name}.gif", gif(viewer, viewer.takes[0], _durations(history)))
+                made.append(f"{history.name}.gif")
             advance(1)
     return {"headline": [f"{name}: {', '.join(made)}" for name, made in files.items()], "files": files}
 
@@ -95,11 +95,11 @@ def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
     return InputError(f"has no shapes to draw: {what} no FE shapes are asked for or kept", where=str(control), do=do)
 
 
-def _durations(course: Any) -> list[int]:
+def _durations(history: Any) -> list[int]:
     """ms of each shape: as long as it took, of goals one after the other the same."""
-    if not course.in_seconds or len(course.times) < 2:
-        return [min(max(A_GOAL, A_ROUND // len(course.times) // 10 * 10), SLOWEST)] * len(course.times)
-    steps = np.diff(course.times, append=2 * course.times[-1] - course.times[-2])
+    if not history.in_seconds or len(history.times) < 2:
+        return [min(max(A_GOAL, A_ROUND // len(history.times) // 10 * 10), SLOWEST)] * len(history.times)
+    steps = np.diff(history.times, append=2 * history.times[-1] - history.times[-2])
     return np.clip(1000 * steps, QUICKEST, SLOWEST).round(-1).astype(int).tolist()
 
 

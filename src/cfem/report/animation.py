@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.report.course import FE, LEARNED, Course, courses
 from cfem.report.robot import LINES, cables_of, moved_with
+from cfem.report.shape_history import FE, LEARNED, ShapeHistory, histories
 from cfem.report.tracking import Tracking
 from cfem.report.viewer import BODY, OBJECT, Line, Take, Viewer, flat_triangles
 from cfem.robot.spec import SceneSpec
@@ -20,14 +20,14 @@ WHO = {FE: "finite-element robot", LEARNED: "robot by its learned skin, without 
 def animation(folder: Path, manifest: Mapping[str, Any], found: Tracking, scene: SceneSpec) -> Viewer | None:
     """The robot along every trajectory of an artefact of `cfem control`: the FE shapes that it kept, or without any
     those of the learned skin; None without either."""
-    taken = list(courses(folder, manifest, kinds=(FE,))) or _learned(folder, manifest)
+    taken = list(histories(folder, manifest, kinds=(FE,))) or _learned(folder, manifest)
     if not taken:
         return None
     best = sorted(taken, key=lambda one: -found.summaries[one.name][found.learned(one.name)]["reachable"])
     return viewer_of("tracked", best, None if found.spec.get("design") else scene)
 
 
-def viewer_of(name: str, taken: Sequence[Course], scene: SceneSpec | None) -> Viewer:
+def viewer_of(name: str, taken: Sequence[ShapeHistory], scene: SceneSpec | None) -> Viewer:
     """Courses of one surface; with the cables of the scene, where it is given and the robot is alone."""
     first = taken[0]
     triangles = flat_triangles(first.facets)
@@ -37,17 +37,17 @@ def viewer_of(name: str, taken: Sequence[Course], scene: SceneSpec | None) -> Vi
     return Viewer(name, CAPTION.format(WHO[first.kind]), triangles, kinds, takes)
 
 
-def _take(course: Course, cables: Sequence[tuple[str, np.ndarray, int]]) -> Take:
+def _take(history: ShapeHistory, cables: Sequence[tuple[str, np.ndarray, int]]) -> Take:
     lines = tuple(
-        Line(label, LINES[place % len(LINES)], moved_with(points, held, course.rest, course.x))
+        Line(label, LINES[place % len(LINES)], moved_with(points, held, history.rest, history.x))
         for place, (label, points, held) in enumerate(cables)
     )
-    return Take(course.name, course.x, course.index.tolist(), course.goals, course.reached, course.errors, lines)
+    return Take(history.name, history.x, history.index.tolist(), history.goals, history.reached, history.errors, lines)
 
 
-def _learned(folder: Path, manifest: Mapping[str, Any]) -> list[Course]:
+def _learned(folder: Path, manifest: Mapping[str, Any]) -> list[ShapeHistory]:
     """None where the run's model is gone, which the page can do without."""
     try:
-        return list(courses(folder, manifest, kinds=(LEARNED,)))
+        return list(histories(folder, manifest, kinds=(LEARNED,)))
     except InputError:
         return []

@@ -13,20 +13,20 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.files import write_whole
-from cfem.report.course import Course
+from cfem.report.shape_history import ShapeHistory
 
 CELLS = {3: 5, 4: 9, 6: 22}  # VTK's number of a facet by its nodes: triangle, quad, quadratic triangle
 TYPES = {"f8": "Float64", "f4": "Float32", "i8": "Int64", "u1": "UInt8"}
 
 
-def write_series(folder: Path, name: str, course: Course) -> str:
+def write_series(folder: Path, name: str, history: ShapeHistory) -> str:
     """Name of the .pvd that was written, with its shapes in the folder `name` beside it."""
     collection = ET.Element("Collection")
     (folder / name).mkdir()
-    for place, (seconds, x) in enumerate(zip(course.times, course.x, strict=True)):
+    for place, (seconds, x) in enumerate(zip(history.times, history.x, strict=True)):
         file = f"{name}/{place:04d}.vtu"
-        facts = {"TimeValue": seconds} | {key: values[place] for key, values in course.facts.items()}
-        write_whole(folder / file, vtu(x, x - course.rest, course.facets, facts))
+        facts = {"TimeValue": seconds} | {key: values[place] for key, values in history.facts.items()}
+        write_whole(folder / file, vtu(x, x - history.rest, history.facets, facts))
         ET.SubElement(collection, "DataSet", timestep=repr(float(seconds)), part="0", file=file)
     root = _file("Collection")
     root.append(collection)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cfem.active.place import effectors
+from cfem.active_learning.place import effectors
 from cfem.predict.protocol import Predictor
 
 

@@ -1,8 +1,8 @@
 """`cfem sample --around TASK`: states where a task goes and a model of the samples so far is unsure, added to them.
 
 The task is a run of `cfem control`, whose tables say where the actuators stood. Of these states, those are solved on
-which models of parts of the samples differ most, spread out (`cfem.active.choose`). A few more states of the task go to
-the test split, where they judge: the error of the model on the task, before and after."""
+which models of parts of the samples differ most, spread out (`cfem.active_learning.choose`). A few more states of the
+task go to the test split, where they judge: the error of the model on the task, before and after."""
 
 import pickle  # nosec B403
 import time
@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cfem.active.choose import choose, disagreement
-from cfem.active.fill import COMMITTEE, largest_error, model
+from cfem.active_learning.choose import choose, disagreement
+from cfem.active_learning.fill import COMMITTEE, largest_error, model
 from cfem.condensed.parameters import references, sampled, shares
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from cfem.active.choose import choose, disagreement
-from cfem.active.place import effectors, place
+from cfem.active_learning.choose import choose, disagreement
+from cfem.active_learning.place import effectors, place
 from cfem.condensed.parameters import completed, from_shares, sampled
 from cfem.core.progress import doing
 from cfem.dataset.reader import Dataset, as_dataset, column_array
@@ -53,7 +53,7 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
     """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where neither spec.until
     nor spec.around asks for more."""
     if spec.around is not None:
-        from cfem.active import around
+        from cfem.active_learning import around
 
         return around.fill(folder, spec, factory, workers)
     if spec.until is None:

@@ -3,7 +3,7 @@
 import numpy as np
 from surrogate.synthetic import dataset
 
-from cfem.active.choose import choose, disagreement
+from cfem.active_learning.choose import choose, disagreement
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.spectral import fit

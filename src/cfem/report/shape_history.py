@@ -23,7 +23,7 @@ FE, LEARNED = "fe", "learned"
 
 
 @dataclass(frozen=True)
-class Course:
+class ShapeHistory:
     """One trajectory. kind: 'fe' or 'learned'; rest (m, 3) mm; facets (t, 3, 4 or 6) nodes; x (f, m, 3) mm;
     index: (f,) of each shape among the rows of the run; times: (f,), seconds of a loop, else the number of the goal;
     in_seconds: which of the two; facts: (f, ...) numbers of each shape by name; goals, reached: (n, 3) mm of all rows;
@@ -55,12 +55,12 @@ class _Way:
     names: list[str]
     units: tuple[list[str], list[str]]
 
-    def course(
+    def history(
         self, kind: str, rest: np.ndarray, facets: np.ndarray, x: np.ndarray, index: np.ndarray, objects: int = 0
-    ) -> Course:
+    ) -> ShapeHistory:
         at = self._first_point()
         in_seconds = "tick" in self.columns
-        return Course(
+        return ShapeHistory(
             name=self.name,
             kind=kind,
             rest=rest,
@@ -92,9 +92,9 @@ class _Way:
         return {name: values[index] for name, values in found.items()}
 
 
-def courses(
+def histories(
     folder: Path, manifest: Mapping[str, Any], most: int = 60, kinds: Collection[str] = (FE, LEARNED)
-) -> Iterator[Course]:
+) -> Iterator[ShapeHistory]:
     """Of every trajectory of a run: FE shapes where it kept them, then those of the learned skin where the model has
     one, at most `most`, evenly spread. kinds: those that are wanted. InputError where the model is no
     longer the one of the run."""
@@ -103,7 +103,7 @@ def courses(
     for way in _ways(folder, manifest):
         if f"{way.name}/x" in states:
             x, objects = states[f"{way.name}/x"].astype(float), int(states.get("object_points", 0))
-            yield way.course(FE, states["X"], states["facets"], x, states[f"{way.name}/index"], objects)
+            yield way.history(FE, states["X"], states["facets"], x, states[f"{way.name}/index"], objects)
         moved = manifest["spec"].get("object") or manifest["spec"].get("design")
         if LEARNED not in kinds or way.model is None or moved:
             continue  # which moves or changes the robot that the skin is of
@@ -115,7 +115,7 @@ def courses(
             continue
         index = good[np.linspace(0, len(good) - 1, min(most, len(good))).round().astype(int)]
         x = model.shape(way.columns["delta_a"][index])
-        yield way.course(LEARNED, model.skin.rest, model.facets, x, index)
+        yield way.history(LEARNED, model.skin.rest, model.facets, x, index)
 
 
 def _ways(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Way]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from surrogate.synthetic import dataset
 
-from cfem.active.place import effectors, place
+from cfem.active_learning.place import effectors, place
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
