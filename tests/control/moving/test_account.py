@@ -7,9 +7,9 @@ from cfem.control.inverse import Limits
 from cfem.control.moving.account import over_time, saturation
 
 
-def run(errors, commands, softened=False):
+def run(errors, commands, softened=False, astray=False):
     return [
-        SimpleNamespace(error=e, belief=SimpleNamespace(u=np.array(u, float), softened=softened))
+        SimpleNamespace(error=e, belief=SimpleNamespace(u=np.array(u, float), softened=softened, astray=astray))
         for e, u in zip(errors, commands, strict=True)
     ]
 
@@ -33,3 +33,5 @@ def test_shares_of_the_ticks_at_bounds():
         "left: smallest": 1.0,
         "bounds on the robot missed": 1.0,
     }
+    lost = saturation([run([0, 0], [[1, 1], [1, 1]], astray=True)], pilot, ["left", "right"])
+    assert lost == {"the robot does not move as the model says": 1.0}

@@ -90,3 +90,15 @@ def test_samples_are_heard_once_and_lost_ones_are_no_harm():
     assert observer.heard == 2 and np.isfinite(observer.state.z).all()
     with pytest.raises(InputError, match="commands were given"):
         observer.hear(Measurement(seen.x_e, None, None, 7, "converged"), robot().rest_e)
+
+
+def test_a_robot_that_moves_otherwise_is_noticed():
+    """Innovations are as large as stated of the model's own robot, and one that is 3 mm elsewhere is astray."""
+    observer, _ = watched(120, delay=0)
+    assert observer.innovation < 5 and not observer.astray
+    e, _ = clocked().effectors(observer.now().z[None])
+    tick = observer.heard + len(observer._commands) + 1
+    observer.told(np.array([2.4]))
+    seen = robot().rest_e + e[0] + observer.offset + 3.0
+    observer.hear(Measurement(seen, None, None, tick, "converged"), robot().rest_e)
+    assert observer.astray

@@ -26,7 +26,8 @@ def over_time(runs: Sequence[Sequence[Moment]], rate: float) -> list[dict[str, f
 
 
 def saturation(runs: Sequence[Sequence[Moment]], pilot: Pilot, actuators: Sequence[str]) -> dict[str, float]:
-    """The share of ticks that each bound of the commands held, by what it is; bounds that never did are left out."""
+    """The share of ticks that each bound of the commands held, by what it is, and of those with a plan that nobody should
+    trust; what never was is left out."""
     low, high = (pilot.limits.lambda_a if pilot.command == "force" else pilot.limits.delta_a).T
     shares: dict[str, float] = {}
     u = np.array([one.belief.u for run in runs for one in run])
@@ -42,7 +43,9 @@ def saturation(runs: Sequence[Sequence[Moment]], pilot: Pilot, actuators: Sequen
         for name, share in zip(actuators, where.mean(axis=0), strict=True):
             if share > 0:
                 shares[f"{name}: {what}"] = float(share)
-    softened = np.mean([getattr(one.belief, "softened", False) for run in runs for one in run])
-    if softened > 0:
-        shares["bounds on the robot missed"] = float(softened)
+    said = {"softened": "bounds on the robot missed", "astray": "the robot does not move as the model says"}
+    for name, what in said.items():
+        share = np.mean([getattr(one.belief, name, False) for run in runs for one in run])
+        if share > 0:
+            shares[what] = float(share)
     return shares

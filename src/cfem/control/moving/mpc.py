@@ -33,12 +33,14 @@ from cfem.plant.protocol import Measurement
 @dataclass(frozen=True)
 class Told:
     """What a controller says at a tick: u (n_a,) the command; status: 'converged' or why not; delta_a (n_a,) mm: where
-    it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds."""
+    it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds; astray: the last
+    sample is far beyond what its observer expected."""
 
     u: np.ndarray
     status: str
     delta_a: np.ndarray
     softened: bool = False
+    astray: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,8 @@ class Mpc:
             self._states = states
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
         self._sent(u, place)
-        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened)
+        astray = self.observer is not None and self.observer.astray
+        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray)
         return self.belief
 
     def _present(self, measured: Measurement | None) -> State:

@@ -17,6 +17,9 @@ from cfem.motion.model import Place
 from cfem.plant.protocol import Measurement
 
 _KNOWN = 4.0  # standard deviations within which a logarithm of the material stays
+_ASTRAY = (
+    10.0  # of what it states: the mean square of a sample's miss at which the robot does not move as the model says
+)
 
 
 @dataclass(frozen=True)
@@ -35,13 +38,14 @@ class Doubt:
 
 class Observer:
     """state: at the tick of the last sample; material, offset (n_e,) mm: estimates; covariance (n, n) of state,
-    material and offset; heard: tick of the last sample."""
+    material and offset; heard: tick of the last sample; innovation: the square of what the last sample missed of what
+    was expected, over what the filter states of it: 1 on average."""
 
     def __init__(self, clocked: Clocked, start: State, weights: np.ndarray, doubt: Doubt):
         """start: where the robot stands before the first tick; weights (n_e,): rows of weight 0 are not measured."""
         self._clocked, self._doubt, self._measured = clocked, doubt, weights > 0
         self.state, self.offset = start, np.zeros(len(weights))
-        self._log, self.heard = np.zeros(2), 0
+        self._log, self.heard, self.innovation = np.zeros(2), 0, 1.0
         self._commands: list[np.ndarray] = []
         self._places: list[Place | None] = []  # of the ticks of the commands
         self._place: Place | None = None  # of the last tick
@@ -61,6 +65,11 @@ class Observer:
     def material(self) -> Material:
         """As estimated."""
         return Material(*np.exp(self._log).tolist())
+
+    @property
+    def astray(self) -> bool:
+        """Whether the last sample is far beyond what was expected: then nobody should trust a plan."""
+        return self.innovation > _ASTRAY
 
     def told(self, u: np.ndarray, place: Place | None = None) -> None:
         """The command (n_a,) of the next tick; place: whose inertia is taken for it, None: asked of the model."""
@@ -128,6 +137,7 @@ class Observer:
         S = H @ P @ H.T + R
         gain = np.linalg.solve(S, H @ P).T
         change = gain @ missed
+        self.innovation = float(missed @ np.linalg.solve(S, missed)) / len(missed)
         keep = np.eye(len(P)) - gain @ H
         P = keep @ P @ keep.T + gain @ R @ gain.T  # Joseph's form: positive whatever rounding does
         self.covariance = (P + P.T) / 2
