@@ -26,8 +26,8 @@ def over_time(runs: Sequence[Sequence[Moment]], rate: float) -> list[dict[str, f
 
 
 def saturation(runs: Sequence[Sequence[Moment]], pilot: Pilot, actuators: Sequence[str]) -> dict[str, float]:
-    """The share of ticks that each bound of the commands held, by what it is, and of those with a plan that nobody should
-    trust; what never was is left out."""
+    """The share of ticks that each bound of the commands held, by what it is, and of those with a plan that nobody
+    should trust; what never was is left out."""
     low, high = (pilot.limits.lambda_a if pilot.command == "force" else pilot.limits.delta_a).T
     shares: dict[str, float] = {}
     u = np.array([one.belief.u for run in runs for one in run])

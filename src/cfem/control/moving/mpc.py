@@ -33,8 +33,8 @@ from cfem.plant.protocol import Measurement
 @dataclass(frozen=True)
 class Told:
     """What a controller says at a tick: u (n_a,) the command; status: 'converged' or why not; delta_a (n_a,) mm: where
-    it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds; astray: the last
-    sample is far beyond what its observer expected."""
+    it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds; astray: the
+    last sample is far beyond what its observer expected."""
 
     u: np.ndarray
     status: str
