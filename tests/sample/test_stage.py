@@ -1,6 +1,7 @@
 """The bar from scene to dataset: finite elements, worker processes, manifest, and when nothing is done."""
 
 import shutil
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from cfem.equilibrium.solve import solve
 from cfem.robot import stage as mesh_stage
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
+from cfem.sample import runner
 from cfem.sample.parameters import with_values
 from cfem.sample.stage import run
 
@@ -184,6 +186,19 @@ def test_the_skin_changes_no_other_number_and_costs_no_factorisation_but_in_the_
     counts = np.concatenate(list(extra.values()))
     assert sorted(counts) == [0] * 5 + [1] * 4  # the four of the skeleton are condensed twice
     assert not (plain / "skin.npz").exists()
+
+
+def test_progress_counts_both_solves_of_a_skeleton_with_a_skin(folder, spec, monkeypatch):
+    ends = {}
+
+    @contextmanager
+    def counted(text, total, done=0, poll=None, estimate=True):
+        yield
+        ends[text] = (done + poll(), total)
+
+    monkeypatch.setattr(runner, "progress", counted)
+    run(spec, SMALL, folder / "counted", QUIET, workers=1)
+    assert list(ends.values()) == [(2 * 4, 2 * 4), (5, 5)]
 
 
 def test_a_tolerance_that_is_not_reached_says_how_far_it_came(folder, spec):

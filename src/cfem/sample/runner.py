@@ -172,7 +172,8 @@ def solve_skeleton(job: Job, rows: np.ndarray) -> Job:
     beside it those of their states and of the skin, where they are not there."""
     if not _has_skeleton(job):
         call = (shard.solve_skeleton, job.robot, job.piece(rows), job.asked)
-        with progress("skeleton, from which all other states start", len(rows), poll=_solved(job), estimate=False):
+        solves = len(rows) * (1 if job.asked is None else 2)  # with a skin: once to find its rows, once more with them
+        with progress("skeleton, from which all other states start", solves, poll=_solved(job), estimate=False):
             _, (records, states, skin) = next(_results(job.executor, job.timeout, {"skeleton": call}))
         with_skin = skinned(job, skin)
         if skin:

@@ -96,7 +96,10 @@ def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[
     demand_states(knots)
     skin = find_skin(surface, seen, asked, solver.facts.length, inside)
     watching = solver.watching(skin)
-    rows = [_again(watching, piece, row) for row in begun]
+    rows = []
+    for row in begun:
+        rows.append(_again(watching, piece, row))
+        tally.add_one()
     records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
     states = knots_bytes([row.knot for row in rows if row.solved.converged])
     return records, states, skin_bytes(skin)
