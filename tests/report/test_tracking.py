@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from cfem.report.summary import tracking_summary
-from cfem.report.tracking import Tracking, effort_charts, looser, places, planes, tracking_section, tracking_table
+from cfem.report.tracking import (
+    Tracking,
+    effort_charts,
+    looser,
+    places,
+    planes,
+    tracking_section,
+    tracking_table,
+    trajectory_charts,
+)
 
 UNITS = {"left": ("mm", "N"), "top": ("mm³", "MPa")}
 
@@ -158,3 +167,9 @@ def test_where_no_fe_judges_plans_outside_the_training_are_poor():
     found.columns["inside"][:] = False
     assert "plans for 4 goals" in first(found).concerns[0]
     assert first(found).numbers[2].notes == ()
+
+
+def test_a_coordinate_that_the_search_leaves_free_has_its_goals_where_the_robot_is():
+    spec = {"reached": 0.1, "fe_tolerance": 1e-3, "search": {"tolerance": 1e-5, "weights": [0.0, 1.0, 0.0, 1.0]}}
+    free, stated = (trajectory_charts(one, "my-curve", UNITS)[0] for one in (tracking(spec=spec), tracking()))
+    assert "No goal states x or z" in free.caption and "No goal" not in stated.caption

@@ -139,11 +139,10 @@ def test_mlp_is_stored_and_loaded(tmp_path):
     assert np.array_equal(W, stored["W"])
 
 
-def test_the_headline_states_mm_and_N_before_the_loss():
+@pytest.mark.parametrize(("unit", "said"), [("N", "N"), ("MPa", "MPa"), (["N", "MPa", "N"], "N or MPa")])
+def test_the_headline_states_mm_and_the_unit_of_the_actuators_before_the_loss(unit, said):
     errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "loss": 7e-6, "frame_loss": 5e-6, "states": 40}
     results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
-    (line,) = headline({**results, "positive_definite": {"share": 1.0}})
-    assert (
-        "largest errors 12 um at the tip and 0.34 N on 40 states; the paper's loss 7.00e-06, of whole vectors 5.00e-06"
-        in line.replace("µ", "u")
-    )
+    (line,) = headline({**results, "positive_definite": {"share": 1.0}}, {"lambda_a": unit})
+    losses = "the paper's loss 7.00e-06, of whole vectors 5.00e-06"
+    assert f"largest errors 12 um at the tip and 0.34 {said} on 40 states; {losses}" in line.replace("µ", "u")

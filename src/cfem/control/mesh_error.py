@@ -64,11 +64,13 @@ def discretisation(
 
 def _left_out(spec: ControlSpec) -> str:
     """Why nothing is to be estimated."""
+    if spec.object or spec.design:
+        return "the estimate does not know objects and designs"
+    if spec.obstacles:
+        return "the estimate does not know contact"
     if spec.mesh_error is None:
         return "mesh_error is null in the spec"
-    if spec.plant != "fem":
-        return "no FE robot carried out the commands"
-    return "it is not estimated with an object or a design" if spec.object or spec.design else ""
+    return "" if spec.plant == "fem" else "no FE robot carried out the commands"
 
 
 def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:

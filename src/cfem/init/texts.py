@@ -115,7 +115,7 @@ def _mesh(robot: NewScene) -> list[str]:
     return [
         "mesh:",
         f"  size: {number(robot.size)} mm" + _note("the largest"),
-        f"  cells: {robot.cells.value}" + _note("about so many, finest where they matter; more are exacter and slower"),
+        f"  cells: {robot.cells.value}" + _note("about so many, finest where they matter; more: more accurate, slower"),
     ]
 
 

@@ -55,7 +55,7 @@ def models_section(
         parts += [trust_chart(trusts, prefix), trust_table(summaries)]
     text = (
         "All errors are those at the test states, which no training has seen. The paper's loss is the mean squared "
-        "error of the entries of W and delta_free, standardised by the test set. `cfem train` judges the model by that "
+        "error of the entries of W and delta_free, standardised by the test set. cfem train judges the model by that "
         "of whole vectors, which does not depend on the axes of the scene, and prints both. W is checked at random "
         "states between samples."
     )

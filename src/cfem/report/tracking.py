@@ -164,7 +164,9 @@ def trajectory_charts(found: Tracking, name: str, units: Mapping[str, tuple[str,
     names = list(dict.fromkeys(rows["controller"]))
     first = rows["controller"] == names[0]
     at = (places(found) or [0])[0]
-    goal = rows["goal"][first][:, at : at + 3]
+    free = free_coordinates(found, at)
+    goal = rows["goal"][first][:, at : at + 3].copy()
+    goal[:, free] = rows["x_e"][first][:, at : at + 3][:, free]
     axes = []
     for i, j in planes(goal):
         axis = panel(f"{'xyz'[j]} (mm)", f"{'xyz'[i]} (mm)")
@@ -182,7 +184,15 @@ def trajectory_charts(found: Tracking, name: str, units: Mapping[str, tuple[str,
         look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3}
         error.plot(rows["goal_index"][mine], distance, color=colour_of(who, names), label=who, **look)
     caption = f"{said}: goals, the positions that the robot reached, and its distance from each goal."
+    if free:
+        caption += f" No goal states {' or '.join('xyz'[i] for i in free)}: it is drawn where the robot is."
     return [chart(f"tracking-{name}", caption, [*axes, error]), *carried(found, name, rows, names, units)]
+
+
+def free_coordinates(found: Tracking, at: int) -> list[int]:
+    """Which of x, y, z of the point whose rows begin at `at` the search leaves free: those without weight."""
+    weights = found.spec["search"].get("weights")
+    return [i for i in range(3) if weights and weights[at + i] == 0]
 
 
 def carried(found: Tracking, name: str, rows: Mapping, names: Sequence[str], units: Mapping) -> list[Chart]:

@@ -130,8 +130,8 @@ def trust_chart(found: Mapping[str, Trust], prefix: str = "") -> Chart:
         axis.axvline(FAR, color=FAINT, lw=1.2, ls="--")
         axes.append(axis)
     text = (
-        "States that FE solved: the true error of a model against the distance from its training states that it "
-        "states. The model flags states right of the dashed line, and those outside the box of its training states. "
+        "True error of a model at states solved by FE, against the distance from its training states that the model "
+        "gives. It flags states right of the dashed line (red), and those outside the box of its training states. "
         "The flag is useful where red lies above blue."
     )
     return chart(f"{prefix}trust", text, axes)

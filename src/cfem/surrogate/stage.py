@@ -121,7 +121,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     elif spec.skin and training.whole is not None:
         results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
     results["judgement"] = judged(results)
-    results["headline"] = headline(results)
+    results["headline"] = headline(results, training.meta["units"])
     shutil.rmtree(checkpoints, ignore_errors=True)
     return results
 

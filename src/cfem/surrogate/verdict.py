@@ -7,12 +7,14 @@ from cfem.core.shown import duration, length
 from cfem.surrogate.skin_line import skin_line
 
 
-def headline(results: dict[str, Any]) -> list[str]:
-    """Errors in mm and N before the loss, then what is wrong."""
+def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
+    """Errors in mm and N (MPa of chambers) before the loss, then what is wrong. units: of the dataset's columns."""
+    unit = units.get("lambda_a", "N")  # a list where the actuators differ
+    force = unit if isinstance(unit, str) else " or ".join(sorted(set(unit), reverse=True))
     errors, definite = results["errors"], results["positive_definite"]
     lines = [
         f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
-        f"and {errors['force_N']['max']:.2g} N on {errors['states']} states; "
+        f"and {errors['force_N']['max']:.2g} {force} on {errors['states']} states; "
         f"the paper's loss {errors['loss']:.2e}, of whole vectors {errors['frame_loss']:.2e}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
