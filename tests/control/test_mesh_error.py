@@ -74,6 +74,7 @@ def test_a_finer_mesh_that_is_too_large_is_not_made():
     "changes, words",
     [
         (["mesh_error=null"], "mesh_error is null"),
+        (["obstacles={lid: {kind: plane, point: {mm: [0, 0, 9]}, normal: [0, 0, -1]}}", "fe_based=false"], "contact"),
         (
             ["plant=model", "fe_based=false", "trajectories={a: {kind: goals, points: {mm: [[55, 0, 5]]}}}"],
             "no FE robot",

@@ -73,7 +73,7 @@ def _open_loop(folder: Path, spec: ControlSpec, base: Path, at: "Prepared") -> d
     from cfem.core.progress import progress
 
     if at.world:
-        spec = spec.model_copy(update={"mesh_error": None})  # contact has no estimate of it
+        spec = spec.model_copy(update={"mesh_error": None})  # it does not know contact
     robot, fem = at.robot, at.fem
     surface, places = np.unique(robot.facets, return_inverse=True)
     records, states, results = [], {"X": robot.X[surface], "facets": places.reshape(robot.facets.shape)}, {}

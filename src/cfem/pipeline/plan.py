@@ -91,7 +91,7 @@ def _makers(stage: Stage, spec: Path, outs: dict[Path, dict[str, Path]]) -> Iter
             yield maker
         elif not path.exists():
             what = f"{spec} needs it, and no spec there or in the folders beside it makes it"
-            raise InputError(what, where=os.path.normpath(path), do="make it, or look at the path")
+            raise InputError(what, where=os.path.normpath(path), do="look at the path, or at that spec's first lines")
 
 
 def _beside(folder: Path) -> list[Path]:
