@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.contact import ContactProblem, Mode, check, solve_contact
+from cfem.contact.modes import ModeStatus, solve_mode
 from cfem.contact.newton import newton_with_object
 
 
@@ -46,3 +47,10 @@ def test_many_points_are_solved_without_a_search_and_some_slip():
 
 def test_more_push_than_friction_has_no_state():
     assert newton_with_object(table(9, 3.2, 0.6).normalised, 0.6) is None
+
+
+def test_two_points_that_touch_cannot_hold_what_turns_about_their_line():
+    """Whatever they do, and however much friction there is: no search over their directions is begun."""
+    modes = (Mode.SLIP, Mode.OPEN, Mode.SLIP, Mode.OPEN)
+    found = solve_mode(table(4, 1.0, 0.6), "coulomb", modes)
+    assert found.status is ModeStatus.INCONSISTENT and not len(found.lam)

@@ -251,12 +251,21 @@ def with_angles(p: ContactProblem, modes: Sequence[Mode], angles: np.ndarray) ->
     return y
 
 
+def _balanced(p: ContactProblem, modes: tuple[Mode, ...]) -> bool:
+    """Whether any forces on the points that touch balance the load."""
+    bears = p.motion[np.repeat([mode is not Mode.OPEN for mode in modes], 3)]
+    missing = p.load - bears.T @ (np.linalg.pinv(bears.T) @ p.load)
+    return bool(np.abs(missing).max(initial=0.0) <= SAME)
+
+
 def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None) -> np.ndarray:
     """(c, 3m + k) solutions on the exact cone, repetitions included."""
     n3 = len(p.free)
+    if not _balanced(p, modes):
+        return np.zeros((0, n3 + p.k))
     s = modes.count(Mode.SLIP)
     starts = start_angles(s, quick)
-    y = with_angles(p, modes, starts if angles is None else np.vstack([angles, starts]))
+    y, done = with_angles(p, modes, starts if angles is None else np.vstack([angles, starts])), []
     for _ in range(25):
         F, J, _ = slip_equations(p, modes, y)
         try:
@@ -266,9 +275,11 @@ def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.
         turn = np.abs(step[:, n3 + p.k : n3 + p.k + s]).max(axis=1)
         y = y + step / np.maximum(1.0, turn)[:, None]
         size = 1 + np.abs(y).max(axis=1)
-        y = y[np.isfinite(size) & (size < 1e12)]
-        if not len(y) or (np.abs(step).max(axis=1) < 1e-13 * size.max()).all():
+        there = np.abs(step).max(axis=1) < 1e-13 * size
+        done.append(y[there])
+        y = y[~there & np.isfinite(size) & (size < 1e12)]
+        if not len(y):
             break
+    y = np.vstack([*done, y])
     size = 1 + np.abs(y).max(axis=1, initial=0.0)
-    done = np.abs(slip_equations(p, modes, y)[0]).max(axis=1) <= 1e-10 * size
-    return y[done, : n3 + p.k]
+    return y[np.abs(slip_equations(p, modes, y)[0]).max(axis=1) <= 1e-10 * size, : n3 + p.k]
