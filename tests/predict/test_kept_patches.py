@@ -25,7 +25,7 @@ def asked(bar, tmp_path, monkeypatch):
             np.full((J, n, n), float(len(solved))),
             np.zeros((J, 3, n)),
             nothing,
-            np.zeros((J, len(patches), 3, 3, 3)),
+            np.zeros((J, len(patches), 3, 3, 6)),
         )
 
     monkeypatch.setattr(kept_patches, "patch_response", solve)

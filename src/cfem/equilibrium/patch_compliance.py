@@ -39,8 +39,8 @@ def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, chosen: np.n
 class PatchResponse:
     """How patches of the surface yield to forces on them, actuators held. At states (J, n_a) mm: own (J, 3 N, 3 N)
     mm/N the patches, tip (J, n_e, 3 N) mm/N the effectors; bent (J, k, n_e + k, n_e + k) mm/N^2: how the compliance of
-    effectors and rows of the skin changes with loads on the latter; dented (J, N, 3, 3, 3) mm/N^2: how that of each
-    patch changes with a force on it."""
+    effectors and rows of the skin changes with loads on the latter; dented (J, N, 3, 3, 3 + n_e) mm/N^2: how that of
+    each patch, and between it and the effectors, changes with a force on it."""
 
     states: np.ndarray
     own: np.ndarray
@@ -72,14 +72,16 @@ def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarra
 
 
 def _dented(at: Linear) -> np.ndarray:
-    """(N, 3, 3, 3) mm/N^2: how the compliance of each contact point, actuators held, changes with a force on it."""
+    """(N, 3, 3, 3 + n_e) mm/N^2: how the compliance of each contact point, with itself and with the effectors, changes
+    with a force on it, actuators held."""
     robot, rows, found = at.problem.robot, at.problem.robot.rows, []
     for number, point in enumerate(robot.contacts):
         mine = rows.c.start + 3 * number + np.arange(3)
-        watched = replace(robot, effectors=(point,), contacts=(), rows=Rows(("x", "y", "z"), rows.actuators))
-        of = np.concatenate([mine, np.arange(rows.n)[rows.a]])
-        alone = Problem(watched, like=at.problem)
-        found.append(load_derivatives(alone, at.at, at.lam[: rows.n_a], at.Z[:, of], at.W[np.ix_(of, of)]))
+        seen = Rows(("x", "y", "z", *rows.effectors), rows.actuators)
+        watched = replace(robot, effectors=(point, *robot.effectors), contacts=(), rows=seen)
+        of = np.concatenate([mine, np.arange(rows.n)[rows.e], np.arange(rows.n)[rows.a]])
+        alone, W = Problem(watched, like=at.problem), at.W[np.ix_(of, of)]
+        found.append(load_derivatives(alone, at.at, at.lam[: rows.n_a], at.Z[:, of], W, loaded=3))
     return np.stack(found)
 
 

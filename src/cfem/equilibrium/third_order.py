@@ -54,10 +54,12 @@ class SkinRowsChange:
         return 0.0 if self.levers is None else change_of_work(self._kinematics, self.levers, motion, q)
 
 
-def load_derivatives(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """(n_e, n_e, n_e) mm/N^2: D = dC/dw, how the effectors' compliance C, actuators held and contacts free, changes
-    with a wrench w on their rows; symmetric, as the third derivative of an energy (`cfem.predict.loaded`). Z and W as
-    for `compliance_derivatives`.
+def load_derivatives(
+    problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray, loaded: int | None = None
+) -> np.ndarray:
+    """(l, l, n_e) mm/N^2: D = dC/dw, how the effectors' compliance C, actuators held and contacts free, changes with a
+    wrench w on the first `loaded` of their rows (all unless given); symmetric, as the third derivative of an energy
+    (`cfem.predict.loaded`). Z and W as for `compliance_derivatives`.
 
     With the motions Q that a wrench makes while the actuators hold, and the rows B that go with them, C is B^T Q and
     2 B^T Q - Q^T A Q stationary in Q: its derivative along Q_k needs no solve. The wrench's own curvature joins A."""
@@ -65,25 +67,33 @@ def load_derivatives(problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.nd
     pulls = np.linalg.solve(W[rows.a, rows.a], W[rows.a, rows.e])  # (n_a, n_e) with which the actuators hold
     Q = Z[:, rows.e] - Z[:, rows.a] @ pulls
 
-    def compliance(k: int, h: float) -> tuple[np.ndarray, np.ndarray]:
-        """And how the wrench's direction turns: gradients of the effectors on Q."""
+    def moved(k: int, h: float) -> np.ndarray:
+        return kinematics.move(at.x, h * Q[:, k])
+
+    def gradients(x: np.ndarray) -> np.ndarray:
+        return problem.gradients(problem.robot.effectors, x).T @ Q
+
+    def compliance(k: int, h: float) -> np.ndarray:
         forces = lam.copy()
         forces[: rows.n_a] -= h * pulls[:, k]
-        there = problem.evaluate(kinematics.move(at.x, h * Q[:, k]), np.empty(0), at.load)
-        by_e = problem.gradients(problem.robot.effectors, there.x).T @ Q
-        BQ = by_e - pulls.T @ (there.H[:, : rows.n_a].T @ Q)
-        return BQ + BQ.T - problem.form(there, forces, Q), by_e
+        there = problem.evaluate(moved(k, h), np.empty(0), at.load)
+        BQ = gradients(there.x) - pulls.T @ (there.H[:, : rows.n_a].T @ Q)
+        return BQ + BQ.T - problem.form(there, forces, Q)
 
-    D = np.zeros((rows.n_e,) * 3)
+    many = rows.n_e if loaded is None else loaded
+    D, turned = np.zeros((many, rows.n_e, rows.n_e)), np.zeros((many, rows.n_e, rows.n_e))
     for k in range(rows.n_e):
         most = steepest(problem, kinematics.spread(at.x, Q[:, k]))
         if most == 0.0:
             continue  # attached to held nodes only
         h = _STEP / most
-        (ahead, turned), (behind, turned_back) = compliance(k, h), compliance(k, -h)
-        D[k] += (ahead - behind) / (2 * h)
-        D[:, k] += (turned - turned_back) / (2 * h)
-    return sum(D.transpose(order) for order in permutations(range(3))) / 6
+        turned[:, k] = (gradients(moved(k, h)) - gradients(moved(k, -h)))[:many] / (2 * h)  # the wrench's direction
+        if k < many:
+            D[k] = (compliance(k, h) - compliance(k, -h)) / (2 * h)
+    D += (turned + turned.swapaxes(1, 2)) / 2
+    own, seen = np.split(D[:, :many], [many], axis=2)
+    own = sum(own.transpose(order) for order in permutations(range(3))) / 6
+    return np.concatenate([own, (seen + seen.swapaxes(0, 1)) / 2], axis=2)
 
 
 def skin_load_derivatives(at: Linear) -> np.ndarray:

@@ -4,13 +4,13 @@ Patches p of the skin are where it may be touched. Their places follow from the 
 (`cfem.predict.skin`) and from the forces f_p on them, which work on the modes by w_k = sum_p u_kp . f_p:
 
     x_p = X_p + sum_k u_kp s_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2        g_p = R_p^T f_p
-    s = s_0 + C_ss w        e = e_0 + C_es w
+    s = s_0 + C_ss w        e = e_0 + C_es w + sum_p (T_p g_p + F_p[g_p, g_p] / 2)
 
 s_0, e_0 and the compliances C are the model's at delta_a. L_pq is what the modes leave of the compliance between two
 patches. It is local: it falls with their distance and turns with them, by R_p, the rotation of a patch since rest that
 fits its nodes best (Kabsch, 1976). E_p is how a force on patch p changes its own part L_pp: a body that is dented
-stiffens. Seen in the patches L and E change little: polynomials in delta_a of degree three, less where that has many
-terms, through finite elements at as few states."""
+stiffens. T_p and F_p are the same between a patch and the effectors. Seen in the patches all these change little:
+polynomials in delta_a of degree three, less where that has many terms, through finite elements at as few states."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +28,7 @@ from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
-TERMS, MOST = 10, 3  # of the polynomials through L and E, and their highest degree
+TERMS, MOST = 10, 3  # of the polynomials through these, and their highest degree
 NONE = np.zeros(0)
 
 
@@ -106,11 +106,12 @@ class Touchable:
 
     @cached_property
     def dented(self) -> np.ndarray:
-        """(terms, N, 3, 3, 3) mm/N^2, series of E: what modes leave of how the compliance of each patch changes with
-        a force on it; symmetric, and rounded like L."""
-        model, N, found, k = self.model, len(self.patches), [], len(self.model.skin)
+        """(terms, N, 3, 3, 3 + n_e) mm/N^2, series of E and F: what modes leave of how the compliance of each patch,
+        with itself and with the effectors, changes with a force on it; symmetric, and rounded like L."""
+        model, N, found, n_e = self.model, len(self.patches), [], self.model.rows.n_e
         for delta, bent, dented in zip(self.by_fe.states, self.by_fe.bent, self.by_fe.dented, strict=True):
-            by_modes = np.einsum("pai,pbj,pcl,ijl->pabc", *[self.U] * 3, bent[:, -k:, -k:], optimize=True)
+            by_modes = np.einsum("pai,pbj,irj->pabr", self.U, self.U, bent[:, :, n_e:], optimize=True)
+            by_modes = np.concatenate([by_modes[..., n_e:] @ self.U.swapaxes(1, 2)[:, None], by_modes[..., :n_e]], 3)
             R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
             found.append(turn_cubic(dented - by_modes, R.swapaxes(1, 2)))
         return np.tensordot(self._inverse, np.stack(found), axes=1).astype(np.float32).astype(float)
@@ -165,8 +166,9 @@ class Touchable:
 
 
 def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(c, 3, 3, 3) of each turned by R (c, 3, 3)."""
-    half = np.einsum("pai,pijk->pajk", R, of) @ R.swapaxes(1, 2)[:, None]
+    """(c, 3, 3, 3 + n_e) of each turned by R (c, 3, 3), which the effectors are not."""
+    half = np.einsum("pai,pijk->pajk", R, of)
+    half[..., :3] = half[..., :3] @ R.swapaxes(1, 2)[:, None]
     return np.einsum("pbj,pajk->pabk", R, half)
 
 
