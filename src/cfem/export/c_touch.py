@@ -24,6 +24,7 @@ CORE = (
     "cfem_obstacle.c",
     "cfem_touch_data.c",
 )
+UPPER = np.triu_indices(3)
 DATA = ("cfem_touch_data.c", "cfem_touch_data.h")
 
 
@@ -72,7 +73,9 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
     arrays, (spread, by_row) = skin.arrays, touchable.spread
     one, other = np.triu_indices(N)
     local = touchable.local[:, one, other].reshape(len(touchable.degrees), len(one), 9)
-    a, b, c = np.array(list(combinations_with_replacement(range(3), 3))).T
+    (a, b, c), (i, j, k) = triples(3), triples(len(skin))
+    n_e, (first, second) = touchable.model.rows.n_e, np.triu_indices(len(skin))
+    effectors = touchable.bent[:, first, :n_e, n_e + second]  # (pairs, terms, n_e), as indices stand apart
     return {
         "to_box": np.asarray(arrays["to_box"], float),
         "offset": np.asarray(arrays["offset"], float),
@@ -83,8 +86,13 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
         "local_degrees": touchable.degrees.astype(np.uint8),
         "local": np.ascontiguousarray(local.swapaxes(0, 1), dtype=np.float32),
         "dented": np.ascontiguousarray(touchable.dented[:, :, a, b, c].swapaxes(0, 1), dtype=np.float32),
+        "dented_tip": np.ascontiguousarray(
+            touchable.dented[:, :, UPPER[0], UPPER[1], 3:].transpose(1, 0, 3, 2), dtype=np.float32
+        ),
         "local_tip": np.ascontiguousarray(touchable.local_tip.transpose(2, 0, 1, 3)),
-        "bent": np.ascontiguousarray(touchable.bent[..., -len(skin) :]),
+        "bent": np.hstack(
+            [touchable.bent[:, i, n_e + j, n_e + k], effectors.transpose(1, 2, 0).reshape(len(touchable.degrees), -1)]
+        ),
         "held": touchable.held_still.astype(np.uint8),
         "box": np.asarray(touchable.model.domain.delta_a, float),
         "reach": np.abs(touchable.model.reach).max(axis=1),
@@ -93,6 +101,11 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
         "spread": spread.reshape(N, 9),
         "spread_by_row": np.ascontiguousarray(by_row.reshape(-1, N, 9).transpose(1, 2, 0)),
     }
+
+
+def triples(n: int) -> np.ndarray:
+    """(3, c) all i <= j <= k below n."""
+    return np.array(list(combinations_with_replacement(range(n), 3))).T
 
 
 def _obstacle(one: Obstacle) -> str:

@@ -43,10 +43,10 @@ class Held:
         self._change = (w @ self._D).reshape(n_e + k, k)  # of C_es and C_ss
         self._by_modes: Beyond = beyond(w, self.C_ss @ w, self._change[n_e:] @ w)
         self.rows = self.unloaded + self._by_modes.motion
-        own = (parts.own @ forces[:, :, None])[..., 0]
+        first = parts.yields[:, None] * forces
         self._dents = (parts.dented[..., :3] @ forces[:, None, :, None])[..., 0]  # of the patches' own compliance
-        self._by_dents: Beyond = beyond(forces, own, (self._dents @ forces[:, :, None])[..., 0])
-        self._beyond_own = self._by_dents.motion - own
+        self._by_dents: Beyond = beyond(forces, first, (self._dents @ forces[:, :, None])[..., 0])
+        self._beyond_own = self._by_dents.motion - first
 
     def places(self) -> np.ndarray:
         """(N, 3) mm of all patches. What is local is known of the chosen ones alone."""
@@ -64,7 +64,8 @@ class Held:
             return parts.total
         change = self._by_modes.slope(self.C_ss, self._change[n_e:]) - self.C_ss
         found, each = parts.total + parts.U @ change @ parts.U.T, np.arange(c)
-        found.reshape(c, 3, c, 3)[each, :, each] += self._by_dents.slope(parts.own, self._dents) - parts.own
+        first = parts.yields[:, None, None] * np.eye(3)
+        found.reshape(c, 3, c, 3)[each, :, each] += self._by_dents.slope(first, self._dents) - first
         return found
 
     def unpressed(self, chosen: np.ndarray) -> np.ndarray:
@@ -84,7 +85,7 @@ class Held:
         own = (local[:, :, 0] * self.forces).sum(axis=2)
         dented = np.einsum("pabe,pa,pb->ep", parts.dented[..., 3:], self.forces, self.forces)
         found = more.first * first.sum(axis=1) + more.second / 2 * self._change[:n_e] @ self.w
-        return found + (dents.first * own + (dents.first - 1) * first + dents.second / 2 * dented).sum(axis=1)
+        return found + (own + dents.second / 2 * dented).sum(axis=1)
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
@@ -98,7 +99,7 @@ class Held:
         key = chosen.tobytes()
         if not len(chosen):
             none, blocks = np.zeros((0, 0)), np.zeros((0, 3, 3))
-            return _Parts(np.zeros((0, len(self.C_ss))), none, none, blocks, blocks, np.zeros((0, 3, 3, 3 + len(self.C_es))))
+            return _Parts(np.zeros((0, len(self.C_ss))), none, none, np.zeros(0), blocks, np.zeros((0, 3, 3, 3 + len(self.C_es))))
         if self._known is None or self._known[0] != key:
             c, U = len(chosen), self.of.U[chosen].reshape(3 * len(chosen), len(self.C_ss))
             R, each = self.of.turns(self.unloaded, chosen), np.arange(c)
@@ -110,8 +111,8 @@ class Held:
                 left = (axes * np.maximum(sizes, 0.0)) @ axes.T - smooth
             total, terms = smooth + left, len(self._at)
             dented = turn_cubic((self._at @ self.of.dented[:, chosen].reshape(terms, -1)).reshape(c, 3, 3, -1), R)
-            own = total.reshape(c, 3, c, 3)[each, :, each]
-            self._known = key, _Parts(U, left, total, own, R, dented)
+            yields = stiff(total.reshape(c, 3, c, 3)[each, :, each])
+            self._known = key, _Parts(U, left, total, yields, R, dented)
         return self._known[1]
 
     def _local(self, chosen: np.ndarray, R: np.ndarray) -> np.ndarray:
@@ -125,12 +126,19 @@ class Held:
 @dataclass(frozen=True)
 class _Parts:
     """Of c chosen patches without forces: U (3 c, k) their modes, left (3 c, 3 c) mm/N what these leave of the
-    compliance, total (3 c, 3 c) all of it and own (c, 3, 3) its blocks on the diagonal, R (c, 3, 3) rotations since
+    compliance, total (3 c, 3 c) all of it, yields (c,) mm/N of each patch where it is stiff, R (c, 3, 3) rotations since
     rest, dented (c, 3, 3, 3) mm/N^2 their E in the robot's axes."""
 
     U: np.ndarray
     left: np.ndarray
     total: np.ndarray
-    own: np.ndarray
+    yields: np.ndarray
     R: np.ndarray
     dented: np.ndarray
+
+
+def stiff(own: np.ndarray) -> np.ndarray:
+    """(c,) harmonic means of the eigenvalues of own (c, 3, 3), which those of what is local are near: a soft body yields
+    in one or two directions, and is dented in all."""
+    minors = sum(own[:, i, i] * own[:, j, j] - own[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
+    return 3 * np.linalg.det(own) / minors

@@ -14,7 +14,7 @@ polynomials in delta_a of degree three, less where that has many terms, through 
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations
 
 import numpy as np
 from scipy.linalg import qr
@@ -132,8 +132,13 @@ class Touchable:
     @cached_property
     def bent(self) -> np.ndarray:
         """(terms, k, n_e + k, n_e + k) mm/N^2, series of how the compliance of effectors and rows changes with loads on
-        the modes."""
-        return np.tensordot(self._inverse, self.by_fe.bent, axes=1)
+        the modes, as symmetric as the derivatives of an energy are."""
+        found, n_e = np.tensordot(self._inverse, self.by_fe.bent, axes=1), self.model.rows.n_e
+        seen, own = found[:, :, :n_e, n_e:], found[:, :, n_e:, n_e:]
+        found[:, :, :n_e, n_e:] = (seen + seen.transpose(0, 3, 2, 1)) / 2
+        orders = [(0, *order) for order in permutations((1, 2, 3))]
+        found[:, :, n_e:, n_e:] = sum(own.transpose(order) for order in orders) / 6
+        return found
 
     @cached_property
     def bent_flat(self) -> np.ndarray:

@@ -79,8 +79,8 @@ def touch_step(
     mu: float = 0.0,
     before: Touched | None = None,
 ) -> Touched:
-    """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, friction holds nothing
-    yet). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
+    """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, from where patches
+    slide). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
     delta_a = np.asarray(delta_a, float)
     step = _Step(Held(touchable, delta_a), Several.of(obstacles), mu if law == "coulomb" else 0.0, before)
     status = None
@@ -91,19 +91,19 @@ def touch_step(
 
 class _Step:
     """Rounds of one step. Of all patches: places (N, 3) mm, distance (N,) mm, or less where that is far above 0, and
-    which (N,) obstacle; stuck (N, 3) mm where friction holds them, NaN where it does not. chosen (c,): those that may
+    which (N,) obstacle; stuck (N, 3) mm from where they slide. chosen (c,): those that may
     touch, with forces (c, 3) N and modes."""
 
     def __init__(self, held: Held, around: Several, mu: float, before: Touched | None):
         self.held, self.around, self.mu, self.iterations = held, around, mu, 0
-        count, self.length = len(held.free), held.of.model.length
-        self.stuck = np.full((count, 3), np.nan)
+        self.length = held.of.model.length
+        self.stuck = held.free.copy()  # what did not touch slides from where it was
         self.modes: tuple[Mode, ...] = ()
-        self._sticks = np.zeros(count, dtype=bool)  # in the last round
+        self._sticks = np.zeros(len(held.free), dtype=bool)  # in the last round
         self._into: np.ndarray | None = None  # frames at the places, where they are known
         if before is not None:
             self._bear(before.near, before.patches, before.forces)
-            if mu:  # what did not touch slides from where it was
+            if mu:
                 self.stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
                 self._sticks[before.patches] = [mode is Mode.STICK for mode in before.modes]
         self.places = held.places()
@@ -150,9 +150,7 @@ class _Step:
         into = self.around.frames(which, places) if self._into is None else self._into
         known, gap = (into @ self.forces[:, :, None])[:, :, 0], np.zeros_like(places)
         if self.mu:
-            held_at = self.stuck[self.chosen]
-            slip = places - np.where(np.isnan(held_at), places, held_at)
-            gap = (into @ slip[:, :, None])[:, :, 0]
+            gap = (into @ (places - self.stuck[self.chosen])[:, :, None])[:, :, 0]
         gap[:, 0] = self.distance[self.chosen]
         turns = np.where(self._sticks[self.chosen], 0.0, known[:, 0])[:, None, None] * self.around.bends(which, places)
         softer = turned(yields, turns) if turns.any() else None
@@ -178,9 +176,6 @@ class _Step:
         self._sticks[chosen[sticks]] = True
         held.bear(chosen, forces)
         before, self.places = self.places, held.places()
-        if mu:  # a patch that touches for the first time sticks where it came
-            fresh = chosen[np.isnan(self.stuck[chosen, 0])]
-            self.stuck[fresh] = self.places[fresh]
         self._look(np.abs(self.places - before).max())
         self._into = into = self.around.frames(self.which[chosen], self.places[chosen])
         there = (local[:, None] @ into)[:, 0]
@@ -207,14 +202,12 @@ class _Step:
 
     def _settle(self) -> None:
         """Where friction holds patches from here on."""
-        if not self.mu:
-            return
-        sticks = np.array([mode is Mode.STICK for mode in self.modes or (None,) * len(self.chosen)], dtype=bool)
-        free = np.ones(len(self.stuck), dtype=bool)
-        free[self.chosen[sticks]] = False
-        self.stuck[free] = np.nan
-        slides = self.chosen[~sticks & self.forces.any(axis=1)]
-        self.stuck[slides] = self.places[slides]
+        holds = np.full_like(self.stuck, np.nan)
+        if self.mu and self.modes:
+            sticks = np.array([mode is Mode.STICK for mode in self.modes], dtype=bool)
+            stay, slide = self.chosen[sticks], self.chosen[~sticks & self.forces.any(axis=1)]
+            holds[stay], holds[slide] = self.stuck[stay], self.places[slide]
+        self.stuck = holds
 
     def result(self, status: TouchedStatus) -> Touched:
         self._settle()

@@ -91,12 +91,6 @@ static int settled(cfem_touch_round *at, double (*before)[3]) {
         const double moved = fabs(now->place[i / 3][i % 3] - before[i / 3][i % 3]);
         if (moved > farthest) farthest = moved;
     }
-    for (int i = 0; i < m && at->mu > 0.0; i++) { /* a patch that touches for the first time sticks where it came */
-        const int p = now->patch[i];
-        if (now->holds[p]) continue;
-        now->holds[p] = 1;
-        for (int a = 0; a < 3; a++) now->stuck[p][a] = now->place[p][a];
-    }
     for (int p = 0, i = 0; p < N; p++) {
         const int known = i < m && now->patch[i] == p;
         room->distance[p] -= 2.0 * farthest; /* more than the root of 3: those that cannot have come near keep what is certain */
@@ -131,6 +125,7 @@ static int settled(cfem_touch_round *at, double (*before)[3]) {
             return 0;
     }
     for (int i = 0; i < n; i++) now->force[i / 3][i % 3] = there[i / 3][i % 3];
+    cfem_touch_bear(m, now->patch, now->force, room);
     return 1;
 }
 
@@ -190,9 +185,9 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
     if (!sensible(delta_a, obstacles, count, mu)) return now->status = CFEM_TOUCH_BAD_INPUT;
     now->status = cfem_touch_hold(delta_a, now, room);
     if (now->status) return now->status;
-    for (int p = 0; p < N; p++) {
-        now->holds[p] = before && mu > 0.0; /* what did not touch slides from where it was */
-        for (int a = 0; a < 3 && before; a++) now->stuck[p][a] = (before->holds[p] ? before->stuck : before->place)[p][a];
+    for (int p = 0; p < N; p++) { /* what did not touch slides from where it was */
+        const double *const from = !before ? room->free[p] : before->holds[p] ? before->stuck[p] : before->place[p];
+        for (int a = 0; a < 3; a++) now->stuck[p][a] = from[a];
     }
     now->count = before && count ? before->near_count : 0; /* without obstacles there is nothing to hold on to */
     for (int i = 0, j = 0; i < now->count; i++) { /* all that bears is near, in the same order */

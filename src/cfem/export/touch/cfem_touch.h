@@ -48,6 +48,11 @@ typedef struct {
 
 #define CFEM_TOUCH_ROWS (3 * CFEM_TOUCH_MOST)
 
+/* What is taken of the first and of the second order of a load, and of its own derivative, 1/(N mm): see cfem.predict.beyond. */
+typedef struct {
+    double first, second, rank;
+} cfem_beyond;
+
 /* Room to work in. */
 typedef struct {
     double s[CFEM_NA], rows[CFEM_PATCH_ROWS], C_es[CFEM_NE][CFEM_PATCH_ROWS], C_ss[CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];
@@ -59,14 +64,13 @@ typedef struct {
     int of[CFEM_TOUCH_MOST], count;                   /* the patches that `left` and `total` are of */
     double left[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];   /* mm/N: what the modes leave of */
     double total[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];  /* mm/N: how the places of patches yield to forces on them */
-    double own[CFEM_TOUCH_MOST][3][3];                /* mm/N: of them the blocks of a patch with itself */
+    double stiff[CFEM_TOUCH_MOST];                    /* mm/N: how a patch yields to a force on it, where it is stiff */
     double dent[CFEM_TOUCH_MOST][3][3][3];            /* mm/N^2: change of a patch's own part of `left` with its force */
-    double relative[CFEM_TOUCH_MOST][3][3][3];        /* 1/N: the same by `own` */
-    double dents[CFEM_TOUCH_MOST][3][3], by_dents[CFEM_TOUCH_MOST][3]; /* mm/N, mm: what is taken of them under its force; */
-    double dent_slope[CFEM_TOUCH_MOST][3][3];         /* mm/N: derivative of the latter */
-    double w[CFEM_PATCH_ROWS];                        /* N: load on the modes; of what it does: */
-    double first[CFEM_PATCH_ROWS], more[CFEM_PATCH_ROWS], share; /* mm: rows, first order, and twice the second; share taken */
-    double change[CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];   /* mm/N: of C_es and C_ss */
+    cfem_beyond by_dents[CFEM_TOUCH_MOST], by_modes;  /* what is taken of the second order, of dents and of modes */
+    double beyond_own[CFEM_TOUCH_MOST][3];            /* mm: by which a patch moves beyond what `left` says, */
+    double own_slope[CFEM_TOUCH_MOST][3][3];          /* mm/N: and its derivative by its force */
+    double w[CFEM_PATCH_ROWS], moved[CFEM_PATCH_ROWS], across[CFEM_PATCH_ROWS]; /* N: load on the modes; mm: rows by it */
+    double change[CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];                  /* mm/N: of C_es and C_ss */
     double yields[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same under the forces that they bear */
     double turned[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same with normal forces that turn with obstacles */
     double W[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];      /* mm/N: in the frames of what they touch */
@@ -75,7 +79,7 @@ typedef struct {
     double law[CFEM_LAW_ROOM(CFEM_TOUCH_MOST)];
 } cfem_touch_room;
 
-/* Quasi-static step to delta_a (CFEM_NA,) mm from the state `before` (0: the free robot, friction holds nothing yet); friction mu of
+/* Quasi-static step to delta_a (CFEM_NA,) mm from the state `before` (0: the free robot, from where patches slide); friction mu of
  * all obstacles (count,). Returns now->status; `now` may not be `before`. CFEM_TOUCH_OBSTACLES of them and CFEM_TOUCH_FRICTION are
  * those that the robot was exported with. */
 unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacles, int count, double mu,

@@ -1,5 +1,5 @@
 /* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2, g_p = R_p^T f_p,
- * rows = s_0 + C_ss w + D_ss[w, w] / 2, w_k = sum_p u_kp . f_p; see cfem.predict.held. */
+ * rows = s_0 + C_ss w + D_ss[w, w] / 2 + ..., w_k = sum_p u_kp . f_p; see cfem.predict.held. */
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 
@@ -7,7 +7,8 @@
 #define NA CFEM_NA
 #define NE CFEM_NE
 #define PACKED (NE * K + K * (K + 1) / 2)
-static const double TRUSTED = 0.3; /* largest share of the motion by forces that is of second order */
+#define BENT (K * (K + 1) * (K + 2) / 6 + NE * K * (K + 1) / 2)
+static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.beyond */
 
 typedef struct {
     double value[NA][CFEM_PATCH_DEGREE + 2], slope[NA][CFEM_PATCH_DEGREE + 2];
@@ -49,6 +50,22 @@ static double local_term(const double *delta_a, int term, int slope_of) {
     return found;
 }
 
+/* D at the room's terms. Stored is, of i <= j <= k, what rows have, and then of each effector what it has of i <= j. */
+static void unbend(cfem_touch_room *room) {
+    double packed[BENT] = {0.0}, *at = packed;
+    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
+        for (int i = 0; i < BENT; i++) packed[i] += room->terms[l] * cfem_patch_bent[l][i];
+    for (int i = 0; i < K; i++)
+        for (int j = i; j < K; j++)
+            for (int k = j; k < K; k++, at++) {
+                room->D[i][NE + j][k] = room->D[i][NE + k][j] = room->D[j][NE + i][k] = *at;
+                room->D[j][NE + k][i] = room->D[k][NE + i][j] = room->D[k][NE + j][i] = *at;
+            }
+    for (int e = 0; e < NE; e++)
+        for (int i = 0; i < K; i++)
+            for (int j = i; j < K; j++, at++) room->D[i][e][j] = room->D[j][e][i] = *at;
+}
+
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     polynomials t;
     cfem_condensed m;
@@ -71,11 +88,7 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
     for (int i = 0, at = NE * K; i < K; i++)
         for (int j = i; j < K; j++, at++) room->C_ss[i][j] = room->C_ss[j][i] = packed[at];
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) room->terms[l] = local_term(delta_a, l, -1);
-    for (int i = 0; i < K * (NE + K) * K; i++) {
-        double sum = 0.0;
-        for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) sum += room->terms[l] * (&cfem_patch_bent[l][0][0][0])[i];
-        (&room->D[0][0][0])[i] = sum;
-    }
+    unbend(room);
     for (int p = 0; p < CFEM_PATCHES; p++)
         for (int a = 0; a < 3; a++) room->free[p][a] = cfem_patch_rest[p][a] + cfem_dot(K, cfem_patch_modes[p][a], room->rows);
     room->count = -1;
@@ -91,42 +104,53 @@ static void work(int count, const int *patch, double (*force)[3], double *w) {
             for (int k = 0; k < K; k++) w[k] += cfem_patch_modes[patch[i]][a][k] * force[i][a];
 }
 
-/* What is taken of the dents of patch i of the room under its force. */
+/* motion (n,) mm under a load (n,) N that moves by `first` and `second`, C w and D[w, w]; across (n,) mm: of its derivative, whose
+ * part it is by `rank`. */
+static cfem_beyond beyond(int n, const double *load, const double *first, const double *second, double *motion, double *across) {
+    const double twice = cfem_dot(n, load, first), r = twice > 0.0 ? cfem_dot(n, load, second) / (2.0 * twice) : 0.0;
+    const double within = r > TRUSTED ? TRUSTED : r, g = 1.0 / (1.0 - 0.75 * within), slope = g * g / 3.0;
+    cfem_beyond found = {1.0 - within * g * within * g / 2.0, 3.0 * slope, g * g * g / 2.0};
+    if (r > TRUSTED) {
+        const double B = slope * TRUSTED * TRUSTED, A = 0.5 + within * g / 3.0 + slope * TRUSTED;
+        found.first = 2.0 * A - 4.0 * B / r, found.second = 3.0 * B / (r * r), found.rank = -2.0 * B / (r * r * r);
+    }
+    found.rank = twice > 0.0 ? found.rank / twice : 0.0;
+    for (int i = 0; i < n; i++) {
+        motion[i] = found.first * first[i] + found.second / 2.0 * second[i];
+        across[i] = 1.5 * second[i] - 2.0 * r * first[i];
+    }
+    return found;
+}
+
+/* What patch i of the room does beyond `left` under its force. */
 static void dented(int i, const double *force, cfem_touch_room *room) {
-    double excess[3][3], by_force[3] = {0.0}, square = 0.0, share = 1.0;
-    for (int a = 0; a < 9; a++) {
-        const int r = a / 3, c = a % 3;
-        excess[r][c] = cfem_dot(3, room->relative[i][r][c], force), square += excess[r][c] * excess[r][c];
+    double first[3], second[3], across[3], change[3][3];
+    for (int a = 0; a < 3; a++) {
+        first[a] = room->stiff[i] * force[a];
+        for (int b = 0; b < 3; b++) change[a][b] = cfem_dot(3, room->dent[i][a][b], force);
+        second[a] = cfem_dot(3, change[a], force);
     }
-    if (sqrt(square) > 2.0 * TRUSTED) {
-        share = 2.0 * TRUSTED / sqrt(square);
-        for (int a = 0; a < 27; a++) /* it depends on the force too */
-            by_force[a % 3] += room->relative[i][a / 9][a / 3 % 3][a % 3] * excess[a / 9][a / 3 % 3] / square;
-    }
-    for (int r = 0; r < 3; r++) {
-        for (int c = 0; c < 3; c++) room->dents[i][r][c] = share * cfem_dot(3, room->dent[i][r][c], force);
-        room->by_dents[i][r] = cfem_dot(3, room->dents[i][r], force) / 2.0;
-        for (int c = 0; c < 3; c++) room->dent_slope[i][r][c] = room->dents[i][r][c] - room->by_dents[i][r] * by_force[c];
+    const cfem_beyond of = room->by_dents[i] = beyond(3, force, first, second, room->beyond_own[i], across);
+    for (int a = 0; a < 3; a++) {
+        room->beyond_own[i][a] -= first[a];
+        for (int b = 0; b < 3; b++)
+            room->own_slope[i][a][b] = of.second * change[a][b] + of.rank * across[a] * across[b];
+        room->own_slope[i][a][a] += (of.first - 1.0) * room->stiff[i];
     }
 }
 
 /* The load on the modes, and what it does. */
 static void load(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
-    double first = 0.0, more = 0.0;
-    double *const change = &room->change[0][0];
+    double first[K], second[K], *const change = &room->change[0][0];
     work(count, patch, force, room->w);
     for (int i = 0; i < (NE + K) * K; i++) change[i] = 0.0;
     for (int k = 0; k < K; k++) {
         const double *const D = &room->D[k][0][0], w = room->w[k];
         for (int i = 0; i < (NE + K) * K; i++) change[i] += w * D[i];
     }
-    for (int k = 0; k < K; k++) {
-        room->first[k] = cfem_dot(K, room->C_ss[k], room->w), first += room->first[k] * room->first[k];
-        room->more[k] = cfem_dot(K, room->change[NE + k], room->w), more += room->more[k] * room->more[k];
-    }
-    first = 2.0 * TRUSTED * sqrt(first), more = sqrt(more);
-    room->share = more > first ? first / more : 1.0;
-    for (int i = 0; i < (NE + K) * K && room->share != 1.0; i++) change[i] *= room->share;
+    for (int k = 0; k < K; k++)
+        first[k] = cfem_dot(K, room->C_ss[k], room->w), second[k] = cfem_dot(K, room->change[NE + k], room->w);
+    room->by_modes = beyond(K, room->w, first, second, room->moved, room->across);
 }
 
 void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
@@ -134,61 +158,62 @@ void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch
     for (int i = 0; i < count; i++) dented(i, force[i], room);
 }
 
-/* (K, K) derivative of the rows by w, less C_ss. */
-static void slope(const cfem_touch_room *room, double (*found)[K]) {
-    const double *const first = room->first, *const more = room->more;
-    const double ones = cfem_dot(K, first, first), twos = cfem_dot(K, more, more);
-    double by_w[K] = {0.0};
-    for (int k = 0; k < K && room->share != 1.0; k++)
-        by_w[k] = cfem_dot(K, room->C_ss[k], first) / ones - 2.0 / room->share * cfem_dot(K, room->change[NE + k], more) / twos;
-    for (int k = 0; k < K; k++)
-        for (int l = 0; l < K; l++) found[k][l] = room->change[NE + k][l] + room->share / 2.0 * more[k] * by_w[l];
-}
-
 void cfem_touch_yield(int count, const int *patch, cfem_touch_room *room) {
     const int n = 3 * count;
-    double change[K][K], by[3][K];
-    slope(room, change);
+    const cfem_beyond of = room->by_modes;
+    double slope[K][K], by[3][K];
+    for (int k = 0; k < K; k++)
+        for (int l = 0; l < K; l++)
+            slope[k][l] = (of.first - 1.0) * room->C_ss[k][l] + of.second * room->change[NE + k][l] +
+                          of.rank * room->across[k] * room->across[l];
     for (int i = 0; i < count; i++) {
         for (int a = 0; a < 3; a++) {
             for (int l = 0; l < K; l++) by[a][l] = 0.0;
             for (int k = 0; k < K; k++)
-                for (int l = 0; l < K; l++) by[a][l] += cfem_patch_modes[patch[i]][a][k] * change[k][l];
+                for (int l = 0; l < K; l++) by[a][l] += cfem_patch_modes[patch[i]][a][k] * slope[k][l];
         }
-        for (int j = room->share == 1.0 ? i : 0; j < count; j++) /* symmetric where all of the second order is taken */
+        for (int j = i; j < count; j++)
             for (int a = 0; a < 3; a++)
                 for (int b = 0; b < 3; b++) {
                     const int at = (3 * i + a) * n + 3 * j + b, other = (3 * j + b) * n + 3 * i + a;
-                    room->yields[at] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
-                    if (room->share == 1.0) room->yields[other] = room->yields[at];
+                    room->yields[at] = room->yields[other] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
                 }
-        for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += room->dent_slope[i][a / 3][a % 3];
+        for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += room->own_slope[i][a / 3][a % 3];
     }
 }
 
 void cfem_touch_places(int count, const int *patch, double (*force)[3], const cfem_touch_room *room, double (*place)[3]) {
-    double moved[K];
-    for (int k = 0; k < K; k++) moved[k] = room->first[k] + room->share / 2.0 * room->more[k];
     for (int p = 0; p < CFEM_PATCHES; p++)
         for (int a = 0; a < 3; a++)
-            place[p][a] = room->free[p][a] + (count ? cfem_dot(K, cfem_patch_modes[p][a], moved) : 0.0);
+            place[p][a] = room->free[p][a] + (count ? cfem_dot(K, cfem_patch_modes[p][a], room->moved) : 0.0);
     for (int i = 0; i < 3 * count; i++)
         place[patch[i / 3]][i % 3] +=
-            cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]) + room->by_dents[i / 3][i % 3];
+            cfem_dot(3 * count, room->left + i * 3 * count, &force[0][0]) + room->beyond_own[i / 3][i % 3];
 }
 
-/* delta_e under forces on patches. */
+/* delta_e under forces on patches, which are those of the room in the same order, or some of them. */
 static void move_tip(cfem_touched *now, cfem_touch_room *room) {
+    const cfem_beyond modes = room->by_modes;
     for (int e = 0; e < NE; e++)
-        now->delta_e[e] += cfem_dot(K, room->C_es[e], room->w) + cfem_dot(K, room->change[e], room->w) / 2.0;
-    for (int i = 0; i < now->count; i++) {
+        now->delta_e[e] +=
+            modes.first * cfem_dot(K, room->C_es[e], room->w) + modes.second / 2.0 * cfem_dot(K, room->change[e], room->w);
+    for (int i = 0, at = 0; i < now->count; i++, at++) {
+        while (room->of[at] != now->patch[i]) at++;
         const double(*const R)[3] = cfem_touch_rotation(now->patch[i], room);
         double own[3] = {0.0};
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) own[a] += R[b][a] * now->force[i][b];
-        for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
-            for (int e = 0; e < NE; e++)
-                now->delta_e[e] += room->terms[l] * cfem_dot(3, cfem_patch_local_tip[now->patch[i]][l][e], own);
+        const double pairs[6] = {own[0] * own[0], 2.0 * own[0] * own[1], 2.0 * own[0] * own[2],
+                                 own[1] * own[1], 2.0 * own[1] * own[2], own[2] * own[2]};
+        for (int e = 0; e < NE; e++) {
+            double first = 0.0, second = 0.0;
+            for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
+                first += room->terms[l] * cfem_dot(3, cfem_patch_local_tip[now->patch[i]][l][e], own);
+                for (int k = 0; k < 6; k++)
+                    second += room->terms[l] * (double)cfem_patch_dented_tip[now->patch[i]][l][e][k] * pairs[k];
+            }
+            now->delta_e[e] += first + room->by_dents[at].second / 2.0 * second;
+        }
     }
 }
 
@@ -196,11 +221,10 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     const double *const w = room->w;
     double slope[NA] = {0.0};
     polynomials t;
-    load(now->count, now->patch, now->force, room);
-    for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + room->first[k] + room->share / 2.0 * room->more[k];
+    for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
     move_tip(now, room);
-    /* lambda = grad (Psi - w . s_0 - w . C_ss w / 2 - D_ss[w, w, w] / 6) */
+    /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.beyond */
     evaluate(room->s, &t);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
         const double load = cfem_dot(K, cfem_patch_series[l], w);
@@ -211,13 +235,19 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
         double load = 0.0;
         for (int i = 0; i < K; i++)
             for (int j = i; j < K; j++) load += (i == j ? 0.5 : 1.0) * w[i] * w[j] * *C++;
+        load *= room->by_modes.first;
         for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_compliance_degrees[l], i);
     }
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
+        const double *bent = cfem_patch_bent[l];
         double third = 0.0;
-        for (int k = 0; k < K; k++)
-            for (int r = 0; r < K; r++) third += w[k] * w[r] * cfem_dot(K, cfem_patch_bent[l][k][NE + r], w);
-        for (int j = 0; j < NA; j++) now->lambda_a[j] -= room->share * third / 6.0 * local_term(room->s, l, j);
+        for (int i = 0; i < K; i++)
+            for (int j = i; j < K; j++)
+                for (int k = j; k < K; k++) {
+                    const int times = i == j ? (j == k ? 1 : 3) : j == k ? 3 : 6;
+                    third += times * w[i] * w[j] * w[k] * *bent++;
+                }
+        for (int j = 0; j < NA; j++) now->lambda_a[j] -= room->by_modes.second * third / 6.0 * local_term(room->s, l, j);
     }
     for (int j = 0; j < NA; j++)
         for (int i = 0; i < NA; i++) now->lambda_a[j] -= cfem_patch_to_box[i][j] * slope[i];

@@ -5,7 +5,6 @@
 #define K CFEM_PATCH_ROWS
 
 enum { SWEEPS = 60 };
-static const double LEVEL = 1e-14; /* of the largest own compliance, where a patch is held and has none */
 
 /* Eigenvectors of a symmetric matrix A (n, n) in the columns of V by Jacobi's rotations; A becomes diagonal. */
 static void jacobi(int n, double *A, double *V) {
@@ -72,11 +71,11 @@ static void without_negative(int n, double *A, double *V, double *size) {
         }
 }
 
-/* `dent` of patch i of the room, and by its own compliance; 10 numbers a term are stored, of a <= b <= c. */
-static void dent(int i, const double (*R)[3], double level, cfem_touch_room *room) {
+/* `dent` of patch i of the room; 10 numbers a term are stored, of a <= b <= c. */
+static void dent(int i, const double (*R)[3], cfem_touch_room *room) {
     static const int at[3][3][3] = {
         {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}}, {{1, 3, 4}, {3, 6, 7}, {4, 7, 8}}, {{2, 4, 5}, {4, 7, 8}, {5, 8, 9}}};
-    double stored[10] = {0.0}, half[3][3][3], most[3][3][3], own[9], (*const E)[3][3] = room->dent[i];
+    double stored[10] = {0.0}, half[3][3][3], most[3][3][3], (*const E)[3][3] = room->dent[i];
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
         for (int k = 0; k < 10; k++) stored[k] += room->terms[l] * (double)cfem_patch_dented[room->of[i]][l][k];
     for (int k = 0; k < 27; k++) {
@@ -87,16 +86,19 @@ static void dent(int i, const double (*R)[3], double level, cfem_touch_room *roo
         const int a = k / 9, b = k / 3 % 3, c = k % 3;
         most[a][b][c] = R[b][0] * half[a][0][c] + R[b][1] * half[a][1][c] + R[b][2] * half[a][2][c];
     }
-    for (int k = 0; k < 27; k++)
-        room->relative[i][k / 9][k / 3 % 3][k % 3] = E[k / 9][k / 3 % 3][k % 3] =
-            cfem_dot(3, R[k % 3], most[k / 9][k / 3 % 3]);
-    for (int k = 0; k < 9; k++) own[k] = room->own[i][k / 3][k % 3] + (k % 4 ? 0.0 : level);
-    cfem_solve(3, own, 9, &room->relative[i][0][0][0]);
+    for (int k = 0; k < 27; k++) E[k / 9][k / 3 % 3][k % 3] = cfem_dot(3, R[k % 3], most[k / 9][k / 3 % 3]);
+}
+
+/* Harmonic mean of the eigenvalues of a symmetric matrix A (3, 3), whose rows begin n numbers after each other. */
+static double stiff(const double *A, int n) {
+    const double *const B = A + n, *const C = B + n;
+    const double x = B[1] * C[2] - B[2] * C[1], y = B[2] * C[0] - B[0] * C[2], z = B[0] * C[1] - B[1] * C[0];
+    return 3.0 * (A[0] * x + A[1] * y + A[2] * z) / (x + A[0] * C[2] - A[2] * C[0] + A[0] * B[1] - A[1] * B[0]);
 }
 
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
     const int n = 3 * count;
-    double size[CFEM_TOUCH_ROWS], finite = 0.0, level = 0.0;
+    double size[CFEM_TOUCH_ROWS], finite = 0.0;
     const double(*R[CFEM_TOUCH_MOST])[3];
     int same = room->count == count;
     for (int i = 0; same && i < count; i++) same = room->of[i] == patch[i];
@@ -137,11 +139,7 @@ int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
         for (int i = 0; i < n * n; i++) room->left[i] += room->total[i];
     }
     for (int i = 0; i < count; i++)
-        for (int a = 0; a < 9; a++) {
-            const double own = room->total[(3 * i + a / 3) * n + 3 * i + a % 3];
-            room->own[i][a / 3][a % 3] = own;
-            if (fabs(own) > level) level = fabs(own);
-        }
-    for (int i = 0; i < count; i++) dent(i, R[i], LEVEL * level, room);
+        room->stiff[i] = stiff(room->total + 3 * i * (n + 1), n);
+    for (int i = 0; i < count; i++) dent(i, R[i], room);
     return 0;
 }

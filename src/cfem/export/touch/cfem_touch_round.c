@@ -57,8 +57,7 @@ int cfem_touch_obey(cfem_touch_round *at) {
         const cfem_obstacle *const o = &at->obstacles[room->which[p]];
         double slip[3] = {0.0};
         cfem_obstacle_frame(o, now->place[p], at->frame[i]);
-        if (at->mu > 0.0 && now->holds[p])
-            for (int a = 0; a < 3; a++) slip[a] = now->place[p][a] - now->stuck[p][a];
+        for (int a = 0; a < 3 && at->mu > 0.0; a++) slip[a] = now->place[p][a] - now->stuck[p][a];
         for (int a = 0; a < 3; a++) {
             known[i][a] = in_frame(at->frame[i], a, now->force[i]);
             gap[3 * i + a] = a ? in_frame(at->frame[i], a, slip) : room->distance[p];
