@@ -101,6 +101,8 @@ def main() -> None:
             obstacle = moved(obstacle, depth / 4 * np.cross(obstacle.R[:, 0], normal))
         for _ in range(10):  # back, where other patches are deeper in it
             obstacle = moved(obstacle, max(0.0, -obstacle.distance(at).min() - depth) * normal)
+        if obstacle.distance(at).min() < -1.1 * depth:
+            continue  # it slides along another patch, deep within the body from the first step on: another place
         if size[obstacle.distance(at) < 0].min(initial=np.inf) < 0.1 * size.max():
             continue  # it would reach where the body is held, and hardly gives way: another place
         near, steps = np.flatnonzero((obstacle.distance(at) < 1.0) & ~touchable.held_still), (0.05, 0.5, 1.0)

@@ -14,6 +14,7 @@ r = TRUSTED, where the body softens, phi goes on as A - B / r, which is bounded.
 and its own derivative is symmetric."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -26,35 +27,44 @@ class Beyond:
     (..., n) mm and rank (...) 1/(N mm): of the derivative, the part rank across across^T."""
 
     motion: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
+    first: np.ndarray | float
+    second: np.ndarray | float
     across: np.ndarray
-    rank: np.ndarray
+    rank: np.ndarray | float
 
     def slope(self, C: np.ndarray, change: np.ndarray) -> np.ndarray:
         """(..., n, n) mm/N: derivative of the motion by the load; change: D[w]."""
-        a, b, rank = (one[..., None, None] for one in (self.first, self.second, self.rank))
+        a, b, rank = (np.asarray(one)[..., None, None] for one in (self.first, self.second, self.rank))
         return a * C + b * change + rank * self.across[..., :, None] * self.across[..., None, :]
 
 
 def beyond(load: np.ndarray, first: np.ndarray, second: np.ndarray) -> Beyond:
     """load w (..., n) N, first C w and second D[w, w] (..., n) mm."""
-    twice = (load * first).sum(axis=-1)
-    yields = twice > 0
-    size = np.where(yields, twice, 1.0)
-    r = np.where(yields, (load * second).sum(axis=-1) / (2 * size), 0.0)
-    a, b, bend = _taken(r)
-    across = 1.5 * second - 2 * r[..., None] * first
-    return Beyond(a[..., None] * first + b[..., None] / 2 * second, a, b, across, np.where(yields, bend / size, 0.0))
-
-
-def _taken(r: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """a, b, and the second derivative of phi."""
-    within, far = np.minimum(r, TRUSTED), np.maximum(r, TRUSTED)
-    g = 1 / (1 - 0.75 * within)
-    slope = g * g / 3
-    B = slope * TRUSTED**2
-    A = 0.5 + within * g / 3 + slope * TRUSTED
+    if load.ndim == 1:
+        size = float(load @ first)
+        r = float(load @ second) / (2 * size) if size > 0 else 0.0
+        a, b, bend = _series(r) if r <= TRUSTED else _bounded(r)
+        return Beyond(a * first + b / 2 * second, a, b, 1.5 * second - 2 * r * first, bend / size if size > 0 else 0.0)
+    size = (load * first).sum(axis=-1)
+    size[~(size > 0)] = np.inf
+    r = (load * second).sum(axis=-1) / (2 * size)
+    a, b, bend = _series(np.minimum(r, TRUSTED))
     soft = r > TRUSTED
-    a = np.where(soft, 2 * A - 4 * B / far, 1 - (within * g) ** 2 / 2)
-    return a, np.where(soft, 3 * B / far**2, 3 * slope), np.where(soft, -2 * B / far**3, g**3 / 2)
+    if soft.any():
+        a[soft], b[soft], bend[soft] = _bounded(r[soft])
+    r = r[..., None]
+    return Beyond(a[..., None] * first + b[..., None] / 2 * second, a, b, 1.5 * second - 2 * r * first, bend / size)
+
+
+def _series(r: Any) -> tuple[Any, Any, Any]:
+    """a, b, and the second derivative of phi."""
+    g = 1 / (1 - 0.75 * r)
+    return 1 - (r * g) ** 2 / 2, g * g, g * g * g / 2
+
+
+def _bounded(r: Any) -> tuple[Any, Any, Any]:
+    """The same beyond TRUSTED: phi is A - B / r."""
+    g = 1 / (1 - 0.75 * TRUSTED)
+    B = (g * TRUSTED) ** 2 / 3
+    A = 0.5 + TRUSTED * g / 3 + TRUSTED * g * g / 3
+    return 2 * A - 4 * B / r, 3 * B / r**2, -2 * B / r**3

@@ -32,12 +32,16 @@ class Held:
         self._D = (self._at @ of.bent_flat).reshape(k, -1)
         self.free = of.patches.rest + (of.flat @ self.unloaded).reshape(-1, 3)
         self._known: tuple[bytes, _Parts] | None = None
-        self.bear(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        self.chosen, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        self.w, self.rows = np.zeros(k), self.unloaded
 
     def bear(self, chosen: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
         self.chosen, self.forces = chosen, forces
         n_e, k = self.C_es.shape
+        if not len(chosen):
+            self.w, self.rows = np.zeros(k), self.unloaded
+            return
         parts = self._parts(chosen)
         self.w = w = forces.ravel() @ parts.U
         self._change = (w @ self._D).reshape(n_e + k, k)  # of C_es and C_ss
@@ -78,18 +82,18 @@ class Held:
         if not len(self.chosen):
             return np.zeros(n_e)
         parts, more, dents = self._parts(self.chosen), self._by_modes, self._by_dents
-        smooth = (self.C_es @ parts.U.T).reshape(n_e, -1, 3)
         series = self.of.local_tip[:, :, self.chosen].reshape(len(self._at), -1)
         local = (self._at @ series).reshape(n_e, -1, 1, 3) @ parts.R.swapaxes(1, 2)
-        first = (smooth * self.forces).sum(axis=2)
         own = (local[:, :, 0] * self.forces).sum(axis=2)
         dented = np.einsum("pabe,pa,pb->ep", parts.dented[..., 3:], self.forces, self.forces)
-        found = more.first * first.sum(axis=1) + more.second / 2 * self._change[:n_e] @ self.w
+        found = (more.first * self.C_es + more.second / 2 * self._change[:n_e]) @ self.w
         return found + (own + dents.second / 2 * dented).sum(axis=1)
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
         skin, w, terms = self.of.model.skin, self.w, len(self._at)
+        if not len(self.chosen):
+            return np.zeros(len(self.delta))
         more = self._by_modes
         found = w @ skin.gradient(self.delta, NONE) + more.first * skin.compliance_work(self.delta, NONE, w) / 2
         third = self.of.bent_slopes.reshape(-1, len(w) ** 2, len(w)) @ w @ np.outer(w, w).ravel()
@@ -97,9 +101,6 @@ class Held:
 
     def _parts(self, chosen: np.ndarray) -> "_Parts":
         key = chosen.tobytes()
-        if not len(chosen):
-            none, blocks = np.zeros((0, 0)), np.zeros((0, 3, 3))
-            return _Parts(np.zeros((0, len(self.C_ss))), none, none, np.zeros(0), blocks, np.zeros((0, 3, 3, 3 + len(self.C_es))))
         if self._known is None or self._known[0] != key:
             c, U = len(chosen), self.of.U[chosen].reshape(3 * len(chosen), len(self.C_ss))
             R, each = self.of.turns(self.unloaded, chosen), np.arange(c)

@@ -189,7 +189,8 @@ class _Step:
             beyond = np.hypot(pressing[:, 1], pressing[:, 2]) - mu * pressing[:, 0]
             if beyond.max() > TOLERANCE * np.abs(forces).max():
                 return False
-        held.bear(chosen, there)
+        if not np.array_equal(there, forces):
+            held.bear(chosen, there)
         return True
 
     def _look(self, farthest: float) -> None:

@@ -124,8 +124,12 @@ static int settled(cfem_touch_round *at, double (*before)[3]) {
             !(gap <= TOLERANCE * CFEM_PATCH_LENGTH))
             return 0;
     }
-    for (int i = 0; i < n; i++) now->force[i / 3][i % 3] = there[i / 3][i % 3];
-    cfem_touch_bear(m, now->patch, now->force, room);
+    int turned = 0;
+    for (int i = 0; i < n; i++) {
+        turned |= now->force[i / 3][i % 3] != there[i / 3][i % 3];
+        now->force[i / 3][i % 3] = there[i / 3][i % 3];
+    }
+    if (turned) cfem_touch_bear(m, now->patch, now->force, room);
     return 1;
 }
 

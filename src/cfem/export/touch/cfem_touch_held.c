@@ -219,7 +219,7 @@ static void move_tip(cfem_touched *now, cfem_touch_room *room) {
 
 void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     const double *const w = room->w;
-    double slope[NA] = {0.0};
+    double slope[NA] = {0.0}, cubes[K * (K + 1) * (K + 2) / 6], *at = cubes;
     polynomials t;
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
@@ -238,15 +238,11 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
         load *= room->by_modes.first;
         for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_compliance_degrees[l], i);
     }
+    for (int i = 0; i < K; i++)
+        for (int j = i; j < K; j++)
+            for (int k = j; k < K; k++) *at++ = (i == j && j == k ? 1.0 : i == j || j == k ? 3.0 : 6.0) * w[i] * w[j] * w[k];
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
-        const double *bent = cfem_patch_bent[l];
-        double third = 0.0;
-        for (int i = 0; i < K; i++)
-            for (int j = i; j < K; j++)
-                for (int k = j; k < K; k++) {
-                    const int times = i == j ? (j == k ? 1 : 3) : j == k ? 3 : 6;
-                    third += times * w[i] * w[j] * w[k] * *bent++;
-                }
+        const double third = cfem_dot(K * (K + 1) * (K + 2) / 6, cfem_patch_bent[l], cubes);
         for (int j = 0; j < NA; j++) now->lambda_a[j] -= room->by_modes.second * third / 6.0 * local_term(room->s, l, j);
     }
     for (int j = 0; j < NA; j++)
