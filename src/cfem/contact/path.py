@@ -27,7 +27,7 @@ def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarr
     """(m, 3) N in the frames of the surface, None where it was lost or the systems allowed were used up, and how many
     were solved. W (3m, 3m) mm/N, free (3m,) mm: see `cfem.contact.problem`; mu: of friction."""
     equation = scaled(W, free)
-    begin = normal_forces(W, free)
+    begin = normal_forces(W, free) if mu == 0 or definite(W) else None  # else there may be no state, and no end
     if equation is None or begin is None or mu == 0 or not begin.any():
         return begin, 1
     size = np.abs(begin).max()
@@ -60,6 +60,15 @@ def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarr
         if tangent is None or z[-1] < 0:
             break
     return None, curve.systems
+
+
+def definite(W: np.ndarray) -> bool:
+    """Whether W is positive definite."""
+    try:
+        np.linalg.cholesky(W)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 class _Curve:

@@ -220,6 +220,8 @@ static int along_friction(int m, const double *W, const double *free, double mu,
     double *const A = room, *const constant = A + n * n, *const work = constant + n;
     double *const z = room + CFEM_LAW_ROOM(m) - 4 * (n + 1), *const tangent = z + n + 1, *const found = tangent + n + 1;
     double length = FIRST, side = 0.0;
+    for (int a = 0; a < n * n; a++) A[a] = W[a];
+    if (!cfem_definite(n, A)) return 1; /* there may be no state, and no end of the curve */
     if (newton(m, W, free, 0.0, lambda, room)) return 1;
     const double size = largest_of(n, lambda);
     if (!(size > 0.0)) return 0;
