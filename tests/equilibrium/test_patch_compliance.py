@@ -35,7 +35,12 @@ def test_dents_are_the_derivative_of_loaded_solves(rigid_end):
     def yields(push):
         rows = replace(touched.rows, effectors=("x", "y", "z", *touched.rows.effectors), contacts=())
         watched = replace(touched, effectors=(*touched.contacts, *touched.effectors), contacts=(), rows=rows)
-        at = solve(Problem(pushed(watched, np.append(push, np.zeros(3)))), actuation.displacement(DELTA), settings=EXACT, slack=False)
+        at = solve(
+            Problem(pushed(watched, np.append(push, np.zeros(3)))),
+            actuation.displacement(DELTA),
+            settings=EXACT,
+            slack=False,
+        )
         W, e, a = at.condensed.W, watched.rows.e, watched.rows.a
         return (W[e, e] - W[e, a] @ np.linalg.solve(W[a, a], W[a, e]))[:3]
 

@@ -127,7 +127,7 @@ class Held:
 @dataclass(frozen=True)
 class _Parts:
     """Of c chosen patches without forces: U (3 c, k) their modes, left (3 c, 3 c) mm/N what these leave of the
-    compliance, total (3 c, 3 c) all of it, yields (c,) mm/N of each patch where it is stiff, R (c, 3, 3) rotations since
+    compliance, total (3 c, 3 c) all of it, yields (c,) mm/N each one where it is stiff, R (c, 3, 3) rotations since
     rest, dented (c, 3, 3, 3) mm/N^2 their E in the robot's axes."""
 
     U: np.ndarray
@@ -139,7 +139,7 @@ class _Parts:
 
 
 def stiff(own: np.ndarray) -> np.ndarray:
-    """(c,) harmonic means of the eigenvalues of own (c, 3, 3), which those of what is local are near: a soft body yields
-    in one or two directions, and is dented in all."""
+    """(c,) harmonic means of the eigenvalues of own (c, 3, 3), near those of what is local: a soft body yields in one
+    or two directions, and is dented in all."""
     minors = sum(own[:, i, i] * own[:, j, j] - own[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
     return 3 * np.linalg.det(own) / minors
