@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from support.sealed import change_arrays, change_json, reseal
+from support.sealed import change_arrays, change_json, outcome, refused, reseal
 from surrogate.stored import train_folder
 from typer.testing import CliRunner
 
@@ -36,22 +36,6 @@ def project(tmp_path_factory):
 def own(project, tmp_path):
     shutil.copytree(project, tmp_path / "own")
     return tmp_path / "own"
-
-
-def outcome(*words):
-    """Exit code; one line of cfem's on stderr wherever it is not 0, beside its progress."""
-    result = CliRunner().invoke(app, list(map(str, words)))
-    lines = [line for line in result.stderr.splitlines() if line.startswith("cfem: ")]
-    if result.exit_code:
-        assert len(lines) == 1, result.stderr
-        assert "a defect of cfem" not in lines[0]
-    return result.exit_code, lines[0] if lines else ""
-
-
-def refused(own, words, file):
-    code, line = outcome(*words)
-    assert code == 3 and file in line, line
-    return line
 
 
 # ---- datasets

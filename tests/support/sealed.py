@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from typer.testing import CliRunner
 
+from cfem.cli.app import app
 from cfem.core.files import content_sha256, file_sha256
 from cfem.core.manifest import MANIFEST, write_manifest
 
@@ -28,3 +30,19 @@ def change_arrays(path: Path, change: Any) -> None:
     with np.load(path) as file:
         arrays = dict(file)
     np.savez(path, **change(arrays))
+
+
+def outcome(*words):
+    """Exit code; one line of cfem's on stderr wherever it is not 0, beside its progress."""
+    result = CliRunner().invoke(app, list(map(str, words)))
+    lines = [line for line in result.stderr.splitlines() if line.startswith("cfem: ")]
+    if result.exit_code:
+        assert len(lines) == 1, result.stderr
+        assert "a defect of cfem" not in lines[0]
+    return result.exit_code, lines[0] if lines else ""
+
+
+def refused(own, words, file):
+    code, line = outcome(*words)
+    assert code == 3 and file in line, line
+    return line
