@@ -36,6 +36,7 @@ LONG = {
     "control_process.py": "an exported model",
     "designs.py": "make parametric-finger",
     "embedded.py": "make embedded",
+    "embedded_qp.py": "make embedded",
     "estimate.py": "make soft-finger",
     "figure_eight.py": "an hour of finite elements that move, see its help",
     "front_nsga.py": "make finger-shapes",
