@@ -1,5 +1,5 @@
-"""Inverse steps of the finger on an emulated Cortex-M7: by OSQP's generated code at three tolerances, and by the C active
-set. Prints one JSON object.
+"""Inverse steps of the finger on an emulated Cortex-M7: OSQP's generated code, and the C active set. Prints one JSON
+object.
 
 Usage: embedded_qp.py, with the artefacts of `make embedded` in place"""
 
