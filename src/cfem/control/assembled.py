@@ -11,7 +11,8 @@ from cfem.condensed import Rows
 from cfem.condensed.coupling import Coupled, Hold, RigidObject
 from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
-from cfem.control.gripping import Grip, Gripping, taken
+from cfem.control.grasp import from_table, share_that_lifts, taken
+from cfem.control.gripping import Grip, Gripping
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.grip import Free
@@ -118,8 +119,8 @@ def touching(
     ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
     handed = grasp if spec.search.preload else None
 
-    def grip(robots: Sequence[Touching], table: Pads | None = None) -> GripPlant:
-        return GripPlant(robots, ends, held, law, mu, points, handed, about.margin, table)
+    def grip(robots: Sequence[Touching], first: np.ndarray | None = handed, table: Pads | None = None) -> GripPlant:
+        return GripPlant(robots, ends, held, law, mu, points, first, about.margin, table)
 
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
         do = "add contact.rotation to sample.yaml, sample and train"
@@ -128,11 +129,17 @@ def touching(
         )
     patch = patch_of(contact_points(problem), turns=True)
     within, found, load = WithinPatch(*within_patch(robot, patch)), {}, float(np.linalg.norm(force))
+    table = table_under(about.centre, about.half_size, force) if about.table else None
     for name, glued in models.items():
-        learned = grip([LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds])
-        holds = taken(learned, load)
-        found[name] = Gripping(learned, glued, mu, about.margin, grasp, holds if load else None)
-    fe = grip(fingers, table_under(about.centre, about.half_size, force) if about.table else None)
+        learned = [LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds]
+        share = share_that_lifts(grip(learned), grasp, about.margin) if table else 0.0
+        home = max(share, 1.0) * grasp
+        air = grip(learned, home if home.any() else None)
+        plans = Gripping(air, glued, mu, about.margin, home, taken(air, load))
+        if table:
+            plans = from_table(plans, grip(learned, handed, table), grasp, share * spec.search.preload)
+        found[name] = plans
+    fe = grip(fingers, handed, table)
     return Grip.of(next(iter(found.values())), fe), found, fe
 
 

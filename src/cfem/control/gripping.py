@@ -20,7 +20,7 @@ from cfem.condensed.coupling import Coupled, State, state_of
 from cfem.contact.sensitivity import sensitivity
 from cfem.control.among import World
 from cfem.control.spec import ControlSpec
-from cfem.core.errors import NumericalError, SpecError
+from cfem.core.errors import NumericalError
 from cfem.plant.grip_plant import GripPlant
 from cfem.plant.quasi_static import CONVERGED
 
@@ -29,18 +29,20 @@ MOST = 8.0  # times its load: further is not looked how much a grip holds
 
 @dataclass(frozen=True)
 class Gripped(Condensed):
-    """parts: the robots' own states; forces: (robots, 3) N by which each pushes the object."""
+    """parts: the robots' own states; forces: (robots, 3) N by which each pushes the object; borne: N by the table."""
 
     parts: tuple[State, ...]
     forces: np.ndarray
+    borne: float = 0.0
 
 
 @dataclass
 class Gripping:
     """`Model`. grip: of learned robots, which holds the object at `home`; glued: the same robots with points that are
     glued, which knows names and domains; mu, margin: see above, None without rows for the grip; holds: how many times
-    its load the grip would hold at home. before, at: nothing
-    remembered unless given (`settle`); margins: to slip, where it has settled so far."""
+    its load the grip would hold at home; air: the same without a table, where there is one (`cfem.control.lifting`);
+    needs: mm, the least preload that lifts. before, at: nothing remembered unless given (`settle`); margins: to slip,
+    and borne: N by the table, where it has settled so far."""
 
     grip: GripPlant
     glued: Coupled
@@ -48,9 +50,12 @@ class Gripping:
     margin: float | None
     home: np.ndarray
     holds: float | None = None
+    air: "Gripping | None" = None
+    needs: float | None = None
     before: GripPlant | None = None
     at: np.ndarray | None = None
     margins: list[float] = field(default_factory=list)
+    borne: list[float] = field(default_factory=list)
 
     @property
     def rows(self) -> Rows:
@@ -70,13 +75,14 @@ class Gripping:
         self.at = np.asarray(delta_a, float)
         self.before = self._walked(self.at)
         self.margins.append(self.before.slip_margin())
+        self.borne.append(self.before.on_table())
 
     def at_displacement(self, delta_a: np.ndarray) -> Gripped:
         """NumericalError where there is no contact state."""
         delta_a = np.asarray(delta_a, float)
         stands = self._walked(delta_a)
         J, K = self._slopes(stands)
-        lam = np.concatenate([one.lambda_a for one in stands.last.solved])
+        lam = np.concatenate([one.lambda_a for one in stands.solved])
         e, rows = stands.effectors(), self.rows
         e[:3] = stands.last.around.x
         W_aa = np.linalg.inv((K + K.T) / 2)
@@ -85,9 +91,9 @@ class Gripping:
         delta = np.concatenate([e, delta_a])
         parts = [
             state_of(hold.model, np.concatenate([one.delta_a, one.X]))
-            for hold, one in zip(self.glued.holds, stands.last.solved, strict=True)
+            for hold, one in zip(self.glued.holds, stands.solved, strict=True)
         ]
-        return Gripped(rows, W, delta - W[:, rows.a] @ lam, lam, tuple(parts), stands.forces())
+        return Gripped(rows, W, delta - W[:, rows.a] @ lam, lam, tuple(parts), stands.forces(), stands.on_table())
 
     def _slopes(self, stands: GripPlant) -> tuple[np.ndarray, np.ndarray]:
         """Of the effectors (n_e, n_a) and of the actuators' forces (n_a, n_a) N/mm by the actuators."""
@@ -96,7 +102,7 @@ class Gripping:
         robots = list(zip(stands.fingers, stands.solved, strict=True))
         turns = [np.kron(np.eye(len(finger.points)), finger.turn) for finger, _ in robots]
         moved = block_diag(*[turn @ one.by_actuators for turn, (_, one) in zip(turns, robots, strict=True)])
-        free = posed.into @ moved
+        free = posed.into @ np.pad(moved, ((0, len(posed.into) - len(moved)), (0, 0)))  # a table stays where it is
         pressed = by_gap @ free
         K = block_diag(*[one.stiffness for _, one in robots]) - free.T @ pressed
         J = (moves @ free)[:3]
@@ -126,20 +132,6 @@ class Gripping:
         return max(hold.model.distance(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
 
 
-def taken(grip: GripPlant, load: float) -> float:
-    """The learned grip takes the object, of weight `load` N; how many times that it would hold, at most MOST. SpecError
-    where it cannot hold the object: the reason, before anything is carried out."""
-    status, cannot = grip.squeeze(), "the grip cannot hold the object"
-    do = "squeeze harder (search.preload), raise object.friction, or take a lighter object"
-    if status != CONVERGED:
-        raise SpecError(f"{cannot}: {status}", where="search.preload", do=do)
-    if grip.take(1.0) != CONVERGED:
-        share = f"{100 * grip.load:.0f} % of the load of {1e3 * load:.3g} mN"
-        raise SpecError(f"{cannot}: it slips under {share}", where="object.force", do=do)
-    more = copy(grip)
-    return MOST if more.take(MOST) == CONVERGED else more.load
-
-
 @dataclass(frozen=True)
 class Grip(World):
     """What plans know of a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
@@ -164,7 +156,15 @@ class Grip(World):
             line += f"; the grasp holds {more}{model.holds:.2g} times the load"
         figures, lines = {"margin": found, "margin_planned": planned, "holds": model.holds}, [line]
         if spec.object.table:
-            stands = int(np.sum(np.array(self.fe.borne) > 0))
-            figures["on_table"] = stands
-            lines.append(f"table: the object stands on it at {stands} of {len(self.fe.borne)} goals")
+            figures |= {"borne": self.fe.borne, "borne_planned": model.borne, "least_preload": model.needs}
+            lines.append(
+                f"table: the object stands on it {_at_goals(self.fe.borne)}, planned {_at_goals(model.borne)}; "
+                f"a preload of {model.needs:.2g} mm is enough to lift it"
+            )
         return figures, lines
+
+
+def _at_goals(borne: Sequence[float]) -> str:
+    """borne: N by the table at each goal."""
+    stands = [str(goal) for goal, force in enumerate(borne) if force > 0]
+    return f"at goals {', '.join(stands)} of 0 to {len(borne) - 1}" if stands else "at no goal"

@@ -72,8 +72,8 @@ class ObjectSpec(Spec):
     margin: float | None = Field(None, ge=1)
     """Least margin to slip that plans keep: the friction that each robot's normal force allows over what it uses."""
     table: bool = False
-    """Whether the box stands on a table, with the side that `force` points to, until the robots lift it. Plans begin
-    where the robots carry it; goals are above the table."""
+    """Whether the box stands on a table, with the side that `force` points to. The robots squeeze it there, lift it,
+    and put it back where a goal is on the table. Plans and plant know the table."""
 
     @model_validator(mode="after")
     def _stands(self):

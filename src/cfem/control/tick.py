@@ -14,6 +14,7 @@ import numpy as np
 from cfem.condensed.model import Model, under_force
 from cfem.control.elsewhere import elsewhere
 from cfem.control.inverse import Aim, Limits, inverse_step
+from cfem.control.lifting import lifted
 from cfem.control.loop import Iterate, Reach, ReachStatus, Settings, by_displacement, by_force, reach
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command, Measurement
@@ -80,7 +81,8 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
             return _as_published(pilot, at, aim, limits)
         # Steps in what the model is a function of: it then gives the other half of a state for nothing.
         forces = pilot.command == "force" and getattr(pilot.model, "form", "displacement") == "force"
-        found = reach(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
+        search = lifted if getattr(pilot.model, "air", None) else reach
+        found = search(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
         if found.status is ReachStatus.QP_FAILED:
             return replace(belief, status=found.status.value, plan=found)
         if getattr(pilot.model, "kinked", False):

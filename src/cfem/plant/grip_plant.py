@@ -75,7 +75,7 @@ class GripPlant(ContactAccount):
             return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last)
         self.margins.append(self.slip_margin())
-        self.borne.append(float(last.posed.force.reshape(-1, 3)[self.parts[-1][1] :, 0].sum()))
+        self.borne.append(self.on_table())
         delta_a, lambda_a = (
             np.concatenate([getattr(one, key) for one in self.solved]) for key in ("delta_a", "lambda_a")
         )
@@ -100,6 +100,10 @@ class GripPlant(ContactAccount):
         """Where the points of each robot begin and end."""
         ends = np.cumsum([0, *(len(one.points) for one in self.fingers)])
         return list(pairwise(ends))
+
+    def on_table(self) -> float:
+        """N by which the table bears the object."""
+        return float(self.last.posed.force.reshape(-1, 3)[self.parts[-1][1] :, 0].sum())
 
     def pushes(self) -> tuple[np.ndarray, np.ndarray]:
         """Of each robot: normal force (r,) N on the object, the sum over its points, and friction (r, 3) N."""
@@ -144,6 +148,10 @@ class GripPlant(ContactAccount):
         """A share of the object's load, in steps: how that ended. `load` is the share that the robots carry then."""
         begin, wanted = np.array([self.load]), np.array([load])
         return carried_out(begin, wanted, HANDED, lambda share: self._go(self.at, float(share[0])))
+
+    def bears(self) -> bool:
+        """Whether the robots take the whole load over as they stand, in whole steps."""
+        return all(self._go(self.at, share) == CONVERGED for share in np.arange(HANDED, 1 + HANDED / 2, HANDED))
 
     def towards(self, u: np.ndarray) -> str:
         """How the way to u (n_a,) mm ended."""

@@ -1,0 +1,29 @@
+"""Searches that lift an object off the table on which it stands.
+
+While a table bears the object, actuators hardly move it, and the slopes of that state say nothing of the way into the
+air. A search for a goal elsewhere therefore begins in the air: the same robots without a table find it there. Where the
+walk from the table leads to with those actuators, the search that knows the table goes on."""
+
+import numpy as np
+
+from cfem.control.inverse import Aim, Limits
+from cfem.control.loop import Iterate, Place, Reach, ReachStatus, Settings, reach
+from cfem.core.errors import NumericalError
+
+NEAR = 1e-3  # of the largest course: where an object on its table is this near to its goal, it stays
+
+
+def lifted(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings, place: Place) -> Reach:
+    """`reach`, from where it may begin. model: a `Gripping` with `air`."""
+    now = at.condensed
+    if now.borne > 0:
+        course, distance = float(np.abs(limits.delta_a).max()), aim.distance(now.delta_e)
+        if distance <= NEAR * course:
+            kept = now.delta_a, now.lambda_a, now.delta_e, distance
+            return Reach(*kept, ReachStatus.CONVERGED, 0, 0, False, 0.0, 0.0, at)
+        try:
+            above = reach(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)
+            at = Iterate.at(model.at_displacement(above.delta_a))
+        except NumericalError:  # no way from the table to there
+            pass
+    return reach(model, aim, limits, at, settings, place)
