@@ -106,7 +106,7 @@ def open_regular(path: Path) -> Iterator[BinaryIO]:
         with open(path, "rb") as file:
             yield file
     except FileNotFoundError:
-        raise InputError("no such file", where=str(path), do="run the stage that makes it") from None
+        raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it") from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
 

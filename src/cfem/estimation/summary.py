@@ -34,7 +34,7 @@ def summarise(
     headline = [f"{len(found)} frames, {len(good)} estimated{miss}"]
     innovation = innovation_ratio([one.innovation for one in good])
     if innovation is not None:
-        headline.append(f"frames miss what the one before led to expect by {innovation:.2f} of its variance")
+        headline.append(f"innovations have {innovation:.2f} of the variance that the filter states (1 is right)")
     last = found[-1]
     for place, name in enumerate(estimator.loaded, estimator.model.rows.n_a):
         value, sd = 1e3 * last.loads[place - estimator.model.rows.n_a], 1e3 * last.deviation[place]
@@ -83,12 +83,10 @@ def _push(good: Sequence[Estimate], estimator: Estimator, seen: Seen) -> tuple[d
     delta_a = np.median([one.delta_a for one in good], axis=0)
     error = push_error(estimator, delta_a, seen, len(good))
     enough = frames_for(estimator, delta_a, seen, WANTED)
-    line = (
-        f"of such a push, no estimate of {len(good)} frames is on average nearer than {100 * error:.2g} % of its size"
-    )
+    line = f"{len(good)} frames tell such a push to {100 * error:.2g} % of its size on average, at best"
     if error > WANTED:
-        more = f"takes {enough} frames" if enough else f"is out of reach of {MOST} frames"
-        line += f"; {100 * WANTED:.0f} % {more}: load cells, a direction that is known or more markers tell more"
+        more = f"takes {enough} frames" if enough else f"is not reached with {MOST} frames"
+        line += f"; {100 * WANTED:.0f} % {more}: load cells, a known direction or more markers help"
     return {"least_error": error, "frames_for_10_percent": enough}, line
 
 
