@@ -1,35 +1,135 @@
-"""A learned leg whose effectors touch, against the energy of a hand-made robot."""
+"""A learned leg whose effectors touch, against the energy of hand-made robots and finite elements."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from cfem.condensed import Condensed, Rows
-from cfem.predict.leg import LearnedLeg
+from cfem.constraint.contact import ContactPoint
+from cfem.core.errors import InputError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.touch import PlacedRobot
+from cfem.predict.leg import LearnedLeg, held_by
+from cfem.predict.load import load_model
+from cfem.predict.wrench_series import Held
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
 
 C = np.diag([2.0, 3.0, 4.0])
 K = np.array([[5.0, 1.0], [1.0, 4.0]])
 J = np.array([[1.0, 0.5], [0.0, 2.0], [-1.0, 0.3]])
-ROWS = Rows(("foot.x", "foot.y", "foot.z"), ("left", "right"))
+D = np.zeros((3, 3, 3))
+D[0, 0, 0], D[1, 1, 1] = -2.0, 1.5
+D[0, 1, 2] = D[0, 2, 1] = D[1, 0, 2] = D[1, 2, 0] = D[2, 0, 1] = D[2, 1, 0] = 0.4
+BOTH, NEITHER = np.ones(2, bool), np.zeros(2, bool)
 
 
-class Linear:
-    """Psi = a . K a / 2, e = J a, locked compliance C."""
+def held(a, third=False):
+    """Psi = a . K a / 2, e = J a, locked compliance C (1 + a_0 / 10); D is constant."""
 
-    def at_displacement(self, a):
-        W_aa = np.linalg.inv(K)
-        W_ea = J @ W_aa
-        W = np.block([[C + W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
-        lam = K @ a
-        return Condensed(ROWS, W, np.concatenate([J @ a, a]) - W[:, 3:] @ lam, lam)
+    def of(value, first):
+        zero = np.zeros_like(value)
+        return np.array([value, *first, *[zero] * 4])
+
+    grown = of(C * (1 + a[0] / 10), [C / 10, np.zeros((3, 3))])
+    psi = np.array([a @ K @ a / 2, *(K @ a), *K.ravel()])
+    return Held(psi, of(J @ a, list(J.T)), grown, of(D, [0 * D, 0 * D]) if third else None, 2)
+
+
+def leg(unilateral=NEITHER, third=False):
+    return LearnedLeg(lambda a: held(a, third), unilateral, np.array([[1.0, 2.0, 3.0]]), np.eye(3), np.zeros(3))
+
+
+def at(a):
+    return SimpleNamespace(target=np.array(a))
+
+
+def work(a, f):
+    """Of the loaded robot with D, whose slopes by a are the forces of its actuators, and by -f the places."""
+    grown = C * (1 + a[0] / 10)
+    return a @ K @ a / 2 - f @ J @ a - f @ grown @ f / 2 - np.einsum("ijk,i,j,k", D, f, f, f) / 6
+
+
+def slope(function, x, h=1e-6):
+    return np.array([(function(x + h * one) - function(x - h * one)) / (2 * h) for one in np.eye(len(x))])
 
 
 def test_places_and_forces_are_those_of_the_linear_robot():
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    leg = LearnedLeg(Linear(), np.array([[1.0, 2.0, 3.0]]), turn, np.array([10.0, 0, 0]))
-    np.testing.assert_allclose(leg.points, [[8.0, 1.0, 3.0]])
+    one = LearnedLeg(held, NEITHER, np.array([[1.0, 2.0, 3.0]]), turn, np.array([10.0, 0, 0]))
+    np.testing.assert_allclose(one.points, [[8.0, 1.0, 3.0]])
     a, f = np.array([0.3, -0.2]), np.array([0.1, 0.2, -0.4])
-    found, yields = leg.respond(SimpleNamespace(target=a), J @ a + C @ f, None)
-    np.testing.assert_allclose(yields, C, atol=1e-12)
+    found, yields = one.respond(at(a), J @ a + 1.03 * C @ f, None)
+    np.testing.assert_allclose(yields, 1.03 * C, atol=1e-12)
     np.testing.assert_allclose(found.lambda_c, f, atol=1e-12)
-    np.testing.assert_allclose(found.lambda_a, K @ a - J.T @ f, atol=1e-12)
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_with_the_second_order_forces_and_compliance_are_the_slopes_of_the_energy(before):
+    a, f = np.array([0.3, 0.2]), np.array([0.1, 0.2, -0.3])
+    x = -slope(lambda g: work(a, g), f)
+    one = leg(third=True)
+    last = one.respond(at(a), x + 0.1, None)[0] if before else None
+    found, yields = one.respond(at(a), x, last)
+    np.testing.assert_allclose(found.lambda_c, f, atol=1e-8)
+    np.testing.assert_allclose(found.delta_c, x, atol=1e-9)
+    np.testing.assert_allclose(found.lambda_a, slope(lambda b: work(b, f), a), atol=1e-7)
+    step = 1e-5 * np.array([1.0, -2.0, 0.5])
+    np.testing.assert_allclose(one.respond(at(a), x + yields @ step, found)[0].lambda_c - f, step, atol=1e-8)
+
+
+def test_a_cable_that_would_push_goes_slack_and_is_pulled_again():
+    one, x = leg(BOTH, third=True), J @ [0.4, 0.1] + [0.1, 0.5, 0.1]
+    both = leg(third=True).respond(at([0.4, -0.3]), x, None)[0]
+    assert both.lambda_a[1] < 0  # it would push
+    found, yields = one.respond(at([0.4, -0.3]), x, None)
+    assert found.converged and found.slack.tolist() == [False, True]
+    assert found.delta_a[0] == 0.4 and found.delta_a[1] > -0.3
+    np.testing.assert_allclose(found.lambda_a[1], 0.0, atol=1e-10)
+    assert found.lambda_a[0] >= 0
+    np.testing.assert_allclose(slope(lambda b: work(b, found.lambda_c), found.delta_a), found.lambda_a, atol=1e-7)
+    np.testing.assert_allclose(-slope(lambda g: work(found.delta_a, g), found.lambda_c), x, atol=1e-8)
+    step = 1e-6 * np.array([1.0, -2.0, 0.5])
+    moved = one.respond(at([0.4, -0.3]), x + yields @ step, found)[0]
+    np.testing.assert_allclose(moved.lambda_c - found.lambda_c, step, atol=1e-9)
+    again = one.respond(at([0.4, 1.5]), x, found)[0]
+    assert not again.slack.any() and again.lambda_a[1] > 0
+
+
+def test_places_that_no_stable_state_reaches_give_the_nearest_that_newton_finds():
+    """D makes x_0 = a + 2 f_0 - f_0^2 at most a + 1."""
+    found, yields = leg(third=True).respond(at([0.0, 0.0]), np.array([5.0, 0.0, 0.0]), None)
+    assert found.delta_c[0] < 1.0 + 1e-9
+    assert np.linalg.eigvalsh(yields)[0] > 0
+
+
+def test_a_model_without_the_series_is_refused():
+    with pytest.raises(InputError, match="a leg needs a model of kind spectral and form displacement"):
+        held_by(SimpleNamespace(form="force"))
+
+
+def test_finite_elements_let_the_cable_slack_and_agree_to_the_first_order_of_the_force(bar):
+    """The bar's model was sampled without `loads`: half the force leaves a quarter of the error."""
+    robot = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+    points = tuple(ContactPoint(one.attachment) for one in robot.effectors)
+    touching = replace(robot, contacts=points, rows=replace(robot.rows, contacts=robot.rows.effectors))
+    whole, still = np.eye(3), np.zeros(3)
+    fe = PlacedRobot(Problem(touching), whole, still)
+    held_there, off = held_by(load_model(bar / "models" / "bar" / "spectral")), []
+    learned = LearnedLeg(held_there, robot.unilateral, robot.rest_e.reshape(-1, 3), whole, still)
+    a = displacement(np.array([1.5]))
+    for force in (4e-3, 2e-3):
+        x = held_there(a.target).under(force * np.array([0.0, 1.0, -1.0])).e
+        truth, _ = fe.respond(a, x, None)
+        found, _ = learned.respond(a, x, None)
+        off.append(np.abs(found.lambda_c - truth.lambda_c).max())
+        assert not (found.slack.any() or truth.slack.any())
+    assert 3.5 < off[0] / off[1] < 4.5
+    there, slack = held_there(np.array([0.1])).e[0], displacement(np.array([0.05]))
+    truth, softer = fe.respond(slack, there, None)
+    found, yields = learned.respond(slack, there, None)
+    assert found.slack.all() and truth.slack.all()
+    np.testing.assert_allclose(found.delta_a, truth.delta_a, atol=1e-3)
+    np.testing.assert_allclose(yields, softer, atol=0.1 * np.abs(softer).max())

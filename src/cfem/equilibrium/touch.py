@@ -47,9 +47,9 @@ class Touching(Protocol):
         ...
 
     def respond(self, actuators: Actuation, delta_c: np.ndarray, before: Any) -> tuple[Any, np.ndarray]:
-        """With its contact points held at delta_c (3k,) mm from rest, in its frame: its state, like `Equilibrium`
-        (delta_c, lambda_c, delta_a, lambda_a, converged, factorizations), and how they yield (3k, 3k) mm/N. before:
-        the last such state, None at first."""
+        """With its contact points held at delta_c (3k,) mm from rest, in its frame, or nearby: its state, like
+        `Equilibrium` (delta_c: where they are, lambda_c, delta_a, lambda_a, converged, factorizations), and how they
+        yield (3k, 3k) mm/N. before: the last such state, None at first."""
         ...
 
 
@@ -172,6 +172,7 @@ def touch(
             cost += solved[i].factorizations
             if not solved[i].converged:
                 return ended(TouchStatus.NO_EQUILIBRIUM, iteration)
+        at = points + (turns @ np.concatenate([one.delta_c for one in solved])).reshape(-1, 3)
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([one.lambda_c for one in solved])
         posed = _posed(around, at, stuck, compliance, push, mu, cone)

@@ -5,23 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.condensed import Condensed, Rows
 from cfem.control.crawling.course import Course, headline, judged
 from cfem.control.crawling.crawler import crawler_of
 from cfem.control.crawling.gait import Gait
 from cfem.core.errors import SpecError
 from cfem.predict.leg import LearnedLeg
+from cfem.predict.wrench_series import Held
 
-ROWS = Rows(("foot.x", "foot.y", "foot.z"), ("sweep", "press"))
 
-
-class Leg:
+def held(a):
     """The foot sweeps along x and comes down along -z, as the two actuators say; it yields by 1 mm/N."""
-
-    def at_displacement(self, a):
-        J = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, -1.0]])
-        W = np.block([[np.eye(3) + J @ J.T, J], [J.T, np.eye(2)]])
-        return Condensed(ROWS, W, np.concatenate([J @ a, a]) - W[:, 3:] @ a, a)
+    J, none = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, -1.0]]), np.zeros((3, 3))
+    e = np.array([J @ a, *J.T, *np.zeros((4, 3))])
+    return Held(np.array([a @ a / 2, *a, *np.eye(2).ravel()]), e, np.array([np.eye(3), *[none] * 6]), None, 2)
 
 
 def spec(**changes):
@@ -33,7 +29,7 @@ def spec(**changes):
 
 def crawler(about=None):
     foot = np.array([[0.0, 8.0, 0.5]])
-    legs = [LearnedLeg(Leg(), foot * [1, side, 1], np.eye(3), np.zeros(3)) for side in (1, -1)]
+    legs = [LearnedLeg(held, np.zeros(2, bool), foot * [1, side, 1], np.eye(3), np.zeros(3)) for side in (1, -1)]
     return crawler_of(about or spec(), legs, ["one", "other"])
 
 

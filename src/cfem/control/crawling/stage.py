@@ -23,7 +23,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.touch import PlacedRobot
 from cfem.plant.quasi_static import CONVERGED
-from cfem.predict.leg import LearnedLeg
+from cfem.predict.leg import LearnedLeg, held_by
 from cfem.robot.load import load_scene_and_mesh
 
 Place = tuple[np.ndarray, np.ndarray]
@@ -38,7 +38,8 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     places, names = [place_of(one) for one in spec.robots], [one.name for one in spec.robots]
     problem, rest = Problem(feet), np.array([one.rest for one in feet.contacts])
     fe = crawler_of(gait, [PlacedRobot(problem, *place) for place in places], names)
-    learned = crawler_of(gait, [LearnedLeg(model, rest, *place) for place in places], names)
+    held = held_by(model, models[name])
+    learned = crawler_of(gait, [LearnedLeg(held, robot.unilateral, rest, *place) for place in places], names)
     on = Course(gait, [one in gait.mirrored for one in names], robot.rows.n_a)
     best = on.best(learned)
     walks = {"planned": on.walk(learned, best), "fe": on.walk(fe, best)}
