@@ -14,7 +14,7 @@ B = dy/de, the condensed row of modules has (implicit differentiation)
 
 Gravity is a force on the centre of mass of the whole, which is the mean of the modules' own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from cfem.condensed.pose import turn
 from cfem.core.errors import NumericalError
 from cfem.predict.energy import condense
 from cfem.predict.serial import END, SerialPredictor
-from cfem.predict.wrench_series import Held, Loaded, WrenchSeries
+from cfem.predict.wrench_series import NEAR, Held, Loaded, WrenchSeries
 
 ITERATIONS = 50
 STEP = 1e-5  # of the reach: by which shapes are differenced
@@ -191,16 +191,24 @@ class LoadedSerialPredictor(SerialPredictor):
             step = step.reshape(e.shape)
             e = e + step
             if np.abs(step / self._units).max() <= TOLERANCE:
+                self._demand_far(parts)
                 return row, parts
             if not np.abs(e / self._units).max() < FARTHEST:
                 break
         raise NumericalError("modules in a row find no equilibrium under these loads", do="take smaller loads")
 
     @staticmethod
+    def _demand_far(parts: list[Loaded]) -> None:
+        worst = max(one.ratio for one in parts)
+        if worst > NEAR:
+            what = "a module in the row is too near to buckling under these loads for what it knows of them"
+            raise NumericalError(what, do="take smaller loads")
+
+    @staticmethod
     def _under(module, w: np.ndarray, softer: float) -> Loaded:
         """Of a module `softer` times as compliant as the one that was sampled: W ~ 1/E is exact."""
         found = module.under(softer * w)
-        return Loaded(found.lam / softer, found.K / softer, found.e, found.G, found.C * softer)
+        return replace(found, lam=found.lam / softer, K=found.K / softer, C=found.C * softer)
 
 
 def _symmetric(M: np.ndarray) -> np.ndarray:

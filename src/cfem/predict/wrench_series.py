@@ -1,11 +1,16 @@
 """One model under wrenches that differ from query to query: all that a loaded state needs, at one displacement.
 
-With D = dC/dw (symmetric in all three indices) where the model has learned it,
+With D = dC/dw (symmetric in all three indices) where the model has learned it, u = w . C w / 2 and v = D[w, w, w] / 6,
 
-    Psi_w = Psi - w . e - w . C w / 2 - D[w, w, w] / 6        e_w = -d Psi_w / dw = e + C w + D[w, w] / 2
+    Psi_w = Psi - w . e - u h(v / u)        e_w = -d Psi_w / dw        h(r) = 1 / (1 - r) = 1 + r + r^2 + ...
 
-(see `cfem.predict.loaded`). The series of Psi, e, C and D and their first and second derivatives by delta_a are
-evaluated at once; a wrench then only contracts them."""
+which is `cfem.predict.loaded` to the second order in e, and a guess of all further orders by the diagonal Pade
+approximant along w (Baker and Graves-Morris, *Pade Approximants*, 1996): exact where the load makes the body softer as
+it makes a column, u / (1 - w / w_c). Beyond r = NEAR its pole, buckling, is too near to be believed: h goes on as a
+parabola, so that an iteration may pass there, and `Loaded.ratio` tells. Without D, r = 0.
+
+The series of Psi, e, C and D and their first and second derivatives by delta_a are evaluated at once; a wrench then
+only contracts them."""
 
 from dataclasses import dataclass
 
@@ -15,17 +20,21 @@ from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
+NEAR = 0.5  # share of the load that would buckle, by the series: up to here it is believed
+TINY = 1e-30  # N mm: what C w works less than is rounding
+
 
 @dataclass(frozen=True)
 class Loaded:
     """One state under a wrench, actuators held. lam (n_a,): the forces that hold them; K (n_a, n_a) their derivative;
-    e (n_e,) displacements, G (n_e, n_a) by delta_a, C (n_e, n_e) by the wrench."""
+    e (n_e,) displacements, G (n_e, n_a) by delta_a, C (n_e, n_e) by the wrench; ratio: r = v / u."""
 
     lam: np.ndarray
     K: np.ndarray
     e: np.ndarray
     G: np.ndarray
     C: np.ndarray
+    ratio: float = 0.0
 
 
 class WrenchSeries:
@@ -68,8 +77,33 @@ class Held:
     def under(self, w: np.ndarray) -> Loaded:
         """w: (n_e,) N and N mm."""
         n, Cw = self.n_a, self.C @ w
-        psi, e, C = self.psi - self.e @ w - Cw @ w / 2, self.e + Cw, self.C[0]
-        if self.D is not None:
-            Dw = self.D @ w
-            psi, e, C = psi - Dw @ w @ w / 6, e + Dw @ w / 2, C + Dw[0]
-        return Loaded(psi[1 : 1 + n], psi[1 + n :].reshape(n, n), e[0], e[1 : 1 + n].T, C)
+        psi, e = self.psi - self.e @ w, self.e
+        u = Cw @ w / 2
+        if self.D is None or not u[0] > TINY:
+            psi = psi - u
+            return Loaded(psi[1 : 1 + n], psi[1 + n :].reshape(n, n), (e + Cw)[0], (e + Cw)[1 : 1 + n].T, self.C[0])
+        Dw = self.D @ w
+        b = Dw @ w / 2  # dv/dw, as C w is du/dw
+        v = b @ w / 3
+        r = v[0] / u[0]
+        h, h1, h2 = softening(r)
+        f = np.array([h - r * h1, h1])  # of f = u h(v / u), by u and v
+        F = h2 / u[0] * np.array([[r * r, -r], [-r, 1.0]])
+        both = np.stack([u, v], axis=1)  # and their derivatives by delta_a
+        by_s, by_w = both[1 : 1 + n], np.stack([Cw[0], b[0]])  # (n, 2), (2, n_e)
+        psi = psi - both @ f
+        return Loaded(
+            psi[1 : 1 + n],
+            psi[1 + n :].reshape(n, n) - by_s @ F @ by_s.T,
+            e[0] + f @ by_w,
+            (e + f[0] * Cw + f[1] * b)[1 : 1 + n].T + by_w.T @ F @ by_s.T,
+            f[0] * self.C[0] + f[1] * Dw[0] + by_w.T @ F @ by_w,
+            float(r),
+        )
+
+
+def softening(r: float) -> tuple[float, float, float]:
+    """h(r) and its first two derivatives."""
+    s = 1.0 / (1.0 - min(r, NEAR))
+    h, h1, h2, more = s, s * s, 2.0 * s**3, max(r - NEAR, 0.0)
+    return h + more * (h1 + more * h2 / 2), h1 + more * h2, h2
