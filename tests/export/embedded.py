@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from predict.rows import WRENCH, chain
 from surrogate.synthetic import dataset
 
 from cfem.export.c_export import write_c
@@ -70,6 +71,13 @@ def serial(modules: int = 2) -> tuple[dict, dict]:
     return meta | {"rest_e": [55.0 * modules, 0.0, 0.0]}, joined([arrays])
 
 
+@cache
+def row() -> tuple[dict, dict]:
+    """Three modules of two models under a load."""
+    made = chain(WRENCH)
+    return made.meta, made.arrays
+
+
 def states(form: str, n_a: int, count: int = 120, parameters: bool = False) -> np.ndarray:
     test = dataset(count, 2, n_a, unilateral=n_a == 2, parameters=parameters)
     return test.delta_a if form == "displacement" else test.lambda_a
@@ -79,7 +87,10 @@ def export(folder: Path, model: tuple[dict, dict], pressures: np.ndarray | None 
     """Writes the folder; its report."""
     meta, arrays = model
     n_a = len(meta["rows"]["actuators"])
-    s = states(meta["form"], n_a, parameters=bool(meta["parameters"]))
+    if meta.get("wrench"):
+        s = np.random.default_rng(0).uniform(-1.5, 1.5, (100, n_a))
+    else:
+        s = states(meta["form"], n_a, parameters=bool(meta["parameters"]))
     return write_c(folder, meta, arrays, CSpec(**spec), s, pressures)
 
 

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from export.embedded import export, needs_compiler, network, serial, spectral, tool
+from export.embedded import export, needs_compiler, network, row, serial, spectral, tool
 from surrogate.stored import train_folder
 
 from cfem.core.errors import InputError, SpecError
@@ -28,6 +28,7 @@ MODELS = {
         {"scalar": "float", "controller": {"command": "force", "observer": "equilibrium"}},
     ),
     "modules": (serial, {"scalar": "float", "controller": {"damping": 1e-7, "unilateral": False}}),
+    "row": (row, {"scalar": "float", "controller": {"unilateral": False, "weights": [1.0] * 3 + [0.0] * 3}}),
     "network": (network, {"scalar": "float", "hidden_weights": "int16"}),
 }
 

@@ -8,7 +8,6 @@ from cfem.core.errors import InputError, SpecError
 from cfem.export.compiled import CompiledController
 from cfem.predict.energy import layout
 from cfem.predict.load import build
-from cfem.predict.serial import joined, module_arrays
 
 pytestmark = needs_compiler
 TOLERANCE = {"double": 1e-12, "float": 1e-5}
@@ -79,16 +78,6 @@ def test_what_modules_in_a_row_have_no_c_code_for(tmp_path):
         export(tmp_path, (meta, arrays), full=True)
     with pytest.raises(InputError, match="energy_net"):
         export(tmp_path, (meta | {"modules": [meta["modules"][0] | {"kind": "energy_net"}]}, arrays))
-
-
-def test_rows_under_loads_or_of_several_models_are_refused_in_c(tmp_path):
-    meta, arrays = serial()
-    with pytest.raises(InputError, match="no C code for loads"):
-        export(tmp_path, (meta | {"wrench": [0.0, 0.0, 1e-3]}, arrays))
-    two = joined([module_arrays(arrays, 0)] * 2)
-    row = [{"model": i, "softer": 1.0} for i in range(2)]
-    with pytest.raises(InputError, match="modules of different models have no C code"):
-        export(tmp_path, (meta | {"modules": meta["modules"] * 2, "row": row}, two))
 
 
 def test_the_energy_is_that_of_the_series(tmp_path):

@@ -1,84 +1,17 @@
 """Modules in a row under loads: derivatives against differences, and the unloaded row (FE: surrogate/test_serial)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from predict.rows import CENTRE, DELTA, REST, WRENCH, chain, series
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.energy import layout, unpacking
 from cfem.predict.load import build
 from cfem.predict.loaded import loaded
 from cfem.predict.loaded_serial import row_of
-from cfem.predict.serial import joined
-from cfem.predict.series import differentiated
-from cfem.surrogate.chebyshev import index_set
-
-AXES = ("x", "y", "z", "rx", "ry", "rz")
-REST = np.array([0.0, 0.0, 40.0])
-CENTRE = np.array([1.0, 0.0, 21.0])
-
-
-def series(heavy, seed=0, n_a=2):
-    """Coefficients of a module that bends about x and y as its actuators go, positive definite all over."""
-    indices, _ = index_set(np.ones(n_a), 1000, 3)
-    rng, n_e = np.random.default_rng(seed), 9 if heavy else 6
-    psi, e = 0.02 * rng.normal(size=(len(indices), 1)), 0.02 * rng.normal(size=(len(indices), n_e))
-    C = 1e-3 * rng.normal(size=(len(indices), n_e * (n_e + 1) // 2))
-    degree = indices.sum(axis=1)
-    psi[(degree == 2) & (indices.max(axis=1) == 2)] += 3.0
-    C[degree == 0] += np.diag([8.0, 8, 0.5, 0.01, 0.01, 0.005, 2, 2, 0.2][:n_e])[np.triu_indices(n_e)]
-    bends = np.array([[3.0, 0, 0.1, 0, 0.2, 0, 1, 0, 0], [0, 3.0, 0.1, -0.2, 0, 0.05, 0, 1, 0]])
-    e[degree == 1] += bends[np.arange(n_a) % 2, :n_e]
-    to_box = np.eye(n_a) / 4
-    D = 1e-4 * rng.normal(size=(n_e * (n_e + 1) * (n_e + 2) // 6, len(indices)))
-    return {
-        "indices": indices,
-        "to_box": to_box,
-        "offset": np.zeros(n_a),
-        "series": differentiated(indices, to_box, n_a, psi, e, C),
-        "third": D,
-    }
-
-
-def card(effectors, n_a, rest, **more):
-    return {
-        "kind": "spectral",
-        "scene": "row",
-        "form": "displacement",
-        "rows": {"effectors": effectors, "actuators": tuple(f"a{i}" for i in range(n_a))},
-        "row_units": [["mm", "N"]] * (len(effectors) + n_a),
-        "parameters": [],
-        "rest_e": list(rest),
-        "reach": [[-3, 3]] * n_a,
-        "length": float(rest[2]),
-        "domain": {
-            "delta_a": [[-4] * n_a, [4] * n_a],
-            "lambda_a": [[-4] * n_a, [4] * n_a],
-            "p": [[], []],
-            "states": [[0] * 2 * n_a],
-        },
-        **more,
-    }
-
-
-def chain(wrench=None, softer=(1.0, 1.5, 0.8), heavy=True, mixed=True):
-    """Three modules: the middle one is another, of three actuators and another mass, where they are mixed."""
-    axes = [f"end.{axis}" for axis in AXES] + [f"body.{axis}" for axis in "xyz"] * heavy
-    rest = [*REST, 0, 0, 0, *CENTRE][: len(axes)]
-    modules = [card(axes, 2, rest, masses={"body": 2e-6}), card(axes, 3, rest, masses={"body": 1e-6})][: 1 + mixed]
-    k, which = len(softer), [i % 2 if mixed else 0 for i in range(len(softer))]
-    shares = np.array([modules[one]["masses"]["body"] for one in which])
-    centre = shares @ (CENTRE + np.arange(k)[:, None] * REST) / shares.sum()
-    tip = [f"tip.{axis}" for axis in "xyz"] + [f"body.{axis}" for axis in "xyz"] * heavy
-    n_a = sum(len(modules[one]["rows"]["actuators"]) for one in which)
-    row = [{"model": one, "softer": soft} for one, soft in zip(which, softer, strict=True)]
-    meta = card(tip, n_a, [*(k * REST), *centre][: len(tip)], modules=modules, row=row)
-    meta |= {"kind": "serial"} | ({} if wrench is None else {"wrench": np.asarray(wrench)[: len(tip)].tolist()})
-    return build(meta, joined([series(heavy), series(heavy, 7, 3)][: 1 + mixed]))
-
-
-WRENCH = np.array([0.05, -0.04, 0.06, 0.02, -0.03, -0.05])
-DELTA = np.array([1.0, -0.5, 0.3, 1.2, -0.6, -1.0, 0.8])
-
+from cfem.predict.wrench_series import NEAR, Held, softening
 
 @pytest.mark.parametrize("shares", [None, np.array([0.2, 0.5, 0.3])])
 def test_the_effectors_and_their_derivatives_against_differences(shares):
@@ -163,3 +96,55 @@ def test_the_series_here_are_definite():
 def test_without_the_skin_of_a_module_there_is_no_shape(wrench):
     with pytest.raises(InputError, match=r"has no skin.*train each module's model on samples with `skin"):
         chain(wrench).shape(DELTA)
+
+
+COMPLIANCE, CRITICAL = 5.0, 0.8  # mm/N, N
+
+
+def column(along):
+    """A module without actuators that a force along x makes softer across, as a column does."""
+    C, D = np.zeros((1, 2, 2)), np.zeros((1, 2, 2, 2))
+    C[0, 1, 1] = COMPLIANCE
+    D[0, 0, 1, 1] = D[0, 1, 0, 1] = D[0, 1, 1, 0] = COMPLIANCE / CRITICAL
+    return Held(np.zeros(1), np.zeros((1, 2)), C, D, 0).under(np.array([along, 0.03]))
+
+
+@pytest.mark.parametrize("share", [-2.0, 0.1, 0.5])
+def test_a_column_is_known_up_to_half_of_what_buckles_it(share):
+    """e_y = C w_y / (1 - w_x / w_c), and e_x by reciprocity."""
+    found, softer = column(share * CRITICAL), 1 / (1 - share)
+    assert found.ratio == pytest.approx(share)
+    assert found.e[1] == pytest.approx(COMPLIANCE * 0.03 * softer, rel=1e-12)
+    assert found.e[0] == pytest.approx(COMPLIANCE * 0.03**2 * softer**2 / (2 * CRITICAL), rel=1e-12)
+    assert found.C[1, 1] == pytest.approx(COMPLIANCE * softer, rel=1e-12)
+
+
+def test_its_softening_goes_on_smoothly_where_it_is_not_believed():
+    h = 1e-5
+    for r in (0.3, NEAR, 0.9, 3.0):
+        ahead, behind = softening(r + h), softening(r - h)
+        for order in (0, 1):
+            tolerance = 30 * h if r == NEAR else 1e-7  # its third derivative jumps there
+            assert (ahead[order] - behind[order]) / (2 * h) == pytest.approx(softening(r)[order + 1], abs=tolerance)
+
+
+@pytest.mark.parametrize(("changing", "believed"), [(1, True), (300, True), (1000, False)])
+def test_a_module_under_a_wrench_is_of_one_energy(changing, believed):
+    """Pose and forces are derivatives of one function of wrench and actuators, also beyond where it is believed."""
+    series, h = chain(WRENCH)._series[0], 1e-6
+    at, w = DELTA[:2], np.array([0.05, -0.04, 0.06, 0.3, -0.5, 0.2, 0.02, -0.03, -0.05])
+
+    def under(s, w):
+        held = series.at(s)
+        return replace(held, D=changing * held.D).under(w)
+
+    here = under(at, w)
+    assert (here.ratio <= NEAR) == believed
+    for n, step in enumerate(h * np.eye(9)):
+        ahead, behind = (under(at, w + sign * step) for sign in (1, -1))
+        assert np.allclose(here.C[:, n], (ahead.e - behind.e) / (2 * h), rtol=1e-6, atol=1e-6)
+        assert np.allclose(-here.G[n], (ahead.lam - behind.lam) / (2 * h), rtol=1e-6, atol=1e-6)
+    for n, step in enumerate(h * np.eye(2)):
+        ahead, behind = (under(at + sign * step, w) for sign in (1, -1))
+        assert np.allclose(here.G[:, n], (ahead.e - behind.e) / (2 * h), rtol=1e-6, atol=1e-6)
+        assert np.allclose(here.K[:, n], (ahead.lam - behind.lam) / (2 * h), rtol=1e-6, atol=1e-6)

@@ -275,3 +275,17 @@ def test_its_surface_in_c_is_that_of_python(project, tmp_path):
     for delta in (np.zeros(6), at * [1, 0.2, 0, 0.7, 0.1, 0.4]):
         np.testing.assert_allclose(shape(delta), model.shape(delta), atol=1e-9)
     subprocess.run(["make", "-s", "libcfem.a"], cwd=out, check=True, capture_output=True)
+
+
+@needs_compiler
+def test_an_exported_row_under_its_weight_is_in_c_that_of_python(project, tmp_path):
+    spec = tmp_path / "export.yaml"
+    loads = "{tip: {force: {mN: [0, 1, -1]}}, body: {gravity: {m/s^2: [0, 0, -0.98]}}}"
+    spec.write_text(
+        f"model: {project / 'models' / WHOLE / 'serial'}\nout: out\nformats: [arrays, c]\nloads: {loads}\nc: {{vectors: 5}}\n"
+    )
+    results = export(spec, [], None, QUIET)["results"]
+    assert results["parity"]["c"] < 1e-12 and results["parity"]["arrays"] == 0.0
+    assert results["c"]["operations"]["model"] > 100_000
+    with pytest.raises(InputError, match="have a shape in Python alone"):
+        export(spec, ["shape=true"], tmp_path / "other", QUIET)

@@ -1,7 +1,7 @@
 """A trained model and the user's choices as the constants of the C controller: parameters, units and standardisation
 are folded in, what control does not use is left out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from cfem.condensed.given import vector
 from cfem.condensed.packing import upper_indices
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
+from cfem.export import c_row
 from cfem.export.at_rest import right_at_rest, with_rest
 from cfem.export.c_series import Group, trees_of
 from cfem.export.spec import ControllerSpec, CSpec
@@ -35,19 +36,21 @@ class Layer:
 class Surrogate:
     """defines: names and values; arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees;
     layers: of a network; groups: of the terms of each series; reference: the predictor in double precision that the C
-    code is compared with."""
+    code is compared with; modules: models of modules in a row."""
 
     defines: dict[str, int]
     arrays: dict[str, np.ndarray]
     layers: list[Layer]
     groups: dict[str, list[Group]]
     reference: Predictor
+    modules: list[c_row.Tables] = field(default_factory=list)
 
     @property
     def coefficient_bytes(self) -> int:
         """What the model's numbers take in flash."""
         arrays = [*self.arrays.values(), *(a for one in self.layers for a in (one.weight, one.step, one.bias))]
-        return sum(a.nbytes for a in arrays if a is not None) + sum(
+        own = sum(a.nbytes for a in arrays if a is not None) + sum(one.nbytes for one in self.modules)
+        return own + sum(
             2 * ((4 + max(len(one.degrees), 1)) // 2) for groups in self.groups.values() for one in groups
         )
 
@@ -103,6 +106,7 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
         "CFEM_SPECTRAL": 1,
         "CFEM_MLP": 0,
         "CFEM_SERIAL": 0,
+        "CFEM_ROW": 0,
         "CFEM_SERIES_NA": n_a,
         "CFEM_SERIES_NE": n_e,
         "CFEM_SERIES_OUTPUTS": len(outputs),
@@ -114,16 +118,14 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
 
 
 def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
-    """The module's series, and what the modules are beside it. InputError where they are not of one model, or bear
-    loads."""
+    """Unloaded modules of one model are its series, and what the modules are beside it."""
     if spec.full:
         raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
-    do = "export `arrays`, or train one model of the whole robot, of kind spectral"
-    if predictor.meta.get("wrench") is not None:
-        raise InputError("modules in a row have no C code for loads", do=do)
-    if len(predictor.models) > 1 or predictor.heavy:
-        what = "modules of different models" if len(predictor.models) > 1 else "the centre of mass of modules in a row"
-        raise InputError(f"{what} have no C code" if len(predictor.models) > 1 else f"{what} has no C code", do=do)
+    if c_row.more_than_series(predictor):
+        loaded = any(predictor.meta.get("wrench") or [])
+        models = [c_row.tables(one, predictor.pose, loaded, spec.scalar) for one in predictor.models]
+        defines, constants = c_row.constants(predictor, models)
+        return Surrogate(defines, constants, [], {}, predictor, models)
     module = _spectral(predictor.models[0], module_arrays(arrays, 0), p, spec)
     softer = predictor.softer
     return replace(
@@ -164,6 +166,7 @@ def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spe
         "CFEM_SPECTRAL": 0,
         "CFEM_MLP": 1,
         "CFEM_SERIAL": 0,
+        "CFEM_ROW": 0,
         "CFEM_MLP_LAYERS": depth,
         "CFEM_MLP_WIDTH": max([n_a] + [len(one.bias) for one in layers[:-1]]),
         "CFEM_MLP_OUTPUTS": len(chosen),

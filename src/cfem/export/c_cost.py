@@ -5,6 +5,8 @@ import numpy as np
 from cfem.export.c_constants import Surrogate
 from cfem.export.spec import CSpec
 
+ROW_STEPS = 6  # Newton steps of modules in a row under loads that are counted; most take 4 to 6
+
 
 def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
     """Multiplications with what is added to them, counted from the sizes: model: one query; program: one quadratic
@@ -30,6 +32,8 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
 
 def _query(model: Surrogate, n_a: int, n_e: int) -> int:
     sizes = model.defines
+    if sizes["CFEM_ROW"]:
+        return _row(model, n_a, n_e)
     if sizes["CFEM_SERIAL"]:
         n = sizes["CFEM_SERIES_NA"]
         module = _spectral(model, n, sizes["CFEM_SERIES_NE"]) + n**3 + (n_e + 2) * n**2 + n_e * n
@@ -39,6 +43,21 @@ def _query(model: Surrogate, n_a: int, n_e: int) -> int:
         return sizes["CFEM_MODULES"] * (module + rotations) + n_e * n_a
     query = _spectral(model, n_a, n_e) if sizes["CFEM_SPECTRAL"] else _network(model)
     return query + n_a**3 + (n_e + 2) * n_a**2 + n_e * n_a  # inverse, W_ea, delta_free
+
+
+def _row(model: Surrogate, n_a: int, n_e: int) -> int:
+    """Of one query with ROW_STEPS Newton steps."""
+    pose, count = model.defines["CFEM_POSE"], model.defines["CFEM_MODULES"]
+    N, total = pose * count, 0
+    for which in model.arrays["cfem_module_model"]:
+        own, n = model.modules[which], len(model.modules[which].offset)
+        all_ = 1 + n + n * (n + 1) // 2
+        outputs = sum(coefficients.size for _, coefficients in own.series.values())
+        terms = sum(len(numbers) for numbers, _ in own.series.values())
+        total += len(own.degrees) * (all_ + 1) * n + 5 * outputs + terms * (all_ + pose * (2 + n))
+        total += ROW_STEPS * 4 * pose**3
+    newton = ROW_STEPS * (pose * N * N + N**3 // 3)
+    return total + newton + N**3 // 3 + n_a * N * (2 * N + n_e) + n_a**3 + (n_e + 2) * n_a**2
 
 
 def _searches(model: Surrogate, spec: CSpec) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from cfem.condensed.given import vector
 from cfem.core.errors import NumericalError
 from cfem.core.files import disk_errors, write_whole
-from cfem.export import c_text
+from cfem.export import c_row, c_text
 from cfem.export.c_constants import OBSERVERS, Surrogate, controller, multipliers, surrogate
 from cfem.export.c_cost import operations
 from cfem.export.spec import CSpec
@@ -110,6 +110,10 @@ def _data(
             header.append(f"extern const cfem_group cfem_{name}_groups[CFEM_{name.upper()}_GROUPS];\n")
             rows = [f"{{{one.end}, {one.depth}, {{{', '.join(map(str, one.degrees or [0]))}}}}}" for one in groups]
             body.append(f"const cfem_group cfem_{name}_groups[] = {{" + ",\n".join(rows) + "};\n\n")
+    if model.modules:
+        more = c_row.text(model.modules)
+        header.append(more[0])
+        body.append(more[1])
     if model.layers:
         header.append(
             "\ntypedef struct {\n    int inputs, outputs;\n    const cfem_real *weight; /* (inputs, outputs), or: */\n"

@@ -18,6 +18,9 @@ CORE = (
     "cfem_controller.c",
     "cfem_condense.c",
     "cfem_serial.c",
+    "cfem_row.c",
+    "cfem_row_places.c",
+    "cfem_module.c",
     "cfem_spectral.c",
     "cfem_mlp.c",
     "cfem_qp.c",
@@ -111,7 +114,9 @@ class CompiledController:
         real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
         a, e = self.n_a, self.n_e
         full = [("W_ee", e * e), ("energy", 1)] if int(defines["CFEM_FULL"]) else []
+        row = [("steps", 1), ("change", 1)] if int(defines["CFEM_ROW"]) else []
         model = [("delta_a", a), ("lambda_a", a), ("W_aa", a * a), ("W_ea", e * a), ("free_a", a), ("free_e", e), *full]
+        model += row
         inputs = [("goal", real * e), ("error", real * e), ("delta_a", real * a), ("measured", ctypes.c_int)]
         outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e), ("status", ctypes.c_uint)]
         self._input, self._output = struct_of(inputs)(), struct_of(outputs)()

@@ -58,6 +58,9 @@ def page(
         meta = {**meta, "rest_e": robot.rest_e.tolist()}
     spec = spec.model_copy(update={"scalar": "double", "full": False})
     model, p = surrogate(meta, arrays, spec)
+    if model.modules:
+        what = "modules in a row under loads, of different models or with a centre of mass have no page"
+        raise InputError(what, do="export C")
     predictor = model.reference
     points, chosen = watched(predictor), spec.controller
     if chosen.weights is None:  # a goal is a place: rotations follow

@@ -11,6 +11,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import write_npz, write_whole
+from cfem.export.c_row import more_than_series
 from cfem.export.spec import ExportSpec
 from cfem.predict import serial_skin
 from cfem.predict.load import build, skin_of, skins_of
@@ -94,8 +95,9 @@ def write_row_skin(
     if not spec.shape:
         return {}
     other = next((name for name in SHAPES if name in spec.formats), None)
-    if other or row.meta.get("wrench") is not None:
-        what = f"have no shape in format {other}" if other else "have a shape under loads in Python alone"
+    if other or ("c" in spec.formats and more_than_series(row)):
+        alone = "under loads, of different models or with a centre of mass have a shape in Python alone"
+        what = f"have no shape in format {other}" if other else alone
         raise InputError(f"modules in a row {what}", where="shape", do="leave `shape` out, or export `arrays` and `c`")
     if "c" not in spec.formats:
         return {}

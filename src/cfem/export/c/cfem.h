@@ -68,6 +68,9 @@ typedef struct {
     double W_ee[CFEM_MOST_NE][CFEM_MOST_NE];   /* mm/N */
     double energy;                   /* N mm: condensed energy, or its dual in the force form; 0 where none was learned */
 #endif
+#if CFEM_ROW
+    double steps, change;            /* Newton steps of the modules' poses, and the last one, in lengths of a module and radians */
+#endif
 } cfem_condensed;
 
 /* A robot's state. The caller owns it; its members are for reading. */

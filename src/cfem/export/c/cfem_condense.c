@@ -10,12 +10,14 @@
 
 #define MOST CFEM_MOST_NA
 
+#if CFEM_SPECTRAL || CFEM_MLP
 static int positive_definite(double W[MOST][MOST]) {
     double copy[MOST][MOST];
     for (int i = 0; i < CFEM_NA; i++)
         for (int j = i; j < CFEM_NA; j++) copy[i][j] = W[i][j];
     return cfem_invert(CFEM_NA, MOST, &copy[0][0]) == 0;
 }
+#endif
 
 #if CFEM_FULL && CFEM_SEMIDEFINITE
 /* Raises the eigenvalues of the locked compliance in W_ee to CFEM_FLOOR, in units of cfem_sizes: the nearest semidefinite matrix
@@ -147,6 +149,9 @@ static unsigned of_entries(const double *s, cfem_condensed *m) {
 #endif
 
 unsigned cfem_model(const double s[MOST], cfem_condensed *m) {
+#if CFEM_ROW
+    if (CFEM_KIND == CFEM_KIND_ROW) return cfem_row(s, m);
+#endif
 #if CFEM_SERIAL
     if (CFEM_KIND == CFEM_KIND_SERIAL) return cfem_serial(s, m);
 #endif
@@ -156,6 +161,7 @@ unsigned cfem_model(const double s[MOST], cfem_condensed *m) {
 #if CFEM_SPECTRAL
     return of_series(s, m);
 #else
+    (void)s, (void)m;
     return CFEM_NO_MODEL;
 #endif
 }

@@ -237,8 +237,13 @@ void cfem_init(cfem_controller *c) {
 #if CFEM_CONTACT
     c->ask = 0, c->with = 0;
 #endif
-    cfem_model(cfem_home, &m);
+    const unsigned status = cfem_model(cfem_home, &m);
     remember(c, &m, m.lambda_a, m.delta_a);
+#if CFEM_MOST_HALVINGS
+    if (status) c->stands = 0; /* the first tick asks again, and says so */
+#else
+    (void)status;
+#endif
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {

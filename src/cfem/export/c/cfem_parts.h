@@ -30,6 +30,11 @@ void cfem_effector_parts(const double s[CFEM_MOST_SERIES_NA], cfem_parts *parts)
 unsigned cfem_serial(const double s[CFEM_MOST_NA], cfem_condensed *m);
 #endif
 
+#if CFEM_ROW
+/* The same of modules under loads, or of different models. */
+unsigned cfem_row(const double s[CFEM_MOST_NA], cfem_condensed *m);
+#endif
+
 #if CFEM_MLP
 /* Outputs (CFEM_MLP_OUTPUTS,) of the network at s: the upper triangle of W_aa; W_ea row by row; delta_free, actuators then
  * effectors; with CFEM_FULL the upper triangle of W_ee. */

@@ -21,6 +21,7 @@ typedef double cfem_real;
 
 #define CFEM_SPECTRAL 1
 #define CFEM_SERIAL 1
+#define CFEM_ROW 0
 #define CFEM_MLP 0
 #define CFEM_FULL 0
 

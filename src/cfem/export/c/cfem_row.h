@@ -1,0 +1,39 @@
+/* Modules in a row under loads, or of different models: cfem_row.c. */
+#ifndef CFEM_ROW_H
+#define CFEM_ROW_H
+
+#include "cfem.h"
+
+#if CFEM_ROW
+
+#define CFEM_ROW_N (CFEM_MODULES * CFEM_POSE) /* coordinates e of the row: the poses of its modules */
+#define CFEM_ROW_PAIRS (CFEM_MODULE_NA * (CFEM_MODULE_NA + 1) / 2)
+
+#define CFEM_ROW_CHANGES (CFEM_POSE * (CFEM_POSE + 1) * (CFEM_POSE + 2) / 6)
+
+/* One model at one s: T_k, T_k', T_k'' of its coordinates z; the pose, its derivatives C by a wrench and D = dC/dw (packed,
+ * i <= j <= k). */
+typedef struct {
+    const cfem_module *model;
+    double polynomials[3][CFEM_MODULE_NA][CFEM_MODULE_DEGREE + 2];
+    double pose[CFEM_POSE], C[CFEM_POSE][CFEM_POSE], D[CFEM_ROW_CHANGES];
+} cfem_held;
+
+/* The same under a wrench: pose, its derivative C by the wrench, and `ratio`, the share of the load that would buckle. */
+typedef struct {
+    double pose[CFEM_POSE], C[CFEM_POSE][CFEM_POSE], ratio;
+} cfem_carried;
+
+void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held);
+void cfem_module_under(const cfem_held *held, const double w[CFEM_POSE], cfem_carried *carried);
+
+/* The forces (n_a,) that hold it, their derivative (packed upper triangle), and the pose's by s, under a wrench. */
+void cfem_module_slopes(const cfem_held *held, const double w[CFEM_POSE], double *lambda, double *stiffness,
+                        double slope[CFEM_POSE][CFEM_MODULE_NA]);
+
+/* Where the effectors y (CFEM_NE,) mm are at poses e, B their derivative by e, and V the second derivative of -w . y. */
+void cfem_row_places(double e[CFEM_MODULES][CFEM_POSE], double y[CFEM_NE], double B[CFEM_NE][CFEM_ROW_N],
+                     double V[CFEM_ROW_N][CFEM_ROW_N]);
+
+#endif
+#endif

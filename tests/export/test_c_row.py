@@ -1,0 +1,80 @@
+"""Modules in a row under loads, or of different models, in C: the row of Python, whose derivatives are tested against
+differences and finite elements."""
+
+import numpy as np
+import pytest
+from export.embedded import needs_compiler
+from predict.rows import WRENCH, chain
+
+from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.export.c_export import write_c
+from cfem.export.compiled import CompiledController
+from cfem.export.spec import CSpec
+
+pytestmark = needs_compiler
+TOLERANCE = {"double": 1e-12, "float": 1e-5}
+HELD, NO_MODEL = 16, 64
+
+
+def states(row, count=20):
+    return np.random.default_rng(0).uniform(-1.5, 1.5, (count, row.rows.n_a))
+
+
+def compiled(folder, row, **spec) -> CompiledController:
+    write_c(folder, row.meta, row.arrays, CSpec(**spec), states(row))
+    return CompiledController(folder)
+
+
+@pytest.mark.parametrize("scalar", ["double", "float"])
+@pytest.mark.parametrize(
+    ("wrench", "heavy", "mixed"),
+    [(WRENCH, True, True), (WRENCH, False, False), (3 * WRENCH, True, True), (0 * WRENCH, True, False), (None, False, True)],
+)
+def test_it_is_the_row_of_python(tmp_path, wrench, heavy, mixed, scalar):
+    row = chain(wrench, heavy=heavy, mixed=mixed)
+    controller, e, a = compiled(tmp_path, row, scalar=scalar), row.rows.e, row.rows.a
+    for s in states(row):
+        found, here = controller.model(s), row.at(s)
+        assert found["status"] == 0 and found["change"] <= 1e-11
+        loaded = wrench is not None and np.any(wrench)
+        assert (2 <= found["steps"] <= 8) if loaded else found["steps"] == 1
+        blocks = {"W_aa": here.W[a, a], "W_ea": here.W[e, a], "lambda_a": here.lam}
+        blocks |= {"delta_a": s, "free_e": here.delta_free[e]}
+        for name, block in blocks.items():
+            off = np.abs(found[name].reshape(block.shape) - block).max()
+            assert off <= TOLERANCE[scalar] * np.abs(block).max(), name
+
+
+def test_one_without_the_change_of_compliance_beside_one_with_it(tmp_path):
+    row = chain(WRENCH)
+    arrays = {name: one for name, one in row.arrays.items() if name != "0.third"}
+    row = type(row)(row.meta, arrays)
+    s = states(row)[0]
+    assert compiled(tmp_path, row).model(s)["lambda_a"] == pytest.approx(row.at(s).lam, rel=1e-12)
+
+
+def test_a_load_that_it_cannot_carry_is_said(tmp_path):
+    """From rest, where control begins, it knows no model: the tick holds."""
+    light, much = chain(WRENCH), chain(1e3 * WRENCH)
+    write_c(tmp_path, light.meta, light.arrays, CSpec(), states(light))
+    text = (tmp_path / "cfem_data.c").read_text()
+    before = ", ".join(map(repr, light.meta["wrench"]))
+    assert before in text
+    (tmp_path / "cfem_data.c").write_text(text.replace(before, ", ".join(map(repr, much.meta["wrench"]))))
+    controller = CompiledController(tmp_path)
+    assert controller.model(states(light)[0])["status"] == NO_MODEL
+    assert controller.step(light.rest_e).status & (HELD | NO_MODEL) == HELD | NO_MODEL
+
+
+def test_control_on_it_is_that_of_python(tmp_path):
+    """Each tick is the inverse step at the model where the actuators are measured."""
+    row = chain(WRENCH, heavy=False)
+    choices = {"command": "displacement", "observer": "measured", "halvings": 0, "unilateral": False}
+    controller, ridge = compiled(tmp_path, row, controller=choices), ridge_of(1e-10, row.reach, row.length)
+    limits, places = Limits.of(row.reach, np.zeros(row.rows.n_a, dtype=bool)), states(row, 6)
+    for s, aim in zip(places[1:], places[:-1], strict=True):
+        goal, at = row.rest_e + row.at(aim).delta_e, row.at_displacement(s)
+        step = inverse_step(at, Aim(goal - row.rest_e, np.ones(3), ridge), limits.within(at.delta_a, 5.0))
+        found = controller.step(goal, delta_a=s)
+        assert found.status & HELD == 0
+        assert found.delta_a == pytest.approx(step.delta_a, rel=1e-7, abs=1e-7)
