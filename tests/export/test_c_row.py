@@ -28,7 +28,13 @@ def compiled(folder, row, **spec) -> CompiledController:
 @pytest.mark.parametrize("scalar", ["double", "float"])
 @pytest.mark.parametrize(
     ("wrench", "heavy", "mixed"),
-    [(WRENCH, True, True), (WRENCH, False, False), (3 * WRENCH, True, True), (0 * WRENCH, True, False), (None, False, True)],
+    [
+        (WRENCH, True, True),
+        (WRENCH, False, False),
+        (3 * WRENCH, True, True),
+        (0 * WRENCH, True, False),
+        (None, False, True),
+    ],
 )
 def test_it_is_the_row_of_python(tmp_path, wrench, heavy, mixed, scalar):
     row = chain(wrench, heavy=heavy, mixed=mixed)

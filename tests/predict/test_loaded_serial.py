@@ -13,6 +13,7 @@ from cfem.predict.loaded import loaded
 from cfem.predict.loaded_serial import row_of
 from cfem.predict.wrench_series import NEAR, Held, softening
 
+
 @pytest.mark.parametrize("shares", [None, np.array([0.2, 0.5, 0.3])])
 def test_the_effectors_and_their_derivatives_against_differences(shares):
     rng, h, p = np.random.default_rng(1), 1e-5, 6 if shares is None else 9

@@ -50,9 +50,7 @@ class Surrogate:
         """What the model's numbers take in flash."""
         arrays = [*self.arrays.values(), *(a for one in self.layers for a in (one.weight, one.step, one.bias))]
         own = sum(a.nbytes for a in arrays if a is not None) + sum(one.nbytes for one in self.modules)
-        return own + sum(
-            2 * ((4 + max(len(one.degrees), 1)) // 2) for groups in self.groups.values() for one in groups
-        )
+        return own + sum(2 * ((4 + max(len(one.degrees), 1)) // 2) for groups in self.groups.values() for one in groups)
 
 
 def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
