@@ -7,7 +7,7 @@ python benchmarks/rows.py --element hex8-full --size 11    hexahedra between rig
 python benchmarks/rows.py --element hex8 --size 11         a solid
 python benchmarks/rows.py --mixed                          the second module has two actuators instead of three
 python benchmarks/rows.py --orders                         what a further order in the load would leave of the error
-python benchmarks/rows.py --c                              the C code of the row under 0.1 of its weight and 1 mN: time, size
+python benchmarks/rows.py --c                              the C code of the row under a tenth of its weight and 1 mN
 
 Modules are sampled without any load, 50 states each. Loads at three random states, actuators held: shares of the weight
 in six directions, as a silicone of 150 kPa and 1070 kg/m^3 has it (a fifth of it is the weight for one of 750 kPa), and
@@ -107,9 +107,7 @@ def table(model, robot, shares: list[float]) -> None:
     states = [force(low + share * (high - low)) for share in rng.random((STATES, rows.n_a))]
     states = [solve(Problem(robot), one).condensed.delta_a for one in states]
     print(f"{robot.length:g} mm, {len(robot.X)} nodes, weight {9810 * mass * 1e3:.1f} mN")
-    print(
-        "weight | the tip moves | error of the tip | of the motion | median | stated | refused | left out | beyond stated"
-    )
+    print("weight | the tip moves | error of the tip | of the motion | median | stated | refused | left out | beyond")
     for share in shares:
         for name, push in (("", 0.0), (" and 2 mN", PUSH)):
             moved, off, stated, here, sucked = [], [], [], [], 0
@@ -132,9 +130,9 @@ def table(model, robot, shares: list[float]) -> None:
             ratio = np.array(off) / np.array(here)
             refused = sum(one > TRUSTED * model.length for one in stated)
             print(
-                f"{share:g} of it{name} | {min(moved):.2g} to {max(moved):.2g} mm | {max(off):.2g} mm | {motion.max():.2g} % |"
-                f" {np.median(motion):.2g} % | {max(stated):.2g} mm | {refused} of 6 | {sucked} |"
-                f" {sum(ratio > 1)} of {len(off)}, at most {ratio.max():.2g} times",
+                f"{share:g} of it{name} | {min(moved):.2g} to {max(moved):.2g} mm | {max(off):.2g} mm |"
+                f" {motion.max():.2g} % | {np.median(motion):.2g} % | {max(stated):.2g} mm | {refused} of 6 |"
+                f" {sucked} | {sum(ratio > 1)} of {len(off)}, at most {ratio.max():.2g} times",
                 flush=True,
             )
 

@@ -87,6 +87,19 @@ def test_a_load_beyond_the_domain_of_trust_is_refused():
         loaded(chain(), np.full(6, np.nan))
 
 
+def test_the_stated_error_is_of_third_order_and_of_what_the_models_are_off():
+    """And it is of the state that is asked."""
+    small, large = (chain(share * WRENCH).error_at(DELTA) for share in (0.01, 0.02))
+    assert large / small == pytest.approx(8.0, rel=0.1)
+    rough = chain(0.01 * WRENCH)
+    for one in rough.models:
+        one.meta["errors"] = {"frame_loss": 1e-4}
+    bare = chain().at(DELTA).delta_e
+    moved = np.linalg.norm((chain(0.01 * WRENCH).at(DELTA).delta_e - bare)[:3])
+    assert 0.02 * moved < rough.error_at(DELTA) - small < 0.2 * moved
+    assert rough.error_at(DELTA) != rough.error_at(-DELTA)
+
+
 def test_the_series_here_are_definite():
     for heavy, n_e in ((False, 6), (True, 9)):
         packed = series(heavy)["series"][layout(2, n_e)["effector_compliance"], 0]

@@ -282,7 +282,8 @@ def test_an_exported_row_under_its_weight_is_in_c_that_of_python(project, tmp_pa
     spec = tmp_path / "export.yaml"
     loads = "{tip: {force: {mN: [0, 1, -1]}}, body: {gravity: {m/s^2: [0, 0, -0.98]}}}"
     spec.write_text(
-        f"model: {project / 'models' / WHOLE / 'serial'}\nout: out\nformats: [arrays, c]\nloads: {loads}\nc: {{vectors: 5}}\n"
+        f"model: {project / 'models' / WHOLE / 'serial'}\nout: out\nformats: [arrays, c]\nloads: {loads}\n"
+        "c: {vectors: 5}\n"
     )
     results = export(spec, [], None, QUIET)["results"]
     assert results["parity"]["c"] < 1e-12 and results["parity"]["arrays"] == 0.0
