@@ -99,7 +99,7 @@ def _open_loop(folder: Path, spec: ControlSpec, base: Path, at: "Prepared") -> d
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held, met = headline(results, refined, cost), None, None
     if spec.loads:
-        lines.append(f"under the loads the models miss by about {at.load_error:.2g} mm, of second order in the loads")
+        lines.append(f"under the loads the models miss by about {at.load_error:.2g} mm")
     if spec.object:
         held, said = _account(fem, at.touched)
         lines += said

@@ -115,9 +115,8 @@ class LoadedSerialPredictor(SerialPredictor):
         `cfem.predict.loaded.wrench_error`.
 
         With it, each module leaves out terms of the third order. Some follow the second as that follows the first,
-        others are of large rotations: the first times the square of its size, in lengths of a module and radians. The
-        first is wrong by as much as the model's W is (`frame_loss`). The row carries them to the tip. Twice their sum,
-        of all rows of all modules, is at the safe side of most (docs/loads.md)."""
+        others are of large rotations: the first times the square of its rotation. The first is wrong by as much as the
+        model's W is (`frame_loss`). The row carries them to the tip. Twice their sum, of all rows of all modules, is at the safe side of most (docs/loads.md)."""
         modules = self._held(np.asarray(delta_a, float))
         row, parts = self._settle(modules)
         if any(one.D is None for one in modules):
@@ -129,7 +128,8 @@ class LoadedSerialPredictor(SerialPredictor):
         for i, (one, w) in enumerate(zip(modules, wrenches, strict=True)):
             first, second = one.C[0] @ w, one.D[0] @ w @ w / 2
             sizes = [np.linalg.norm(each / self._units) for each in (first, second)]
-            following, turning = second * sizes[1] / max(sizes[0], 1e-300), first * sizes[0] ** 2
+            following = second * sizes[1] / max(sizes[0], 1e-300)
+            turning = first * (first[3:END] @ first[3:END])
             fit = np.sqrt(self.models[self.which[i]].meta.get("errors", {}).get("frame_loss", 0.0))
             for left in (following, turning, fit * first):
                 total += np.linalg.norm(carried[:, i] * left, axis=0).sum()
