@@ -116,7 +116,8 @@ class LoadedSerialPredictor(SerialPredictor):
 
         With it, each module leaves out terms of the third order. Some follow the second as that follows the first,
         others are of large rotations: the first times the square of its rotation. The first is wrong by as much as the
-        model's W is (`frame_loss`). The row carries them to the tip. Twice their sum, of all rows of all modules, is at the safe side of most (docs/loads.md)."""
+        model's W is (`frame_loss`). The row carries them to the tip. Twice their sum, of all rows of all modules, is at
+        the safe side of most (docs/loads.md)."""
         modules = self._held(np.asarray(delta_a, float))
         row, parts = self._settle(modules)
         if any(one.D is None for one in modules):
