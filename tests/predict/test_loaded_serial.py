@@ -11,7 +11,7 @@ from cfem.predict.energy import layout, unpacking
 from cfem.predict.load import build
 from cfem.predict.loaded import loaded
 from cfem.predict.loaded_serial import row_of
-from cfem.predict.wrench_series import NEAR, Held, softening
+from cfem.predict.wrench_series import NEAR, STIFF, Held, softening
 
 
 @pytest.mark.parametrize("shares", [None, np.array([0.2, 0.5, 0.3])])
@@ -135,10 +135,10 @@ def test_a_column_is_known_up_to_half_of_what_buckles_it(share):
 
 def test_its_softening_goes_on_smoothly_where_it_is_not_believed():
     h = 1e-5
-    for r in (0.3, NEAR, 0.9, 3.0):
+    for r in (-4.0, STIFF, -1.0, 0.3, NEAR, 0.9, 3.0):
         ahead, behind = softening(r + h), softening(r - h)
         for order in (0, 1):
-            tolerance = 30 * h if r == NEAR else 1e-7  # its third derivative jumps there
+            tolerance = 30 * h if r in (NEAR, STIFF) else 1e-7  # its third derivative jumps there
             assert (ahead[order] - behind[order]) / (2 * h) == pytest.approx(softening(r)[order + 1], abs=tolerance)
 
 

@@ -26,6 +26,8 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
 
+STAYED = 1e-5  # mm: a robot whose points are this far from where they are held did not come there
+
 
 class TouchStatus(Enum):
     """How it ended; the value is the sentence that the user reads."""
@@ -172,7 +174,9 @@ def touch(
             cost += solved[i].factorizations
             if not solved[i].converged:
                 return ended(TouchStatus.NO_EQUILIBRIUM, iteration)
-        at = points + (turns @ np.concatenate([one.delta_c for one in solved])).reshape(-1, 3)
+        came = points + (turns @ np.concatenate([one.delta_c for one in solved])).reshape(-1, 3)
+        if np.abs(came - at).max() > STAYED:
+            at = came
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([one.lambda_c for one in solved])
         posed = _posed(around, at, stuck, compliance, push, mu, cone)

@@ -6,8 +6,9 @@ With D = dC/dw (symmetric in all three indices) where the model has learned it, 
 
 which is `cfem.predict.loaded` to the second order in e, and a guess of all further orders by the diagonal Pade
 approximant along w (Baker and Graves-Morris, *Pade Approximants*, 1996): exact where the load makes the body softer as
-it makes a column, u / (1 - w / w_c). Beyond r = NEAR its pole, buckling, is too near to be believed: h goes on as a
-parabola, so that an iteration may pass there, and `Loaded.ratio` tells. Without D, r = 0.
+it makes a column, u / (1 - w / w_c). Beyond r = NEAR its pole, buckling, is too near to be believed; below r = STIFF
+displacements would end at a bound: h goes on as a parabola, so that an iteration may pass there, and `Loaded.ratio`
+tells. Without D, r = 0.
 
 The series of Psi, e, C and D and their first and second derivatives by delta_a are evaluated at once; a wrench then
 only contracts them."""
@@ -21,6 +22,7 @@ from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
 NEAR = 0.5  # share of the load that would buckle, by the series: up to here it is believed
+STIFF = -2.0  # where the load has taken all but 1 / 27 of the compliance
 TINY = 1e-30  # N mm: what C w works less than is rounding
 
 
@@ -104,6 +106,7 @@ class Held:
 
 def softening(r: float) -> tuple[float, float, float]:
     """h(r) and its first two derivatives."""
-    s = 1.0 / (1.0 - min(r, NEAR))
-    h, h1, h2, more = s, s * s, 2.0 * s**3, max(r - NEAR, 0.0)
+    near = min(max(r, STIFF), NEAR)
+    s, more = 1.0 / (1.0 - near), r - near
+    h, h1, h2 = s, s * s, 2.0 * s**3
     return h + more * (h1 + more * h2 / 2), h1 + more * h2, h2

@@ -10,6 +10,7 @@
 
 #define P CFEM_POSE
 #define NEAR 0.5   /* share of the load that would buckle: beyond it h goes on as a parabola */
+#define STIFF -2.0 /* and below it */
 #define TINY 1e-30 /* N mm: what C w works less than is rounding */
 #define CHANGES CFEM_ROW_CHANGES
 #define PACKED (P * (P + 1) / 2)
@@ -97,7 +98,7 @@ void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) 
 
 /* f = u h(v / u): derivatives f[2] by u and v, F[3] the second: uu, uv, vv. The ratio v / u. */
 static double softened(double u, double v, double f[2], double F[3]) {
-    const double r = v / u, s = 1.0 / (1.0 - (r < NEAR ? r : NEAR)), more = r > NEAR ? r - NEAR : 0.0;
+    const double r = v / u, near = r < STIFF ? STIFF : r > NEAR ? NEAR : r, s = 1.0 / (1.0 - near), more = r - near;
     const double h2 = 2.0 * s * s * s, h1 = s * s + more * h2, h = s + more * (s * s + more * h2 / 2.0);
     f[0] = h - r * h1, f[1] = h1;
     F[0] = r * r * h2 / u, F[1] = -r * h2 / u, F[2] = h2 / u;
