@@ -25,15 +25,18 @@ def sheets(gap):
 @pytest.mark.parametrize("gap", [0.7, -0.4])
 def test_the_gap_is_that_to_the_plane_through_the_faces(gap):
     places, normals, may = sheets(gap)
-    found = facing(places, normals, may, 2.0)
-    assert found.points.tolist() == [25] and found.gaps[0] == pytest.approx(gap, abs=1e-12)
-    assert found.relative[0] @ np.ones(26) == pytest.approx(0.0, abs=1e-12)
+    points, relative, frames = facing(places, normals, may, 2.0)
+    assert points.tolist() == [25]
+    up = 1 / np.hypot(1, 0.02)  # of the sheet's normal
+    assert frames[0] @ (relative[0] @ places) == pytest.approx([gap * up, 0, 0], abs=1e-12)
+    assert frames[0, 0] == pytest.approx([-0.02 * up, 0, up], abs=1e-12)
+    assert relative[0] @ np.ones(26) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_forces_and_moments_balance():
     places, normals, may = sheets(0.3)
-    found = facing(places, normals, may, 2.0)
-    forces = found.relative[0][:, None] * found.frames[0, 0]
+    _, relative, frames = facing(places, normals, may, 2.0)
+    forces = relative[0][:, None] * frames[0, 0]
     assert forces.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
     assert np.cross(places, forces).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
 
@@ -42,10 +45,11 @@ def test_beyond_an_edge_and_behind_a_wall_of_its_own_nothing_is_met():
     places, normals, may = sheets(0.3)
     aside = places.copy()
     aside[25, 0] = 10.5
-    assert not len(facing(aside, normals, may, 2.0).points)
+    assert not len(facing(aside, normals, may, 2.0)[0])
     deep = np.vstack([places[:25], places[25] - [0, 0, 2.0]])
-    assert facing(deep, normals, may, 2.0).gaps[0] == pytest.approx(-1.7)  # of another body: deep within it
-    assert not len(facing(deep, normals, np.where(may == OTHER, OWN, NEVER), 2.0).points)
+    _, relative, frames = facing(deep, normals, may, 2.0)
+    assert frames[0, 0] @ (relative[0] @ deep) == pytest.approx(-1.7 / np.hypot(1, 0.02))  # of another body: deep within it
+    assert not len(facing(deep, normals, np.where(may == OTHER, OWN, NEVER), 2.0)[0])
 
 
 def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
@@ -55,7 +59,7 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     cells = first + np.array([0, 4, 6, 2, 1, 5, 7, 3])
     surface = outer_surface(X, boundary_facets(cells))
     patches = cut(surface.rest, surface.weights, 1.2)
-    who = may_meet([along(surface.rest, surface.triangles, patches)] * 2, 4.0)
+    who = may_meet([along(surface.rest, surface.triangles, patches)] * 2, [4.0, 4.0])
     n = len(patches)
     assert (np.diag(who) == NEVER).all() and (who[:n, n:] == OTHER).all()
     far = np.abs(patches.rest[:, 0, None] - patches.rest[:, 0])

@@ -25,6 +25,12 @@ class Patches:
         return found
 
     @cached_property
+    def spacing(self) -> float:
+        """mm: the distance of neighbours at rest, the median."""
+        apart = np.linalg.norm(self.rest[:, None] - self.rest, axis=2) + 1e9 * np.eye(len(self))
+        return float(np.median(apart.min(axis=1)))
+
+    @cached_property
     def members(self) -> tuple[np.ndarray, ...]:
         """Surface nodes of each."""
         order = np.argsort(self.of, kind="stable")

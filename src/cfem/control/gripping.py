@@ -22,7 +22,7 @@ from cfem.control.among import World
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import NumericalError
 from cfem.plant.grip_plant import GripPlant
-from cfem.plant.quasi_static import CONVERGED
+from cfem.equilibrium.quasi_static import CONVERGED
 
 MOST = 8.0  # times its load: further is not looked how much a grip holds
 

@@ -26,7 +26,7 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.touch import PlacedRobot, Touch, TouchStatus, touch
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
-from cfem.plant.quasi_static import CONVERGED, carried_out
+from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.predict.among import LONGEST, SHARE
 
 OVERLAP = 1e-6  # of the length: how far a patch that is no contact point may be within an obstacle

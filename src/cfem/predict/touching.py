@@ -17,10 +17,10 @@ import numpy as np
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
+from cfem.contact.round import pressed, turned
 from cfem.contact.several import Several
 from cfem.predict.held import Held
 from cfem.predict.touchable import Touchable
-from cfem.predict.touching_round import pressed, turned
 
 ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says

@@ -14,7 +14,7 @@ from cfem.control.crawling.spec import GaitSpec
 from cfem.core.errors import NumericalError
 from cfem.core.judgement import poor
 from cfem.core.progress import doing, progress
-from cfem.plant.quasi_static import CONVERGED
+from cfem.equilibrium.quasi_static import CONVERGED
 
 APART = 0.2  # of the planned distance a cycle: a plan that is wrong by more says nothing
 FEW = 2  # cycles that judge a gait, and that are walked at other coefficients of friction

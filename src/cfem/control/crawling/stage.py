@@ -20,9 +20,9 @@ from cfem.core.errors import InputError
 from cfem.core.judgement import KEY
 from cfem.dataset.writer import write_records
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.touch import PlacedRobot
-from cfem.plant.quasi_static import CONVERGED
 from cfem.predict.leg import LearnedLeg, held_by
 from cfem.robot.load import load_scene_and_mesh
 

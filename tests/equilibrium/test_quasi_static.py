@@ -1,6 +1,6 @@
 import numpy as np
 
-from cfem.plant.quasi_static import carried_out
+from cfem.equilibrium.quasi_static import carried_out
 
 
 def test_a_command_is_cut_into_steps_no_longer_than_allowed():

@@ -1,0 +1,217 @@
+"""Pairs of a patch and the surface before it: of another body or its own (`cfem.contact.facing`), or a rigid obstacle.
+
+Of the places x_j of all N patches, a pair has a row r of numbers, 1 at its own patch and -w_j at the faces that it
+meets. What pushes the pair by f pushes each patch j by r_j f, so that forces balance. Its slip is counted from where
+it stuck, or was at the end of the last step,
+
+    slip = T (sum_j r_j x_j - o)
+
+with r of that time: the point then before it, of the surface that is there, goes where that surface goes. o is 0
+between surfaces, and the place at which a rigid obstacle held the patch. T are the tangents now."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from cfem.condensed.patches import Patches
+from cfem.contact.facing import NEVER, WITHIN, facing, may_meet
+from cfem.contact.modes import Mode
+from cfem.contact.round import pressed
+from cfem.contact.several import Several
+
+APART = 0.3  # of the length: patches of one body that are nearer along its surface never meet
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Of N patches. slots (p,): number of the patch, plus N where it meets an obstacle; relative (p, N); frames (p, 3,
+    3) rows n, t1, t2; gaps (p,) mm; partners (p,): number of the body that is met, or that of all bodies plus that of
+    the obstacle."""
+
+    slots: np.ndarray
+    relative: np.ndarray
+    frames: np.ndarray
+    gaps: np.ndarray
+    partners: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.slots)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(p,) numbers of the patches."""
+        return self.slots % self.relative.shape[1]
+
+    @property
+    def used(self) -> np.ndarray:
+        """Numbers of all patches that any of them depends on."""
+        return np.flatnonzero(self.relative.any(axis=0))
+
+    @classmethod
+    def none(cls, count: int) -> "Pairs":
+        """Of so many patches."""
+        empty = np.zeros(0, dtype=np.int64)
+        return cls(empty, np.zeros((0, count)), np.zeros((0, 3, 3)), np.zeros(0), empty)
+
+    def some(self, which: np.ndarray) -> "Pairs":
+        """Those of `which` (p,) bool alone."""
+        return Pairs(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True)
+class Pressing:
+    """What a state tells of its pairs: push (p, 3) N of each on its own patch, 0 where it is open; bodies (N,): number
+    of the body of each patch."""
+
+    pairs: Pairs
+    push: np.ndarray
+    bodies: np.ndarray
+
+    @property
+    def gap(self) -> float:
+        """mm, the smallest."""
+        return float(self.pairs.gaps.min(initial=np.inf))
+
+    @property
+    def pressing(self) -> np.ndarray:
+        """(p,) N: normal forces."""
+        return (self.push * self.pairs.frames[:, 0]).sum(axis=1)
+
+    @property
+    def pressed(self) -> float:
+        """N, the sum of all normal forces."""
+        return float(self.pressing.sum())
+
+    def among(self, body: int, other: int) -> np.ndarray:
+        """(p,) bool: the pairs of two bodies; an obstacle has the number of bodies plus its own."""
+        mine, met = self.bodies[self.pairs.points], self.pairs.partners
+        return ((mine == body) & (met == other)) | ((mine == other) & (met == body))
+
+    def between(self, body: int, other: int) -> float:
+        """N: the sum of the normal forces of two bodies (`among`)."""
+        return float(self.pressing[self.among(body, other)].sum())
+
+
+class Skin(Protocol):
+    """A body whose surface is cut into patches; along (N, N) mm between them along it; held_still (N,) bool: those
+    where the body is held, which meet nothing."""
+
+    patches: Patches
+    along: np.ndarray
+    held_still: np.ndarray
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Who meets whom. bodies (N,): number of the body of each patch; may_meet (N, N), see `cfem.contact.facing`;
+    spacing: mm of patches; still (N,) bool: patches that meet nothing."""
+
+    bodies: np.ndarray
+    may_meet: np.ndarray
+    spacing: float
+    still: np.ndarray
+    obstacles: Several
+
+    @classmethod
+    def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float, obstacles: Several) -> "Surroundings":
+        """itself: which of them may touch themselves, patches APART of `length` mm or more from each other."""
+        apart = [APART * length if touches else np.inf for touches in itself]
+        still = np.concatenate([one.held_still for one in skins])
+        who = may_meet([one.along for one in skins], apart)
+        return cls(
+            np.repeat(np.arange(len(skins)), [len(one.patches) for one in skins]),
+            np.where(still[:, None] | still, NEVER, who),
+            max(one.patches.spacing for one in skins),
+            still,
+            obstacles,
+        )
+
+    def pairs(self, places: np.ndarray, normals: np.ndarray) -> Pairs:
+        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near."""
+        points, relative, frames = facing(places, normals, self.may_meet, self.spacing)
+        gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
+        partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
+        found, N = Pairs(points, relative, frames, gaps, partners), len(places)
+        if not self.obstacles.obstacles:
+            return found
+        distance, which = self.obstacles.nearest(places)
+        near = np.flatnonzero((distance < WITHIN * self.spacing) & ~self.still)
+        more = Pairs(
+            near + N,
+            np.eye(N)[near],
+            self.obstacles.frames(which[near], places[near]),
+            distance[near],
+            which[near] + self.bodies[-1] + 1,
+        )
+        return Pairs(*(np.concatenate([getattr(one, name) for one in (found, more)]) for name in vars(found)))
+
+
+@dataclass(frozen=True)
+class Memory:
+    """From where slip is counted: of slots, the rows r (N,) and the origins o (3,) mm."""
+
+    rows: Mapping[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    def with_new(self, pairs: Pairs, places: np.ndarray) -> "Memory":
+        """Pairs that it does not know stick where they are."""
+        new = [i for i, slot in enumerate(pairs.slots.tolist()) if slot not in self.rows]
+        return Memory({**self.rows, **_now(pairs, places, new)}) if new else self
+
+    def after(self, pairs: Pairs, places: np.ndarray, modes: Mapping[int, Mode]) -> "Memory":
+        """At the end of a step: what sticks remembers where, all others where they are now."""
+        kept = {slot: self.rows[slot] for slot, mode in modes.items() if mode is Mode.STICK and slot in self.rows}
+        return Memory({**_now(pairs, places, range(len(pairs))), **kept})
+
+    def slips(self, pairs: Pairs, places: np.ndarray) -> np.ndarray:
+        """(p, 2) mm of pairs that it knows."""
+        known = [self.rows[slot] for slot in pairs.slots.tolist()]
+        rows = np.array([row for row, _ in known]).reshape(pairs.relative.shape)
+        moved = rows @ places - np.array([origin for _, origin in known]).reshape(-1, 3)
+        return (pairs.frames[:, 1:] @ moved[:, :, None])[..., 0]
+
+
+def _now(pairs: Pairs, places: np.ndarray, which: Sequence[int]) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    N, found = len(places), {}
+    for i in which:
+        slot = int(pairs.slots[i])
+        found[slot] = pairs.relative[i], places[slot - N] if slot >= N else np.zeros(3)
+    return found
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Of one linearisation. push (p, 3) N on the pairs' patches in the scene, local (p, 3) N in their frames; forces
+    (c, 3) N on the chosen patches, and step (c, 3) mm by which these move them on."""
+
+    modes: tuple[Mode, ...]
+    local: np.ndarray
+    push: np.ndarray
+    forces: np.ndarray
+    step: np.ndarray
+
+
+def balance(
+    pairs: Pairs, chosen: np.ndarray, C: np.ndarray, forces: np.ndarray, push: np.ndarray, slips: np.ndarray, mu: float
+) -> Balance | None:
+    """The law on pairs whose patches are among the chosen (c,) ones, with compliance C (3c, 3c) mm/N in the scene's
+    axes, under forces (c, 3) N; push (p, 3) N: a guess; slips (p, 2) mm. None where nothing obeys the law."""
+    if not len(pairs):
+        return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -(C @ forces.ravel()).reshape(-1, 3))
+    B = np.kron(pairs.relative[:, chosen], np.eye(3))
+    yields = B @ C
+    known = (pairs.frames @ push[:, :, None])[..., 0]
+    if not mu:
+        known[:, 1:] = 0.0
+    guess = (known[:, None] @ pairs.frames)[:, 0]
+    gap = np.column_stack([pairs.gaps, slips])
+    other = yields @ (forces.ravel() - B.T @ guess.ravel())  # what is not of the guess
+    gap -= (pairs.frames @ other.reshape(-1, 3, 1))[..., 0]
+    answer = pressed(yields @ B.T, gap, pairs.frames, known, mu)
+    if answer is None:
+        return None
+    modes, local = answer
+    wanted = (local[:, None] @ pairs.frames)[:, 0]
+    on = (B.T @ wanted.ravel()).reshape(-1, 3)
+    return Balance(modes, local, wanted, on, (C @ (on - forces).ravel()).reshape(-1, 3))
