@@ -2,6 +2,7 @@
 table of docs/contact.md.
 
 python benchmarks/meeting.py bars    two bars that bend towards each other
+python benchmarks/meeting.py bars --mu 0.3    with friction
 python benchmarks/meeting.py fork    one body: two bars on a common root
 
 Each makes its own samples, in a folder that it deletes: one to three minutes on one core."""
@@ -17,12 +18,11 @@ import numpy as np
 import yaml
 
 import cfem
-from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.meet import Meeting as MeetingInFe
 from cfem.equilibrium.meet import Skinned
-from cfem.equilibrium.meet import meet as meet_fe
 from cfem.equilibrium.patch_compliance import patch_response
 from cfem.predict.load import load_model
-from cfem.predict.meeting import APART, PlacedModel, meet, spacing_of
+from cfem.predict.meeting import Meeting, PlacedModel
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
@@ -85,54 +85,57 @@ def fork(folder: Path) -> Path:
     return specs
 
 
-def table(specs: Path, poses: list[tuple], ways: list[list[list[float]]]) -> None:
-    """ways: lists of states, each of delta_a of each robot."""
+def table(specs: Path, poses: list[tuple], mu: float, way: list[list[list[float]]]) -> None:
+    """way: states, each of delta_a of each robot."""
     name = specs.name
     model = load_model(specs.parents[1] / "models" / name / "spectral")
     robot = build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
     patches, states = patches_of(model, PATCHES), touch_states(model.domain, robot.rows.n_a)
     touchable = Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
-    learned = [PlacedModel(touchable, *pose) for pose in poses]
-    truth = [Skinned(robot, model.skin.nodes, model.skin.triangles, patches, *pose) for pose in poses]
-    spacing = spacing_of(patches.rest)
-    print(f"{len(patches)} patches, {spacing:.2g} mm apart")
-    print("actuators, mm | force, FE | learned | tip of the way, FE | off | actuators, of the change | time")
-    for way in ways:
-        found = solved = None
-        for deltas in way:
-            deltas = [np.array(one) for one in deltas]
-            begin = time.process_time()
-            found = meet(learned, deltas, found)
-            spent = time.process_time() - begin
-            actuations = [displacement(one) for one in deltas]
-            solved = meet_fe(truth, actuations, APART * model.length, spacing, solved)
-            if not (found.converged and solved.converged):
-                print(f"{deltas}: learned {found.status.value}; FE {solved.status.value}")
-                break
-            free = [model.at_displacement(one) for one in deltas]
-            pairs = list(zip(found.delta_e, solved.solved, free, found.lambda_a, strict=True))
-            moved = max(np.linalg.norm(one.delta_e - base.delta_e) for _, one, base, _ in pairs)
-            off = max(np.linalg.norm(mine - one.delta_e) for mine, one, _, _ in pairs)
-            change = max(np.abs(one.lambda_a - base.lambda_a).max() for _, one, base, _ in pairs)
-            wrong = max(np.abs(mine - one.lambda_a).max() for _, one, _, mine in pairs)
-            share = f"{100 * wrong / change:.2g} %" if solved.pressed else "-"
-            print(
-                f"{' '.join(str(one.tolist()) for one in deltas)} | {solved.pressed:.5f} N | {found.pressed:.5f} N | "
-                f"{moved:.3f} mm | {off:.3f} mm | {share} | {1e3 * spent:.0f} ms",
-                flush=True,
-            )
+    learned = Meeting([PlacedModel(touchable, *pose) for pose in poses], mu=mu)
+    surface = model.skin.nodes, model.skin.triangles, patches
+    truth = MeetingInFe([Skinned(robot, *surface, *pose) for pose in poses], mu=mu)
+    print(f"{len(patches)} patches, {patches.spacing:.2g} mm apart, friction {mu:g}")
+    print("actuators, mm | force, FE | learned | tip of the way, FE | off | actuators, of the change | time, of a step")
+    found = solved = None
+    for deltas in way:
+        deltas = [np.array(one) for one in deltas]
+        begin = time.process_time()
+        found = learned.go(deltas, found)
+        spent = time.process_time() - begin
+        solved = truth.go(deltas, solved)
+        if not (found.converged and solved.converged):
+            print(f"{deltas}: learned {found.status.value}; FE {solved.status.value}")
+            break
+        free = [model.at_displacement(one) for one in deltas]
+        pairs = list(zip(found.delta_e, solved.solved, free, found.lambda_a, strict=True))
+        moved = max(np.linalg.norm(one.delta_e - base.delta_e) for _, one, base, _ in pairs)
+        off = max(np.linalg.norm(mine - one.delta_e) for mine, one, _, _ in pairs)
+        change = max(np.abs(one.lambda_a - base.lambda_a).max() for _, one, base, _ in pairs)
+        wrong = max(np.abs(mine - one.lambda_a).max() for _, one, _, mine in pairs)
+        share = f"{100 * wrong / change:.2g} %" if solved.pressed else "-"
+        print(
+            f"{' '.join(str(one.tolist()) for one in deltas)} | {1e3 * solved.pressed:.4g} mN | "
+            f"{1e3 * found.pressed:.4g} mN | {moved:.3f} mm | {off:.4f} mm | {share} | {1e3 * spent:.0f} ms",
+            flush=True,
+        )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("table", choices=("bars", "fork"))
+    parser.add_argument("--mu", type=float, default=0.0, help="coefficient of friction")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if given.table == "bars":
             poses = [(np.eye(3), np.zeros(3)), (np.diag([1.0, -1.0, -1.0]), OVER)]
-            table(bar(Path(folder)), poses, [[[[d], [0.8 * d]] for d in (0.9, 0.95, 1.0, 1.05, 1.1)]])
+            way = [[[d], [0.8 * d]] for d in (0.9, 1.0, 1.1, 1.2)] + [
+                [[d], [0.9 + 0.1 * (d - 0.6)]] for d in (1.4, 1.6)
+            ]
+            table(bar(Path(folder)), poses, given.mu, way)
         else:
-            table(fork(Path(folder)), [()], [[[[round(d, 2), round(0.9 * d, 3)]] for d in np.arange(1.0, 1.26, 0.05)]])
+            way = [[[round(d, 2), round(0.9 * d, 3)]] for d in np.arange(1.0, 1.26, 0.05)]
+            table(fork(Path(folder)), [()], given.mu, way)
 
 
 if __name__ == "__main__":

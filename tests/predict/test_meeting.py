@@ -1,15 +1,21 @@
 """Learned robots that touch each other, against finite elements whose surfaces do the same."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
+from cfem.contact.modes import Mode
+from cfem.contact.obstacle import Plane
+from cfem.contact.several import Several
 from cfem.core.errors import InputError
 from cfem.equilibrium.meet import Meeting as MeetingInFe
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.patch_compliance import patch_response
 from cfem.predict.load import load_model
-from cfem.predict.meeting import PlacedModel, meet
+from cfem.predict.meeting import Meeting, PlacedModel, meet
 from cfem.predict.touchable import Touchable, patches_of, touch_states
+from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -56,13 +62,103 @@ def test_two_that_press_each_other_do_as_finite_elements_do(twins, robot, toucha
         assert lam == pytest.approx(solved.lambda_a, abs=0.1 * np.abs(solved.lambda_a - free.lambda_a).max())
 
 
-def test_forces_and_moments_balance_and_the_way_does_not_matter(twins):
+MU = 0.3
+
+
+@pytest.fixture(scope="module")
+def rubbed(twins):
+    """Bars that press each other and slide, at the state before and the last one."""
+    rough = Meeting(twins, mu=MU)
+    before = rough.go([np.array([1.1]), np.array([0.9])])
+    return before, rough.step([np.array([1.2]), np.array([0.95])], before)
+
+
+def test_friction_does_as_in_finite_elements(rubbed, robot, touchable):
+    skin = touchable.model.skin
+    fe = [Skinned(robot, skin.nodes, skin.triangles, touchable.patches, *pose) for pose in (HERE, OVER)]
+    rough = MeetingInFe(fe, mu=MU)
+    truth = rough.step([np.array([1.2]), np.array([0.95])], rough.go([np.array([1.1]), np.array([0.9])]))
+    found = rubbed[1]
+    assert found.converged and truth.converged and truth.pressed > 0.01
+    assert set(found.modes.values()) == {mode for mode in truth.modes.values() if mode is not Mode.OPEN}
+    assert found.pressed == pytest.approx(truth.pressed, rel=0.02)
+    alike = np.linalg.norm(found.push.sum(axis=0) - truth.push.sum(axis=0))
+    assert alike < 0.02 * np.linalg.norm(truth.push.sum(axis=0))
+    for delta, e, solved in zip(found.deltas, found.delta_e, truth.solved, strict=True):
+        free = touchable.model.at_displacement(delta)
+        assert np.linalg.norm(e - solved.delta_e) < 0.05 * np.linalg.norm(solved.delta_e - free.delta_e)
+
+
+def test_forces_and_moments_balance_and_friction_takes_energy(rubbed):
+    """Of normal forces and of friction, each; what slides is held back by all the friction that there is."""
+    before, found = rubbed
+    pairs = found.pairs
+    normal = found.pressing[:, None] * pairs.frames[:, 0]
+    for push in (normal, found.push - normal):
+        forces = pairs.relative.T @ push
+        assert np.abs(forces.sum(axis=0)).max() < 1e-9 * found.pressed
+        assert np.abs(np.cross(found.places, forces).sum(axis=0)).max() < 1e-5 * found.pressed
+    pressing = found.push.any(axis=1)
+    touching, push = pairs.some(pressing), found.push[pressing]
+    assert np.abs(touching.gaps).max() < 1e-6
+    slips = before.memory.slips(touching, found.places)
+    friction = (touching.frames[:, 1:] @ push[:, :, None])[..., 0]
+    assert np.linalg.norm(slips, axis=1).min() > 1e-3
+    assert np.linalg.norm(friction, axis=1) == pytest.approx(MU * found.pressing[pressing], rel=1e-6)
+    taken = -(friction * slips).sum(axis=1)
+    assert taken == pytest.approx(np.linalg.norm(friction, axis=1) * np.linalg.norm(slips, axis=1), rel=1e-6)
+
+
+@pytest.mark.parametrize("mu", [0.0, MU])
+def test_the_work_of_the_cables_along_a_closed_way_is_what_friction_takes(twins, mu):
+    """Without friction nothing, but for 5 % of that: where faces are is not part of the normal's derivative."""
+    meeting, worked, taken, size = Meeting(twins, mu=mu), 0.0, 0.0, 0.0
+    corners = [(1.0, 0.9), (1.1, 0.9), (1.1, 1.0), (1.0, 1.0)]
+    at = meeting.go([np.array([one]) for one in (1.0, 0.9)])
+    ways = [(a, b) for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    for lap in (0, 1):  # the first one forgets how it began
+        for (a, b), share in product(ways, np.arange(1, 9) / 8):
+            now = meeting.step([np.array([x + share * (y - x)]) for x, y in zip(a, b, strict=True)], at)
+            assert now.converged
+            if lap:
+                means = [(x + y) / 2 for x, y in zip(at.lambda_a, now.lambda_a, strict=True)]
+                steps = [y - x for x, y in zip(at.deltas, now.deltas, strict=True)]
+                worked += float(np.vdot(means, steps))
+                slid = np.flatnonzero(now.push.any(axis=1))
+                slips = at.memory.slips(now.pairs.some(slid), now.places)
+                friction = (now.pairs.frames[slid, 1:] @ now.push[slid, :, None])[..., 0]
+                taken -= float((friction * slips).sum())
+                size += float((now.pressing[slid] * np.linalg.norm(slips, axis=1)).sum())
+            at = now
+    assert taken == pytest.approx(mu * size, rel=0.05, abs=1e-9)
+    assert worked == pytest.approx(taken, abs=0.05 * MU * size)
+
+
+def test_what_sticks_stays_where_it_is_on_the_other(twins):
+    """The cables are let off a little: friction turns round, and holds before it lets go again."""
+    meeting = Meeting(twins, mu=0.8)
+    there = meeting.go([np.array([1.2]), np.array([0.95])])
+    back = meeting.step([np.array([1.199]), np.array([0.95])], there)
+    assert back.converged and set(back.modes.values()) == {Mode.STICK}
+    again = meeting.step([np.array([1.2]), np.array([0.95])], back)
+    slot = next(iter(back.modes))
+    held = again.pairs.some(again.pairs.slots == slot)
+    assert np.abs(back.memory.slips(held, again.places)).max() < 1e-4
+
+
+def test_the_way_does_not_matter_without_friction(twins):
     found = meet(twins, [[1.0], [0.9]])
-    forces, places = found.forces, found.places
-    assert np.abs(forces.sum(axis=0)).max() < 1e-9 * found.pressed
-    assert np.abs(np.cross(places, forces).sum(axis=0)).max() < 1e-4 * found.pressed
     onwards = meet(twins, [[1.0], [0.9]], meet(twins, [[0.95], [0.85]]))
     assert onwards.pressed == pytest.approx(found.pressed, rel=1e-4)
+
+
+def test_one_robot_among_obstacles_alone_does_as_a_touched_one(touchable):
+    ceiling = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, 8.0]))
+    found = meet([PlacedModel(touchable, itself=False)], [[1.2]], None, Several((ceiling,)))
+    truth = touch_step(touchable, np.array([1.2]), [ceiling], "signorini")
+    assert truth.forces.any() and found.between(0, 1) == pytest.approx(truth.pressed(1)[0], rel=1e-6)
+    assert found.delta_e[0] == pytest.approx(truth.delta_e, abs=1e-8)
+    assert found.lambda_a[0] == pytest.approx(truth.lambda_a, rel=1e-6)
 
 
 def test_a_straight_robot_does_not_touch_itself(touchable):

@@ -21,8 +21,8 @@ from cfem.contact.sensitivity import sensitivity
 from cfem.control.among import World
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import NumericalError
-from cfem.plant.grip_plant import GripPlant
 from cfem.equilibrium.quasi_static import CONVERGED
+from cfem.plant.grip_plant import GripPlant
 
 MOST = 8.0  # times its load: further is not looked how much a grip holds
 

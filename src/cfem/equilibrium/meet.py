@@ -22,7 +22,7 @@ from cfem.equilibrium.actuation import Actuation, displacement
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.patch_compliance import with_patches
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.quasi_static import CONVERGED, carried_out
+from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
@@ -115,19 +115,8 @@ class Meeting:
         ends = [np.asarray(one, float) for one in deltas]
         begins = [0.0 * end for end in ends] if before is None else [one.delta_a for one in before.solved]
         state = self.step(begins, None) if before is None else before
-        longest = np.concatenate([SHARE * np.abs(one.robot.reach).max(axis=1) for one in self.robots])
-        cuts = np.cumsum([len(one) for one in ends])[:-1]
-
-        def go(there: np.ndarray) -> str:
-            nonlocal state
-            found = self.step(np.split(there, cuts), state)
-            state = found if found.converged else state
-            failed.append(found)
-            return CONVERGED if found.converged else found.status.value
-
-        failed: list[MetRobots] = []
-        status = carried_out(np.concatenate(begins), np.concatenate(ends), longest, go) if state.converged else ""
-        return state if status == CONVERGED or not failed else failed[-1]
+        longest = [SHARE * np.abs(one.robot.reach).max(axis=1) for one in self.robots]
+        return all_carried_out(begins, ends, longest, state, self.step)
 
     def step(self, deltas: Sequence[np.ndarray], before: MetRobots | None) -> MetRobots:
         """One quasi-static step to deltas from the state `before` (none: at rest)."""

@@ -1,6 +1,7 @@
 """A command in steps that are short enough for what depends on the way."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,3 +24,26 @@ def carried_out(begin: np.ndarray, u: np.ndarray, longest: float | np.ndarray, g
         else:
             return f"{status}, at {100 * share:.0f} % of the way"
     return CONVERGED
+
+
+def all_carried_out(
+    begins: Sequence[np.ndarray],
+    ends: Sequence[np.ndarray],
+    longest: Sequence[np.ndarray],
+    state: Any,
+    step: Callable[[Sequence[np.ndarray], Any], Any],
+) -> Any:
+    """The state in which several robots end that go together (`carried_out`), from `state`; step: from deltas, one of
+    each robot, and the state before to the state there. The state that failed where the way ends before."""
+    cuts, last = np.cumsum([len(one) for one in begins])[:-1], state
+
+    def go(there: np.ndarray) -> str:
+        nonlocal state, last
+        last = step(np.split(there, cuts), state)
+        if last.converged:
+            state = last
+        return CONVERGED if last.converged else last.status.value
+
+    if state.converged:
+        carried_out(*(np.concatenate(one) for one in (begins, ends, longest)), go)
+    return last

@@ -11,10 +11,10 @@ from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import Free, grip
 from cfem.equilibrium.ground import Pads
+from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.equilibrium.touch import Touching
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
-from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
 HANDED = 0.25  # of the load: what the robots take over in one step

@@ -20,13 +20,13 @@ from cfem.equilibrium.held_patch import held
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.patch_compliance import with_patches
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.touch import PlacedRobot, Touch, TouchStatus, touch
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
-from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.predict.among import LONGEST, SHARE
 
 OVERLAP = 1e-6  # of the length: how far a patch that is no contact point may be within an obstacle

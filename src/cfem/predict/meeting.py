@@ -17,6 +17,7 @@ from cfem.contact.modes import Mode
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
 from cfem.contact.several import Several
 from cfem.core.errors import InputError
+from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.held import Held
 from cfem.predict.touchable import Touchable
 from cfem.predict.touching import ITERATIONS, OVERLAP, TOLERANCE, TouchedStatus
@@ -85,18 +86,12 @@ class Meeting:
 
     def go(self, deltas: Sequence[np.ndarray], before: Met | None = None) -> Met:
         """To deltas, (n_a,) mm each, in steps from the state `before` (none: actuators at 0), as who is before whom,
-        and friction, depend on the way. Never raises for numerical failure: the state where it ended says why.
-        InputError where they overlap at the begin."""
+        and friction, depend on the way; one that fails is halved. Never raises for numerical failure: the state where
+        it ended says why. InputError where they overlap at the begin."""
         before = self.start([np.zeros(len(one)) for one in deltas]) if before is None else before
-        begins, ends = before.deltas, [np.asarray(one, float) for one in deltas]
         longest = [SHARE * np.abs(one.touchable.model.reach).max(axis=1) for one in self.robots]
-        ways = [np.abs(end - begin) / most for begin, end, most in zip(begins, ends, longest, strict=True)]
-        count = max(1, int(np.ceil(max(one.max() for one in ways))))
-        for share in np.arange(1, count + 1) / count:
-            if not before.converged:
-                break
-            before = self.step([a + share * (b - a) for a, b in zip(begins, ends, strict=True)], before)
-        return before
+        ends = [np.asarray(one, float) for one in deltas]
+        return all_carried_out(before.deltas, ends, longest, before, self.step)
 
     def start(self, deltas: Sequence[np.ndarray]) -> Met:
         """Where they begin, with nothing pressed yet."""

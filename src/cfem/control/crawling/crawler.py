@@ -12,8 +12,8 @@ from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import grip
 from cfem.equilibrium.ground import Ground, Pads
-from cfem.equilibrium.touch import Touch, Touching
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
+from cfem.equilibrium.touch import Touch, Touching
 
 LONGEST = 0.25  # mm that an actuator goes in one quasi-static step; friction depends on it (docs/locomotion.md)
 INSIDE = 1e-6  # mm
