@@ -136,7 +136,7 @@ def test_a_tick_plans_with_contact_as_python_does(exported, touchable, mu):
     robot, which yields less than the free one."""
     at = foremost(touchable, np.array([1.0]))
     wall = Plane(R=np.diag([1.0, -1.0, -1.0]), t=at - [0, 0, 0.1])
-    among = Among(touchable, {"wall": wall}, law="coulomb", mu=mu)
+    among = Among(touchable, {"wall": wall}, mu=mu)
     planning, model, now = Planning(exported[0] / "c", [wall], mu), touchable.model, np.zeros(1)
     among.settle(now)
     limits = Limits.of(model.reach, np.ones(1, dtype=bool))

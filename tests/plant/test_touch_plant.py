@@ -8,6 +8,7 @@ from cfem.constraint.surface import outer_surface
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.patch_compliance import with_patches
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
@@ -35,7 +36,7 @@ def patches(surface):
 
 
 def plant(robot, surface, patches, obstacles, pressed=(), avoided=(), mu=0.0):
-    return TouchPlant(robot, patches, surface.nodes, surface.triangles, obstacles, pressed, avoided, mu=mu)
+    return TouchPlant(Skinned(robot, surface.nodes, surface.triangles, patches), obstacles, pressed, avoided, mu)
 
 
 def test_without_obstacles_in_reach_it_is_the_fe_robot(robot, surface, patches):
@@ -73,7 +74,7 @@ def test_the_way_back_frees_it(robot, surface, patches):
 
 
 def test_too_many_patches_end_the_way_and_say_so(robot, surface, patches, monkeypatch):
-    monkeypatch.setattr("cfem.plant.touch_plant.MOST", 0)
+    monkeypatch.setattr("cfem.equilibrium.meet.MOST", 0)
     among = plant(robot, surface, patches, {"ceiling": CEILING})
     found = among.step(np.array([3.0]))
     assert "take larger patches" in found.status and among.failures == 1 and np.isfinite(found.x_e).all()

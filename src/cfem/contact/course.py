@@ -52,18 +52,22 @@ class Sliding:
 
 class Bending:
     """A learned robot with a skin, whose actuators go through deltas (k, n_a) mm as places of `Sliding` do; R (3, 3)
-    and t (3,) mm place it. It does not yield to what touches it. make: an obstacle of its surface (m, 3) mm; it has
+    and t (3,) mm place it. What it is as an obstacle does not yield. make: an obstacle of its surface (m, 3) mm; it has
     `surface`, which knows the nearest triangles."""
 
     def __init__(self, model: Any, deltas: np.ndarray, make: Any, R: np.ndarray, t: np.ndarray):
-        self._model, self._deltas, self._make, self._R, self._t = model, deltas, make, R, t
+        self.model, self._deltas, self._make, self.R, self.t = model, deltas, make, R, t
         self.at = lru_cache(maxsize=4)(self._at)
 
     def _at(self, share: float) -> Obstacle:
         return self._make(self._shape(share))
 
+    def deltas(self, share: float) -> np.ndarray:
+        """(n_a,) mm of its actuators."""
+        return between(self._deltas, share)
+
     def _shape(self, share: float) -> np.ndarray:
-        return self._model.shape(between(self._deltas, share)) @ self._R.T + self._t
+        return self.model.shape(self.deltas(share)) @ self.R.T + self.t
 
     def way(self, begin: float, end: float) -> float:
         stops = [begin, *corners(len(self._deltas), begin, end), end]

@@ -9,13 +9,14 @@ it stuck, or was at the end of the last step,
 with r of that time: the point then before it, of the surface that is there, goes where that surface goes. o is 0
 between surfaces, and the place at which a rigid obstacle held the patch. T are the tangents now."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
 from cfem.condensed.patches import Patches
+from cfem.contact.course import Course
 from cfem.contact.facing import NEVER, WITHIN, facing, may_meet
 from cfem.contact.modes import Mode
 from cfem.contact.round import pressed
@@ -94,6 +95,11 @@ class Pressing:
         return float(self.pressing[self.among(body, other)].sum())
 
 
+def numbers_of(itself: Sequence[str], others: Iterable[str], obstacles: Iterable[str]) -> dict[str, int]:
+    """By name, the numbers of what a robot, the body 0, meets: itself, other robots, rigid obstacles."""
+    return dict.fromkeys(itself, 0) | {name: 1 + i for i, name in enumerate([*others, *obstacles])}
+
+
 class Skin(Protocol):
     """A body whose surface is cut into patches; along (N, N) mm between them along it; held_still (N,) bool: those
     where the body is held, which meet nothing."""
@@ -163,6 +169,15 @@ class Memory:
         """At the end of a step: what sticks remembers where, all others where they are now."""
         kept = {slot: self.rows[slot] for slot, mode in modes.items() if mode is Mode.STICK and slot in self.rows}
         return Memory({**_now(pairs, places, range(len(pairs))), **kept})
+
+    def carried(self, pairs: Pairs, courses: Mapping[int, Course], begin: float, end: float) -> "Memory":
+        """What is held by obstacles goes with those that move, by their number among the partners of pairs."""
+        rows = dict(self.rows)
+        for slot, partner in zip(pairs.slots.tolist(), pairs.partners.tolist(), strict=True):
+            if partner in courses and slot in rows:
+                row, origin = rows[slot]
+                rows[slot] = row, courses[partner].carried(origin[None], begin, end)[0]
+        return Memory(rows)
 
     def slips(self, pairs: Pairs, places: np.ndarray) -> np.ndarray:
         """(p, 2) mm of pairs that it knows."""

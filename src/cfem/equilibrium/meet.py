@@ -30,6 +30,7 @@ from cfem.equilibrium.touch import PlacedRobot, TouchStatus
 
 NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points
 HELD = 0.9  # share of a patch's nodes that are held: it meets nothing
+MOST = 60  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 TOLERANCE, ITERATIONS = 1e-8, 40  # of the length: the last step of any contact point; rounds
 STRICT = Settings(tolerance=1e-11)
@@ -154,6 +155,8 @@ class _Step:
         if not len(chosen):
             self.residual = 0.0
             return TouchStatus.CONVERGED
+        if len(chosen) > MOST * len(self.of.robots):
+            return TouchStatus.MANY
         if len(chosen) > len(self.chosen):
             self._widen(chosen)
         soft = self._respond()

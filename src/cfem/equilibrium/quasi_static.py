@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 SHORTEST = 1 / 64  # of a command: a way that is cut further than this ends
+ROUNDING = 1e-9  # of a command
 CONVERGED = "converged"
 
 
@@ -13,9 +14,9 @@ def carried_out(begin: np.ndarray, u: np.ndarray, longest: float | np.ndarray, g
     """How a command from `begin` to u (n_a,) ended. longest: that an actuator goes in one step, in its unit; go: one
     step to there, answers 'converged', or why not. A step that fails is halved."""
     way, share = u - begin, 0.0
-    first = size = 1.0 / max(float((np.abs(way) / longest).max()), 1.0)
+    first = size = 1.0 / max(np.ceil(float((np.abs(way) / longest).max()) - ROUNDING), 1.0)
     while share < 1.0:
-        there = min(1.0, share + size)
+        there = 1.0 if share + size > 1.0 - ROUNDING else share + size
         status = go(begin + there * way)
         if status == CONVERGED:
             share, size = there, min(2 * size, max(first, size))

@@ -35,6 +35,7 @@ class TouchStatus(Enum):
     CONVERGED = "converged"
     NO_MODE = "no combination of open, sticking and sliding points is in equilibrium"
     ITERATIONS = "open, sticking and sliding points keep changing: the iterations allowed were used up"
+    MANY = "more patches are near something than may be: take larger patches"
     NO_EQUILIBRIUM = "the robot finds no equilibrium with its contact points held"
 
 

@@ -1,24 +1,25 @@
 """What plants in contact tell of their steps."""
 
 from collections import Counter
+from collections.abc import Iterable
 
-from cfem.equilibrium.touch import Touch
+from cfem.contact.modes import Mode
 
 
 class ContactAccount:
     """counts: how many contact points were open, stuck and slipped at the end of each command so far; commands;
     failures: of them ended before their goal; steps, iterations: quasi-static steps, rounds of FE solves that they
-    took; worst: residual of law and balance at the end of a command."""
+    took; worst: relative residual of law and balance at the end of a command."""
 
     def __init__(self) -> None:
         self.counts: list[dict[str, int]] = []
         self.commands = self.steps = self.iterations = self.failures = 0
         self.worst = 0.0
 
-    def seen(self, last: Touch) -> None:
+    def seen(self, modes: Iterable[Mode], residual: float) -> None:
         """The state in which a command ended."""
-        self.counts.append(dict(Counter(mode.value for mode in last.modes)))
-        self.worst = max(self.worst, last.check.largest if last.check else 0.0)
+        self.counts.append(dict(Counter(mode.value for mode in modes)))
+        self.worst = max(self.worst, residual)
 
     def account(self) -> dict:
         """For a results file."""

@@ -73,7 +73,7 @@ class GripPlant(ContactAccount):
         if last is None or kind != "displacement":
             n_e = 3 if self._margin is None else 3 + len(self.fingers)
             return Measurement.failed(n_e, len(self.at), self.commands, status)
-        self.seen(last)
+        self.seen(last.modes, last.check.largest if last.check else 0.0)
         self.margins.append(self.slip_margin())
         self.borne.append(self.on_table())
         delta_a, lambda_a = (
