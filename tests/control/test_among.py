@@ -177,3 +177,21 @@ def test_a_closed_mesh_is_read_in_its_unit_and_placed(tmp_path):
 
 def test_obstacles_are_part_of_the_spec():
     assert "obstacles" in ControlSpec.model_fields
+
+
+TOUCHED = {
+    **TWIN,
+    "shares": [[0.1]],
+    "rotate": {"axis": [1, 0, 0], "angle": "180 deg"},
+    "translate": {"mm": [0, 0, 16]},
+}
+
+
+def test_another_robot_yields_and_is_pressed_with_friction(bar):
+    """Two bars bend towards each other; both give way, in the plan and in finite elements."""
+    search = {"step": "0.2 mm", "weights": [0, 0, 0]}
+    twin = {"twin": {**TOUCHED, "press": "15 mN"}}
+    more = {"search": search, "contact": {"patches": "8 mm", "friction": 0.3}}
+    found = cfem.run_stage("control", control(bar, "twins", twin, **more))["results"]
+    assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015
+    assert "2 of 2 commands carried out" in found["headline"][-1]

@@ -56,6 +56,14 @@ class Pairs:
         empty = np.zeros(0, dtype=np.int64)
         return cls(empty, np.zeros((0, count)), np.zeros((0, 3, 3)), np.zeros(0), empty)
 
+    @property
+    def faces(self) -> dict[int, np.ndarray]:
+        """(N,) bool of each point that has faces."""
+        count = self.relative.shape[1]
+        own = np.arange(count)
+        rows = zip(self.slots.tolist(), self.relative, strict=True)
+        return {slot: (row != 0) & (own != slot) for slot, row in rows if slot < count}
+
     def some(self, which: np.ndarray) -> "Pairs":
         """Those of `which` (p,) bool alone."""
         return Pairs(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
@@ -134,9 +142,11 @@ class Surroundings:
             obstacles,
         )
 
-    def pairs(self, places: np.ndarray, normals: np.ndarray) -> Pairs:
-        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near."""
-        points, relative, frames = facing(places, normals, self.may_meet, self.spacing)
+    def pairs(
+        self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None
+    ) -> Pairs:
+        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `facing`."""
+        points, relative, frames = facing(places, normals, self.may_meet, self.spacing, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
         partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
         found, N = Pairs(points, relative, frames, gaps, partners), len(places)

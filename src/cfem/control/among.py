@@ -3,22 +3,29 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.contact.course import Course
+from cfem.contact.course import Bending, Course
 from cfem.contact.obstacle import Obstacle
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.spec import meaning
 from cfem.core.stage import artefact_content
+from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.among import Among
 from cfem.predict.kept_patches import touchable_of
+from cfem.predict.meeting import PlacedModel
+from cfem.predict.obstacle_spec import RobotObstacle
 from cfem.predict.protocol import Predictor
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.same import demand_robot
 from cfem.robot.spec import scene_meaning
 
 STOPS = 21  # places of a way that are looked at
@@ -77,34 +84,36 @@ class World:
 def among(
     spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[World, dict[str, Among], TouchPlant]:
-    """InputError where a model has no skin or its form does not fit, or the robot starts inside an obstacle."""
-    courses = {name: one.course(base) for name, one in spec.obstacles.items()}
+    """InputError where a model has no skin or its form does not fit, SpecError where the robot starts inside
+    something."""
+    met = {name: one for name, one in spec.obstacles.items() if one.kind == "robot" and one.avoid is None}
+    itself = tuple(name for name, one in spec.obstacles.items() if one.kind == "itself")
+    courses = {name: one.course(base) for name, one in spec.obstacles.items() if name not in {*met, *itself}}
     obstacles = {name: one.at(0.0) for name, one in courses.items()}
     moving = {name: one for name, one in courses.items() if one.way(0.0, 1.0) > 0}
     pressed = tuple(name for name, one in spec.obstacles.items() if one.pressed)
     avoided = {name: obstacles[name] for name, one in spec.obstacles.items() if one.avoid is not None}
     solid = {name: one for name, one in obstacles.items() if name not in avoided}
     found, plant, friction = {}, None, spec.contact.friction
-    made_of = {
-        "scene": scene_meaning(base / spec.scene),
-        "mesh": artefact_content(base / spec.mesh),
-        "loads": meaning(spec.loads),
-    }
-    law = "coulomb" if friction else "signorini"
+    others = {name: other_robot(spec, one, base, name) for name, one in met.items()}
+    at_first = obstacles | {name: course.at(0.0) for name, (_, _, course) in others.items()}
+    learned = {name: (placed, course) for name, (placed, _, course) in others.items()}
+    made_of = made_from(base / spec.scene, base / spec.mesh) | {"loads": meaning(spec.loads)}
     for name, model in predictors.items():
         try:
             skin = model.skin
-            demand_outside(robot, skin.nodes, obstacles)
+            demand_outside(robot, skin.nodes, at_first)
             demand_way(robot, skin.nodes, moving)
             touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
-            found[name] = Among(touchable, solid, pressed, avoided, law, friction, courses=moving)
+            one = Among(touchable, solid, pressed, avoided, friction, courses=moving, others=learned, itself=itself)
         except InputError as error:
             raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
+        demand_apart(one)
+        found[name] = one
         if plant is None:
-            names = tuple(avoided)
-            patches = touchable.patches
-            surface = skin.nodes, skin.triangles
-            plant = TouchPlant(robot, patches, *surface, obstacles, pressed, names, law, friction, moving)
+            own = Skinned(robot, skin.nodes, skin.triangles, touchable.patches)
+            in_fe = {name: (skinned, course) for name, (_, skinned, course) in others.items()}
+            plant = TouchPlant(own, obstacles, pressed, tuple(avoided), friction, moving, in_fe, itself)
     first = next(iter(found.values()))
     mine = [spec.obstacles[name] for name in pressed]
     far = [spec.obstacles[name] for name in avoided]
@@ -113,6 +122,44 @@ def among(
     top = [np.inf if one.largest_force is None else one.largest_force for one in mine]
     bounds = np.array([[-np.inf, one] for one in top] + [[one.avoid, np.inf] for one in far]).reshape(-1, 2)
     return World(first.rows, goal, weights, bounds), found, plant
+
+
+def made_from(scene: Path, mesh: Path) -> dict[str, Any]:
+    return {"scene": scene_meaning(scene), "mesh": artefact_content(mesh)}
+
+
+def other_robot(spec: ControlSpec, one: RobotObstacle, base: Path, name: str) -> tuple[PlacedModel, Skinned, Bending]:
+    """Learned and by finite elements, and the course of its actuators. InputError where its model is not of its
+    scene."""
+    course, own = one.course(base), base / (one.scene or spec.scene)
+    scene, mesh = load_scene_and_mesh(own, None if one.scene else base / spec.mesh)
+    model = course.model
+    do = f"name its scene in obstacles.{name}.scene"
+    demand_robot(scene, model.meta.get("robot"), base / one.model, do)
+    robot, skin = build_robot(scene, mesh), model.skin
+    made_of = made_from(own, own.parent / scene.out if one.scene else base / spec.mesh) | {"loads": {}}
+    try:
+        touchable = touchable_of(model, base / one.model, robot, made_of, spec.contact.patches)
+    except InputError as error:
+        raise InputError(error.what, where=error.where or str(base / one.model), do=error.do) from None
+    place = course.R, course.t, False
+    return (
+        PlacedModel(touchable, *place),
+        Skinned(robot, skin.nodes, skin.triangles, touchable.patches, *place),
+        course,
+    )
+
+
+def demand_apart(model: Among) -> None:
+    """SpecError where robots overlap at rest, InputError where there is no contact state."""
+    if not model.others and not model.itself:
+        return
+    try:
+        model.standing(0.0).touched(np.zeros(model.touchable.model.rows.n_a))
+    except InputError as error:
+        raise SpecError(error.what, where="obstacles", do=error.do) from None
+    except NumericalError as error:
+        raise SpecError(str(error), where="obstacles", do="move them apart at the first goal") from None
 
 
 def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obstacle]) -> None:

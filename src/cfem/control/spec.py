@@ -138,10 +138,10 @@ class ControlSpec(Spec):
     """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. The
     model takes them without new samples, and the FE robot carries them. Goals stay where they are."""
     obstacles: dict[Name, ObstacleSpec] = {}
-    """Rigid bodies that stand in the robot's world, by name. Plans know them: they touch, press or avoid them with any
-    part of the surface, and the FE robot meets the same."""
+    """What the robot meets, by name: rigid bodies, other soft robots, itself. Plans know them: they touch, press or
+    avoid them with any part of the surface, and the FE robot meets the same."""
     contact: ContactSpec = ContactSpec()
-    """How the robot's surface touches obstacles."""
+    """How the robot's surface touches."""
     loop: LoopSpec | None = None
     """Control over time instead, tick by tick."""
     gait: GaitSpec | None = None
@@ -201,6 +201,12 @@ class ControlSpec(Spec):
             raise ValueError("obstacles do not go with an object, a design, a loop or runtime: onnx yet")
         if self.obstacles and (self.fe_based or self.plant == "pipe"):
             raise ValueError("obstacles need fe_based: false, and plant: fem or model")
+        own = [name for name, one in self.obstacles.items() if one.kind == "itself"]
+        if len(own) > 1:
+            raise ValueError(f"obstacles: {' and '.join(own)} are both the robot itself; leave one of them out")
+        others = any(one.kind in ("robot", "itself") and one.avoid is None for one in self.obstacles.values())
+        if others and self.loads:
+            raise ValueError("a robot that meets another one or itself does not go with loads yet")
         return self
 
     @model_validator(mode="after")

@@ -10,12 +10,12 @@ import numpy as np
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.robot.spec import scene_meaning
+from cfem.robot.spec import SceneSpec, scene_meaning
 
 if TYPE_CHECKING:
     from cfem.control.prepared import Prepared
 
-VERSION = 4
+VERSION = 5
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
@@ -34,6 +34,8 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     inputs = {"mesh": base / spec.mesh} | {f"model {name}": base / path for name, path in spec.models.items()}
     files = {name: getattr(one, "file", None) or getattr(one, "model", None) for name, one in spec.obstacles.items()}
     inputs |= {f"obstacle {name}": base / file for name, file in files.items() if file}
+    scenes = {name: base / one.scene for name, one in spec.obstacles.items() if getattr(one, "scene", None)}
+    inputs |= {f"mesh of {name}": one.parent / load_spec(one, SceneSpec).out for name, one in scenes.items()}
     return Stage(
         name="control",
         version=VERSION,
@@ -42,7 +44,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
         out=out or base / spec.out,
         paths=("scene", "mesh", "models", "out"),
         precious=spec.plant == "pipe",  # what hardware did cannot be computed again
-        extra={"scene": scene_meaning(base / spec.scene)},
+        extra={"scene": scene_meaning(base / spec.scene)} | {name: scene_meaning(one) for name, one in scenes.items()},
         spec_path=spec_path,
         overrides=overrides,
     )

@@ -136,6 +136,7 @@ class _Step:
         self.chosen, self.at, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3))
         self.placed: tuple[PlacedRobot, ...] = ()
         self.found: Balance | None = None
+        self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
         self._touching: Pairs | None = None
         states = [None] * len(of.robots)
         if before is not None:
@@ -171,6 +172,7 @@ class _Step:
         self.found = balance(touching, chosen, soft, self.forces, push, slips, self.of.mu)
         if self.found is None:
             return TouchStatus.NO_MODE
+        self.faces = touching.some((touching.gaps <= 0) | self.found.push.any(axis=1)).faces | self.faces
         self._touching, self.at = touching, self.at + self.found.step
         self.modes = dict(zip(touching.slots.tolist(), self.found.modes, strict=True))
         self.residual = float(np.abs(self.found.step).max())
@@ -211,7 +213,7 @@ class _Step:
             places.append(one.patches.mean(surface))
             normals.append(patch_normals(surface, one.triangles, one.patches.of, len(one.patches)))
         self.places = np.concatenate(places)
-        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals))
+        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces)
 
     def _mine(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Of each robot, which of these patches are its own, bool."""

@@ -20,10 +20,11 @@ from cfem.core.errors import InputError
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.held import Held
 from cfem.predict.touchable import Touchable
-from cfem.predict.touching import ITERATIONS, OVERLAP, TOLERANCE, TouchedStatus
+from cfem.predict.touching import OVERLAP, TOLERANCE, TouchedStatus
 
 INSIDE = 1e-3  # of the length: by how much robots may overlap where they begin
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
+ITERATIONS = 30
 MOST = 60  # pairs that may touch at once
 NEAR = 0.1  # distances of patches: of pairs that are farther apart nothing local is known in the next step
 
@@ -133,6 +134,7 @@ class _Step:
             touching = before.push.any(axis=1)
             self.pushed = dict(zip(before.pairs.slots[touching].tolist(), before.push[touching], strict=True))
         self._touching: frozenset[int] = frozenset()
+        self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
         self._look()
 
     def run(self) -> Met:
@@ -159,7 +161,7 @@ class _Step:
             touching = self._now_touching()
             if not np.isin(touching.used, self.chosen).all():
                 return None
-        self.memory = self.memory.with_new(touching, self.places)
+        self.memory, self.faces = self.memory.with_new(touching, self.places), touching.faces | self.faces
         slips = self.memory.slips(touching, self.places) if self.of.mu else np.zeros((len(touching), 2))
         push = np.array([self.pushed.get(slot, np.zeros(3)) for slot in touching.slots.tolist()])
         found = None
@@ -196,7 +198,7 @@ class _Step:
             places.append(held.places() @ robot.R.T + robot.t)
             normals.append(patch_normals(skin.surface(held.rows), skin.triangles, of.of, len(of)) @ robot.R.T)
         self.places = np.concatenate(places)
-        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals))
+        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces)
 
     def _compliance(self, pressed: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N of chosen patches, in the scene; pressed: as the forces have changed it."""

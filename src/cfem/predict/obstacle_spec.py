@@ -1,4 +1,4 @@
-"""Obstacles in the robot's world, and what control does with them, as `control.yaml` says it."""
+"""What a robot meets, and what control does with it, as `control.yaml` says it."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -143,12 +143,14 @@ class MeshObstacle(_Any):
 
 
 class RobotObstacle(_Any):
-    """Another robot, by its learned shape. It does not yield."""
+    """Another soft robot. It yields where they touch, in plans and in finite elements."""
 
     kind: Literal["robot"]
     """Another learned robot."""
     model: Path
     """Folder of its model, which has a skin; relative to this file."""
+    scene: Path | None = None
+    """Its scene; that of the robot itself unless given. What is only avoided needs none."""
     shares: Annotated[tuple[tuple[float, ...], ...], Field(min_length=1)]
     """Where its actuators are, as shares of their reach, from the first goal to the last: evenly spread, straight from
     one to the next. One entry stands still."""
@@ -166,7 +168,7 @@ class RobotObstacle(_Any):
     def made(self, folder: Path) -> Obstacle:
         raise SpecError("another robot has no C code yet", where="c.obstacles", do="leave it out")
 
-    def course(self, folder: Path) -> Course:
+    def course(self, folder: Path) -> Bending:
         where = str(folder / self.model)
         model = load_model(folder / self.model)
         n_a = model.rows.n_a
@@ -184,20 +186,42 @@ class RobotObstacle(_Any):
         return Bending(model, low + shares * (high - low), lambda x: ClosedMesh(ClosedSurface(x, facets)), R, t)
 
 
+class ItselfObstacle(_Any):
+    """The robot's own surface, where parts of it come to lie on each other."""
+
+    kind: Literal["itself"]
+    """The robot touches itself. Parts that are nearer than 0.3 of its length along its surface never meet."""
+
+    @model_validator(mode="after")
+    def _touched_alone(self):
+        if self.path is not None or self.avoid is not None:
+            raise ValueError("itself takes press or largest_force, and neither path nor avoid")
+        return self
+
+    def made(self, folder: Path) -> Obstacle:
+        raise SpecError("a robot that touches itself has no C code yet", where="c.obstacles", do="leave it out")
+
+
 ObstacleSpec = Annotated[
-    PlaneObstacle | SphereObstacle | BoxObstacle | CapsuleObstacle | MeshObstacle | RobotObstacle,
+    PlaneObstacle
+    | SphereObstacle
+    | BoxObstacle
+    | CapsuleObstacle
+    | MeshObstacle
+    | RobotObstacle
+    | ItselfObstacle,
     Field(discriminator="kind"),
 ]
 
 
 class ContactSpec(Spec):
-    """How the robot's surface touches obstacles."""
+    """How the robot's surface touches."""
 
     patches: Length | None = Field(None, gt=0)
     """Distance of the patches into which the surface is cut. Each touches as a point. A twentieth of the robot's length
     unless given."""
     friction: float = Field(0.0, ge=0)
-    """Coefficient of friction between robot and obstacles."""
+    """Coefficient of friction of the robot's surface, on obstacles, other robots and itself."""
 
 
 def _rotation(turn: Turn | None) -> np.ndarray:
