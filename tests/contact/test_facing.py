@@ -48,9 +48,7 @@ def test_beyond_an_edge_and_behind_a_wall_of_its_own_nothing_is_met():
     assert not len(facing(aside, normals, may, 2.0)[0])
     deep = np.vstack([places[:25], places[25] - [0, 0, 2.0]])
     _, relative, frames = facing(deep, normals, may, 2.0)
-    assert frames[0, 0] @ (relative[0] @ deep) == pytest.approx(
-        -1.7 / np.hypot(1, 0.02)
-    )
+    assert frames[0, 0] @ (relative[0] @ deep) == pytest.approx(-1.7 / np.hypot(1, 0.02))
     assert not len(facing(deep, normals, np.where(may == OTHER, OWN, NEVER), 2.0)[0])
 
 

@@ -181,17 +181,50 @@ def test_obstacles_are_part_of_the_spec():
 
 TOUCHED = {
     **TWIN,
-    "shares": [[0.1]],
+    "shares": [[0.1], [0.11]],
     "rotate": {"axis": [1, 0, 0], "angle": "180 deg"},
     "translate": {"mm": [0, 0, 16]},
 }
 
 
+@pytest.mark.slow
 def test_another_robot_yields_and_is_pressed_with_friction(bar):
-    """Two bars bend towards each other; both give way, in the plan and in finite elements."""
+    """Two bars bend towards each other, the other one more at the second goal; both give way, in the plan and in finite
+    elements."""
     search = {"step": "0.2 mm", "weights": [0, 0, 0]}
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
     more = {"search": search, "contact": {"patches": "8 mm", "friction": 0.3}}
     found = cfem.run_stage("control", control(bar, "twins", twin, **more))["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015
     assert "2 of 2 commands carried out" in found["headline"][-1]
+
+
+def test_plans_alone_press_another_robot_and_keep_a_force(bar):
+    search, contact = {"step": "0.2 mm", "weights": [0, 0, 0]}, {"patches": "8 mm", "friction": 0.3}
+    twin = {"twin": {**TOUCHED, "press": "15 mN"}}
+    more = {"search": search, "contact": contact, "plant": "model"}
+    found = cfem.run_stage("control", control(bar, "twins-model", twin, **more))["results"]
+    assert found["obstacles"]["twin"]["error_max"] < 1e-3 * 0.015
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "what"),
+    [
+        ({"a": {"kind": "itself"}, "b": {"kind": "itself"}}, "a and b are both the robot itself"),
+        ({"a": {"kind": "itself", "avoid": "1 mm"}}, "itself takes press or largest_force"),
+        ({"twin": {**TOUCHED, "scene": "nothing.yaml"}}, r"nothing\.yaml.*no such file"),
+        ({"twin": {**TOUCHED, "translate": {"mm": [0, 0, 9]}}}, r"obstacles\.twin: the robot starts 4\.5 mm inside it"),
+    ],
+)
+def test_what_is_wrong_with_soft_ones_is_said(bar, obstacles, what):
+    with pytest.raises((InputError, SpecError), match=what):
+        cfem.run_stage("control", control(bar, "soft", obstacles, plant="model"))
+
+
+def test_a_robot_that_touches_itself_goes_with_goals(bar):
+    """A straight bar does not reach itself: the plan is that of the bar alone."""
+    found = cfem.run_stage("control", control(bar, "itself", {"own": {"kind": "itself"}}, plant="model"))["results"]
+    alone = cfem.run_stage("control", control(bar, "alone", {}, plant="model", fe_based=False))["results"]
+    mine, other = (one["trajectories"]["there"]["spectral"] for one in (found, alone))
+    for key in ("distance_to_unreachable_goals", "reached"):
+        assert mine[key] == pytest.approx(other[key], rel=1e-3)

@@ -142,9 +142,7 @@ class Surroundings:
             obstacles,
         )
 
-    def pairs(
-        self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None
-    ) -> Pairs:
+    def pairs(self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None) -> Pairs:
         """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `facing`."""
         points, relative, frames = facing(places, normals, self.may_meet, self.spacing, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)

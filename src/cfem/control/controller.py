@@ -64,7 +64,7 @@ class Controller:
         """What moves in the model's world goes to where it is at this share of the run. Where the model has no answer,
         it is what the next tick says."""
         model, at = self._pilot.model, self.belief.iterate
-        if not getattr(model, "courses", None):
+        if not getattr(model, "passes", False):
             return
         with suppress(NumericalError):
             model.pass_to(share)

@@ -76,6 +76,11 @@ class Among:
         """Whether there is anything that it may touch."""
         return bool(self.numbers)
 
+    @property
+    def passes(self) -> bool:
+        """Whether anything that it meets or avoids moves."""
+        return bool(self.courses or self.others)
+
     @cached_property
     def contact(self) -> Steps:
         around = Several(tuple(self.solid.values()))

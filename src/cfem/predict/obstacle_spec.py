@@ -203,13 +203,7 @@ class ItselfObstacle(_Any):
 
 
 ObstacleSpec = Annotated[
-    PlaneObstacle
-    | SphereObstacle
-    | BoxObstacle
-    | CapsuleObstacle
-    | MeshObstacle
-    | RobotObstacle
-    | ItselfObstacle,
+    PlaneObstacle | SphereObstacle | BoxObstacle | CapsuleObstacle | MeshObstacle | RobotObstacle | ItselfObstacle,
     Field(discriminator="kind"),
 ]
 
