@@ -7,8 +7,8 @@ import numpy as np
 
 from cfem.control.gripping import MOST, Gripping
 from cfem.core.errors import SpecError
+from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.plant.grip_plant import GripPlant
-from cfem.plant.quasi_static import CONVERGED
 
 SHARES = (0.25, 0.5, 1.0, 2.0, 3.0)  # of a squeeze that are tried
 HALVINGS = 3  # between the last that fails and the first that holds
