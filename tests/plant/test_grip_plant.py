@@ -1,9 +1,12 @@
 """Two bars that carry a block which they only touch, as a plant."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.blocks import bar
 
+from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box
 from cfem.control.assembled import table_under
 from cfem.equilibrium.grip import Free
@@ -88,6 +91,32 @@ def test_a_way_that_ends_is_left_where_it_ended(monkeypatch):
     tried, said, one = steps_of(monkeypatch, lambda to, at: to <= 1.0, 2.0)
     assert said == f"{TouchStatus.NO_MODE.value}, at 50 % of the way" and one.at[1] == 1.0
     np.testing.assert_allclose(tried, [1.0, *(1.0 + 0.5 ** np.arange(6))])
+
+
+@pytest.mark.parametrize(
+    ("modes", "moved", "commanded", "said"),
+    [
+        ((Mode.OPEN, Mode.OPEN), 0.01, 0.3, "let go"),
+        ((Mode.STICK, Mode.OPEN), 9.0, 0.3, "jump by 9 mm"),
+        ((Mode.STICK, Mode.OPEN), 2.0, 0.3, "converged"),
+        ((Mode.STICK, Mode.OPEN), 9.0, 0.0, "converged"),  # a load that is handed over
+    ],
+)
+def test_a_solution_that_is_no_step_of_the_object_is_refused(monkeypatch, modes, moved, commanded, said):
+    """Without load an object that nothing touches is in balance wherever it is."""
+    one = plant()
+    one.last = SimpleNamespace(modes=(Mode.STICK, Mode.STICK), around=SimpleNamespace(x=np.zeros(3)))
+    there = SimpleNamespace(
+        modes=modes,
+        around=SimpleNamespace(x=np.array([0.0, moved, 0.0])),
+        converged=True,
+        status=TouchStatus.CONVERGED,
+        iterations=1,
+    )
+    monkeypatch.setattr("cfem.plant.grip_plant.grip", lambda *rest: there)
+    before = one.last
+    assert said in one._go(np.array([0.0, commanded, 0.0, 0.0]), 1.0)
+    assert (one.last is there) == (said == "converged") and (one.last is before) == (said != "converged")
 
 
 def test_the_robots_take_the_load_over_after_they_have_grasped():

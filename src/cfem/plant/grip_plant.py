@@ -7,17 +7,19 @@ from itertools import pairwise
 
 import numpy as np
 
+from cfem.contact.modes import Mode
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import Free, grip
 from cfem.equilibrium.ground import Pads
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
-from cfem.equilibrium.touch import Touching
+from cfem.equilibrium.touch import Touch, Touching
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
 HANDED = 0.25  # of the load: what the robots take over in one step
+LEVERAGE = 10.0  # mm that an object goes for each of an actuator: more is another contact state, not a step of this one
 
 
 class GripPlant(ContactAccount):
@@ -165,6 +167,20 @@ class GripPlant(ContactAccount):
         found = grip(all_of_them, parts, held, self._law, self._mu, self.last)
         self.steps += 1
         self.iterations += found.iterations
-        if found.converged:
+        status = found.status.value if not found.converged else self._lost(found, u)
+        if status == CONVERGED:
             self.last, self.at, self.load = found, u, load
-        return found.status.value
+        return status
+
+    def _lost(self, found: Touch, u: np.ndarray) -> str:
+        """Whether what solves the equations is a step from `last`: an object without load may be anywhere once nothing
+        touches it."""
+        if self.last is None or all(mode is Mode.OPEN for mode in self.last.modes):
+            return CONVERGED
+        if all(mode is Mode.OPEN for mode in found.modes):
+            return "the robots let go of the object"
+        moved = float(np.linalg.norm(found.around.x[:3] - self.last.around.x[:3]))
+        commanded = float(np.abs(u - self.at).max())
+        if commanded > 0 and moved > LEVERAGE * commanded:
+            return f"the object would jump by {moved:.2g} mm, to where the robots hold it otherwise"
+        return CONVERGED
