@@ -33,6 +33,30 @@ def test_the_gap_is_that_to_the_plane_through_the_faces(gap):
     assert relative[0] @ np.ones(26) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_faces_come_and_go_without_a_jump():
+    """One of them moves away, then turns away."""
+    places, normals, may = sheets(0.3)
+    places[7, 2] += 0.2  # so that it counts
+
+    def gap():
+        _, relative, frames = facing(places, normals, may, 2.0)
+        return float(frames[0, 0] @ (relative[0] @ places)), int((relative[0] != 0).sum())
+
+    found = []
+    for x in np.arange(2.0, 6.0, 0.01):
+        places[7, 0] = 4.0 - x
+        found.append(gap())
+    gaps, counts = np.array(found).T
+    assert counts.min() < counts.max() and gaps.max() > gaps.min() + 1e-4
+    assert np.abs(np.diff(gaps)).max() < 0.03 * (gaps.max() - gaps.min())
+    places[7, 0], found = 2.0, []
+    for angle in np.arange(0.0, 1.6, 0.01):
+        normals[7] = np.sin(angle), 0, np.cos(angle)
+        found.append(gap())
+    gaps, counts = np.array(found).T
+    assert counts[-1] < counts[0] and np.abs(np.diff(gaps)).max() < 0.1 * (gaps.max() - gaps.min())
+
+
 def test_forces_and_moments_balance():
     places, normals, may = sheets(0.3)
     _, relative, frames = facing(places, normals, may, 2.0)

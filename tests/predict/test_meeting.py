@@ -79,7 +79,7 @@ def test_friction_does_as_in_finite_elements(rubbed, robot, touchable):
     rough = MeetingInFe(fe, mu=MU)
     truth = rough.step([np.array([1.2]), np.array([0.95])], rough.go([np.array([1.1]), np.array([0.9])]))
     found = rubbed[1]
-    assert found.converged and truth.converged and truth.pressed > 0.01
+    assert found.converged and truth.converged and truth.pressed > 0.01 and truth.factorizations < 12
     assert set(found.modes.values()) == {mode for mode in truth.modes.values() if mode is not Mode.OPEN}
     assert found.pressed == pytest.approx(truth.pressed, rel=0.02)
     alike = np.linalg.norm(found.push.sum(axis=0) - truth.push.sum(axis=0))

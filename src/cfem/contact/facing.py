@@ -21,7 +21,9 @@ from cfem.condensed.patches import Patches
 from cfem.contact.obstacle import tangents
 
 OPPOSED = -0.2  # largest product of the normals of two that face each other
-WITHIN = 2.0  # distances of patches: how far from a point its faces are looked for
+TURNING = 0.2  # of that product: a face that turns away loses its weight over so much
+LEAST = 1e-6  # of the weight of a face at the point: faces that are kept have no less
+WITHIN = 2.5  # distances of patches: how far from a point its faces are looked for
 FLAT = 2.0  # sum of the sizes of weights: more is an extrapolation beyond an edge
 DEEP = 0.5  # distances of patches: a point farther behind faces of its own body is on the other side of a wall
 DEEPEST = 1.0  # distances of patches: what is deeper within another body has not come in on this side
@@ -43,22 +45,22 @@ def facing(
     all, and whether that is of its own body (`may_meet`). faces: by number, points that keep the faces (N,) bool which
     they have, whatever has become of them."""
     above = places @ normals.T - (places * normals).sum(axis=1)  # mm: of i over j
-    squares = (places**2).sum(axis=1)
+    squares, opposed = (places**2).sum(axis=1), OPPOSED - normals @ normals.T
     near = squares[:, None] + squares - 2 * places @ places.T < (WITHIN * spacing) ** 2
-    near &= (may_meet > NEVER) & (normals @ normals.T < OPPOSED)
+    near &= (may_meet > NEVER) & (opposed > 0)
     near &= ~((above < -DEEP * spacing) & (may_meet == OWN))  # the other side of a wall
     kept = np.zeros(len(places), dtype=bool)
     for point, mine in (faces or {}).items():
         near[point], kept[point] = mine, True
     points = np.flatnonzero(near.sum(axis=1) >= 3)
     apart = places[points, None] - places
-    mean = (np.exp(-(apart**2).sum(axis=2) / spacing**2) * near[points]) @ normals
+    G = kernel((apart**2).sum(axis=2) / spacing**2) * np.clip(opposed[points] / TURNING, LEAST, 1.0) * near[points]
+    mean = G @ normals
     n = mean / np.linalg.norm(mean, axis=1)[:, None]
     for _ in range(2):  # the second time square on the plane that the first has fitted
         frames = tangents(n)
         A = np.ones((*apart.shape[:2], 3))
         A[..., 1:] = apart @ frames[:, 1:].swapaxes(1, 2) / -spacing
-        G = np.exp(-(A[..., 1:] ** 2).sum(axis=2)) * near[points]
         M = A.swapaxes(1, 2) @ (G[..., None] * A)
         extents = np.linalg.eigvalsh(M)
         spans = extents[:, 0] >= RANK * extents[:, 2]
@@ -74,6 +76,13 @@ def facing(
     gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
     found = spans & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing) | kept[points]
     return points[found], relative[found], frames[found]
+
+
+def kernel(squares: np.ndarray) -> np.ndarray:
+    """Weights of faces by the squares of their distances, in distances of patches: 0, but for LEAST, from WITHIN on, so
+    that a face comes and goes without a jump."""
+    end = np.exp(-(WITHIN**2))
+    return np.maximum((np.exp(-squares) - end) / (1 - end), LEAST)
 
 
 def patch_normals(surface: np.ndarray, triangles: np.ndarray, of: np.ndarray, count: int) -> np.ndarray:

@@ -1,9 +1,10 @@
 """Robots by finite elements that touch each other, themselves and rigid obstacles, with friction: the truth for
 `cfem.predict.meeting`.
 
-Patches of the surfaces are contact points. Robots are solved with these held at trial places; condensation gives how
-they yield; the law on pairs of a patch and what is before it (`cfem.contact.pairs`) gives the forces that patches
-should carry, and these the next trial places."""
+Newton's method on all robots and all forces together: at each iteration the law on pairs of a patch and what is before
+it (`cfem.contact.pairs`) is solved on how the robots' linearisations go (`cfem.equilibrium.pressed_robot`), and gives
+the forces of the step. Patches that come near take part. At the end each robot is solved alone with its patches held
+where they are, and has to carry the same forces."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,24 +17,26 @@ from scipy.linalg import block_diag
 from cfem.condensed.patches import Patches
 from cfem.contact.facing import along, patch_normals
 from cfem.contact.modes import Mode
-from cfem.contact.pairs import Balance, Memory, Pairs, Pressing, Surroundings, balance
+from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
 from cfem.contact.several import Several
-from cfem.equilibrium.actuation import Actuation, displacement
-from cfem.equilibrium.newton import Settings
-from cfem.equilibrium.patch_compliance import with_patches
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.pressed_robot import STRICT, PressedRobot
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
-from cfem.equilibrium.touch import PlacedRobot, TouchStatus
+from cfem.equilibrium.touch import TouchStatus
+from cfem.mechanics.factorization import SingularMatrixError
 
 NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points
 HELD = 0.9  # share of a patch's nodes that are held: it meets nothing
 MOST = 60  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
-TOLERANCE, ITERATIONS = 1e-8, 40  # of the length: the last step of any contact point; rounds
-STRICT = Settings(tolerance=1e-11)
+TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
+SETTLING = 0.01  # distances of patches: after a step of less, what touches keeps the faces that it has
+SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,23 +64,21 @@ class Skinned:
     def held_still(self) -> np.ndarray:
         return self.patches.mean(np.isin(self.nodes, self.robot.fixed).astype(float)) > HELD
 
-    def surface(self, solved: Equilibrium) -> np.ndarray:
-        """(m, 3) mm in the scene."""
-        return solved.state.x[self.nodes] @ self.R.T + self.t
+    def surface(self, x: np.ndarray) -> np.ndarray:
+        """(m, 3) mm in the scene, of nodes at x (n, 3) mm."""
+        return x[self.nodes] @ self.R.T + self.t
 
 
 @dataclass(frozen=True)
 class MetRobots(Pressing):
-    """One state. solved: of each robot. Of all N patches, robot after robot: chosen (c,) the contact points, at (c, 3)
-    mm in the scene, with forces (c, 3) N, and the robots that have them (`placed`). residual: mm, the last step of any
-    contact point; factorizations: of all FE solves."""
+    """One state. solved: of each robot. Of all N patches, robot after robot: chosen (c,) the contact points, with
+    forces (c, 3) N in the scene. residual: mm, the last step of any contact point; iterations: corrections;
+    factorizations: of all robots."""
 
     status: TouchStatus
     solved: tuple[Equilibrium, ...]
     chosen: np.ndarray
-    at: np.ndarray
     forces: np.ndarray
-    placed: tuple[PlacedRobot, ...]
     modes: Mapping[int, Mode]
     memory: Memory
     residual: float
@@ -121,73 +122,122 @@ class Meeting:
 
     def step(self, deltas: Sequence[np.ndarray], before: MetRobots | None) -> MetRobots:
         """One quasi-static step to deltas from the state `before` (none: at rest)."""
-        work = _Step(self, [displacement(one) for one in deltas], before)
+        work = _Step(self, [np.asarray(one, float) for one in deltas], before)
         status = None if all(one.converged for one in work.solved) else TouchStatus.NO_EQUILIBRIUM
-        while status is None:
-            status = work.round() if work.iterations < ITERATIONS else TouchStatus.ITERATIONS
+        try:
+            while status is None:
+                status = work.round() if work.iterations < ITERATIONS else TouchStatus.ITERATIONS
+        except (SingularMatrixError, np.linalg.LinAlgError):
+            status = TouchStatus.NO_EQUILIBRIUM
         return work.result(status)
 
 
 class _Step:
-    def __init__(self, of: Meeting, actuators: Sequence[Actuation], before: MetRobots | None):
-        self.of, self.actuators = of, actuators
-        self.iterations = self.cost = 0
+    """Of all N patches: places (N, 3) mm, chosen (c,), forces (N, 3) N of a state that is none yet."""
+
+    def __init__(self, of: Meeting, deltas: Sequence[np.ndarray], before: MetRobots | None):
+        self.of, self.iterations, self._cost = of, 0, Cost()
         self.memory, self.modes, self.residual = Memory(), {}, np.inf
-        self.chosen, self.at, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3))
-        self.placed: tuple[PlacedRobot, ...] = ()
-        self.found: Balance | None = None
+        self.chosen, self.found = np.zeros(0, dtype=np.int64), None
+        self.forces = np.zeros((of.ends[-1][1], 3))
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
-        self._touching: Pairs | None = None
-        states = [None] * len(of.robots)
-        if before is not None:
-            self.memory, states = before.memory, [one.state for one in before.solved]
-            self.chosen, self.at, self.forces, self.placed = before.chosen, before.at, before.forces, before.placed
-            self.solved = list(before.solved)
-        if not self.placed:
-            each = zip(of.robots, actuators, states, strict=True)
-            self.solved = [solve(one.problem, at, base=base, settings=STRICT) for one, at, base in each]
-            self.cost = sum(one.factorizations for one in self.solved)
+        self._pushed: dict[int, np.ndarray] = {}
+        if before is None:
+            each = zip(of.robots, deltas, strict=True)
+            self.solved = [solve(one.problem, displacement(at), settings=STRICT, condense=False) for one, at in each]
+            self._cost.factorizations = sum(one.factorizations for one in self.solved)
+            if not all(one.converged for one in self.solved):
+                return
+        else:
+            self.memory, self.solved = before.memory, list(before.solved)
+            self.forces[before.chosen] = before.forces
+            self._pushed = dict(zip(before.pairs.slots.tolist(), before.push, strict=True))
+        each = zip(of.robots, deltas, self.solved, strict=True)
+        self.robots = [PressedRobot(one, at, solved, self._cost) for one, at, solved in each]
 
     def round(self) -> TouchStatus | None:
-        """None: another one is needed."""
+        """One correction; None: another one is needed."""
         self.iterations += 1
-        self._look()
-        chosen = np.union1d(self.chosen, self.pairs.some(self.pairs.gaps < NEAR * self.of.surroundings.spacing).used)
-        if not len(chosen):
-            self.residual = 0.0
-            return TouchStatus.CONVERGED
+        self._look([one.at.x for one in self.robots])
+        near = self.pairs.some(self.pairs.gaps < NEAR * self.of.surroundings.spacing).used
+        chosen = np.union1d(np.union1d(self.chosen, near), np.flatnonzero(self.forces.any(axis=1)))
         if len(chosen) > MOST * len(self.of.robots):
             return TouchStatus.MANY
-        if len(chosen) > len(self.chosen):
-            self._widen(chosen)
-        soft = self._respond()
-        if soft is None:
+        self._choose(chosen)
+        if not self._correct():
+            return TouchStatus.NO_MODE
+        if any([one.worn() for one in self.robots]) and not self._correct():
+            return TouchStatus.NO_MODE
+        if self._settled():
+            changes = [one.change_slack() for one in self.robots]
+            if None in changes:
+                return TouchStatus.NO_EQUILIBRIUM
+            return None if any(changes) else self._solve()
+        if not all([one.advance() for one in self.robots]):
             return TouchStatus.NO_EQUILIBRIUM
-        self._look()
-        others = np.setdiff1d(np.arange(len(self.places)), chosen)
+        self._take()
+        return None
+
+    def _correct(self) -> bool:
+        """How all go on by the law on their linearisations. False where nothing obeys it."""
+        linear = [one.linear() for one in self.robots]
+        turns = [np.kron(np.eye(len(one.chosen)), one.of.R) for one in self.robots]
+        each = list(zip(turns, linear, strict=True))
+        C = block_diag(*(turn @ C @ turn.T for turn, (_, C) in each))
+        shift = np.concatenate([turn @ shift for turn, (shift, _) in each]).reshape(-1, 3)
+        others = np.setdiff1d(np.arange(len(self.places)), self.chosen)
         touching = self.pairs.some(~self.pairs.relative[:, others].any(axis=1))
         self.memory = self.memory.with_new(touching, self.places)
-        slips = self.memory.slips(touching, self.places) if self.of.mu else np.zeros((len(touching), 2))
-        push = np.zeros((len(touching), 3))
-        self.found = balance(touching, chosen, soft, self.forces, push, slips, self.of.mu)
+        coming = self.places.copy()
+        coming[self.chosen] += shift
+        moved = touching.relative @ (coming - self.places)
+        ahead = replace(touching, gaps=touching.gaps + (touching.frames[:, 0] * moved).sum(axis=1))
+        slips = self.memory.slips(touching, coming) if self.of.mu else np.zeros((len(touching), 2))
+        push = np.array([self._pushed.get(slot, np.zeros(3)) for slot in touching.slots.tolist()]).reshape(-1, 3)
+        self.found = balance(ahead, self.chosen, C, self.forces[self.chosen], push, slips, self.of.mu)
         if self.found is None:
-            return TouchStatus.NO_MODE
-        self.faces = touching.some((touching.gaps <= 0) | self.found.push.any(axis=1)).faces | self.faces
-        self._touching, self.at = touching, self.at + self.found.step
-        self.modes = dict(zip(touching.slots.tolist(), self.found.modes, strict=True))
-        self.residual = float(np.abs(self.found.step).max())
-        return TouchStatus.CONVERGED if self.residual <= TOLERANCE * self.of.length else None
+            return False
+        change = self.found.forces - self.forces[self.chosen]
+        self._change = float(np.abs(change).max(initial=0.0))
+        self.residual = float(np.abs(shift + self.found.step).max(initial=0.0))
+        for one, mine in zip(self.robots, self._mine(self.chosen), strict=True):
+            one.correct((change[mine] @ one.of.R).ravel())
+        self._touching = touching
+        return True
+
+    def _settled(self) -> bool:
+        largest = max(np.abs(self.forces).max(initial=0.0), *(one.problem.force_floor for one in self.robots))
+        still = self.residual <= TOLERANCE * self.of.length and self._change <= SAME * largest
+        return still and all(one.balanced for one in self.robots)
+
+    def _take(self) -> None:
+        """The robots have gone on."""
+        pushed = self.found.push.any(axis=1)
+        self._pushed = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
+        self.faces = self._touching.some((self._touching.gaps <= 0) | pushed).faces | self.faces
+        for one, own in zip(self.robots, self.of.ends, strict=True):
+            self.forces[own[0] + one.chosen] = one.forces @ one.of.R.T
+
+    def _solve(self) -> TouchStatus:
+        """Each robot alone, its patches held, has to carry the forces that were found."""
+        self.modes = dict(zip(self._touching.slots.tolist(), self.found.modes, strict=True))
+        self.solved, largest = [one.solved() for one in self.robots], np.abs(self.forces).max(initial=0.0)
+        self._cost.factorizations += sum(one.factorizations for one in self.solved)
+        for one, solved in zip(self.robots, self.solved, strict=True):
+            off = np.abs(solved.lambda_c - one.forces.ravel()).max(initial=0.0)
+            if not solved.converged or off > SAME * largest + one.problem.force_floor:
+                return TouchStatus.NO_EQUILIBRIUM
+        return TouchStatus.CONVERGED
 
     def result(self, status: TouchStatus) -> MetRobots:
-        if all(one.converged for one in self.solved):
-            self._look()
-            push = np.zeros((len(self.pairs), 3))
-            if self.found is not None:
-                known = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
-                push = np.array([known.get(slot, np.zeros(3)) for slot in self.pairs.slots.tolist()]).reshape(-1, 3)
-            memory = self.memory.after(self.pairs, self.places, self.modes)
+        count, memory = self.of.ends[-1][1], self.memory
+        if status is TouchStatus.CONVERGED:
+            self._look([one.state.x for one in self.solved])
+            known = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
+            push = np.array([known.get(slot, np.zeros(3)) for slot in self.pairs.slots.tolist()]).reshape(-1, 3)
+            memory = memory.after(self.pairs, self.places, self.modes)
         else:
-            self.pairs, push, memory = Pairs.none(self.of.ends[-1][1]), np.zeros((0, 3)), self.memory
+            self.pairs, push = Pairs.none(count), np.zeros((0, 3))
         return MetRobots(
             self.pairs,
             push,
@@ -195,53 +245,36 @@ class _Step:
             status,
             tuple(self.solved),
             self.chosen,
-            self.at,
-            self.forces,
-            self.placed,
+            self.forces[self.chosen],
             self.modes,
             memory,
             self.residual,
             self.iterations,
-            self.cost,
+            self._cost.factorizations,
         )
 
-    def _look(self) -> None:
-        """Where all patches are, and what is before them."""
+    def _look(self, nodes: Sequence[np.ndarray]) -> None:
+        """Where all patches are, and what is before them; nodes: x (n, 3) mm of each robot."""
         places, normals = [], []
-        for one, state in zip(self.of.robots, self.solved, strict=True):
-            surface = one.surface(state)
+        for one, x in zip(self.of.robots, nodes, strict=True):
+            surface = one.surface(x)
             places.append(one.patches.mean(surface))
             normals.append(patch_normals(surface, one.triangles, one.patches.of, len(one.patches)))
-        self.places = np.concatenate(places)
-        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces)
+        self.places, normal = np.concatenate(places), np.concatenate(normals)
+        faces = self.faces
+        if self.residual > SETTLING * self.of.surroundings.spacing:
+            self.pairs = self.of.surroundings.pairs(self.places, normal)
+            faces = {slot: one for slot, one in faces.items() if slot not in self.pairs.slots}
+            if not faces:
+                return
+        self.pairs = self.of.surroundings.pairs(self.places, normal, faces)
 
     def _mine(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Of each robot, which of these patches are its own, bool."""
         return [(numbers >= first) & (numbers < last) for first, last in self.of.ends]
 
-    def _widen(self, chosen: np.ndarray) -> None:
-        """These patches are contact points from here on, in the states in which the robots stand."""
-        forces, placed = np.zeros((len(self.places), 3)), []
-        forces[self.chosen] = self.forces
-        self.chosen, self.at, self.forces = chosen, self.places[chosen], forces[chosen]
-        for i, (one, mine) in enumerate(zip(self.of.robots, self._mine(chosen), strict=True)):
-            numbers, solved = chosen[mine] - self.of.ends[i][0], self.solved[i]
-            touched = with_patches(one.robot, one.nodes, one.patches, numbers)
-            placed.append(PlacedRobot(Problem(touched), one.R, one.t))
-            lam = np.concatenate([solved.lambda_a, (self.forces[mine] @ one.R).ravel()])
-            self.solved[i] = replace(solved, state=replace(solved.state, lam=lam))
-        self.placed = tuple(placed)
-
-    def _respond(self) -> np.ndarray | None:
-        """(3 c, 3 c) mm/N how the contact points yield, held where they are tried; None where a robot has no state."""
-        blocks, self.forces = [], np.zeros_like(self.forces)
-        for i, (one, at, mine) in enumerate(zip(self.placed, self.actuators, self._mine(self.chosen), strict=True)):
-            moved = (self.at[mine] - one.points) @ one.turn
-            self.solved[i], soft = one.respond(at, moved.ravel(), self.solved[i])
-            self.cost += self.solved[i].factorizations
-            if not self.solved[i].converged:
-                return None
-            turn = np.kron(np.eye(int(mine.sum())), one.turn)
-            blocks.append(turn @ (soft + soft.T) @ turn.T / 2)
-            self.forces[mine] = self.solved[i].lambda_c.reshape(-1, 3) @ one.turn.T
-        return block_diag(*blocks)
+    def _choose(self, chosen: np.ndarray) -> None:
+        self.chosen = chosen
+        each = zip(self.robots, self._mine(chosen), self.of.ends, strict=True)
+        for one, mine, (first, _) in each:
+            one.choose(chosen[mine] - first, self.forces[chosen[mine]] @ one.of.R)

@@ -74,7 +74,7 @@ class _Border:
 
 
 @dataclass(frozen=True)
-class _Correction:
+class Correction:
     """step (n_dof,) mm, pressure (m,) MPa, multipliers (n,) N: the change that the factor at hand proposes."""
 
     step: np.ndarray
@@ -123,10 +123,10 @@ def newton(
         stalled, residual = residual, problem.relative_residual(at, lam, tangent)
         rounding = problem.rounding(at, lam)
         stalled = residual <= rounding and residual > 0.5 * stalled
-        if _closed(problem, actuation, at) and (residual <= settings.tolerance or stalled):
+        if closed(problem, actuation, at) and (residual <= settings.tolerance or stalled):
             status = Status.CONVERGED
             break
-        trial, part = _step(problem, at, correction)
+        trial, part = advanced(problem, at, correction)
         if trial is None and not fresh:
             tangent = None
             continue
@@ -159,7 +159,7 @@ def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: C
         return replace(result, status=Status.SINGULAR, tangent=None)
 
 
-def _step(problem: Problem, at: Evaluation, correction: _Correction) -> tuple[Evaluation | None, float]:
+def advanced(problem: Problem, at: Evaluation, correction: Correction) -> tuple[Evaluation | None, float]:
     """The state after the step, halved as often as it inverts an element, and the part taken; None where it cannot."""
     for halvings in range(6):
         part = 0.5**halvings
@@ -184,7 +184,7 @@ def _border(at: Evaluation, tangent: Tangent, actuation: Actuation) -> _Border:
 
 def _correct(
     problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, actuation: Actuation, border: _Border
-) -> _Correction:
+) -> Correction:
     """The (chord) Newton correction at `at` with the factor of `tangent`, to which `border` belongs."""
     C = actuation.C
     imbalance = at.residual(lam) + problem.pressure_residual(at, tangent)
@@ -194,7 +194,7 @@ def _correct(
         gap = actuation.target - C @ at.delta
         dmu = np.linalg.solve(C @ at.H.T @ border.ZC, gap - C @ (at.H.T @ free))
     step = free + border.ZC @ dmu
-    return _Correction(step, problem.pressure_step(at, tangent, step), C.T @ dmu)
+    return Correction(step, problem.pressure_step(at, tangent, step), C.T @ dmu)
 
 
 def _admissible(lam: np.ndarray, actuation: Actuation) -> np.ndarray:
@@ -203,7 +203,7 @@ def _admissible(lam: np.ndarray, actuation: Actuation) -> np.ndarray:
     return actuation.offset + actuation.C.T @ mu
 
 
-def _closed(problem: Problem, actuation: Actuation, at: Evaluation) -> bool:
+def closed(problem: Problem, actuation: Actuation, at: Evaluation) -> bool:
     """Whether C delta is what it should be, to the rounding of positions."""
     gap = actuation.target - actuation.C @ at.delta
     per_row = np.abs(actuation.C) @ np.abs(at.H).sum(axis=0)
