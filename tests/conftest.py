@@ -1,21 +1,36 @@
 """What all tests share. One thread per process: pytest-xdist fills the cores, and threads that wait only waste
-them."""
+them. C is compiled unoptimised, which takes a third of the time, where a test does not say how."""
 
 import os
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+os.environ["CFLAGS"] = "-O0"
 
 import shutil
 import signal
 from pathlib import Path
 
 import pytest
+from support.one_thread import solving_beside, solving_here
 
 import cfem
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def here():
+    """Sampling starts no processes where a test does not ask for `processes`."""
+    with solving_here():
+        yield
+
+
+@pytest.fixture
+def processes():
+    with solving_beside():
+        yield
 
 
 @pytest.fixture(scope="session")

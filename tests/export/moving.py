@@ -91,7 +91,7 @@ def predictive(chosen: CSpec, start: np.ndarray) -> Mpc:
 def both(folder: Path, chosen: CSpec) -> tuple[CompiledMpc, Mpc]:
     """The controller in C, and that of Python with the same numbers."""
     python = predictive(chosen, np.asarray(chosen.controller.start, float))
-    return CompiledMpc(folder_of(folder, chosen), ("-O0",)), python
+    return CompiledMpc(folder_of(folder, chosen)), python
 
 
 def goals(ticks: int, share: float = 0.15) -> np.ndarray:

@@ -17,7 +17,7 @@ from cfem.predict.load import load_model
 from cfem.predict.markers import markers_near
 
 pytestmark = needs_compiler
-STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-fsanitize=undefined", "-fno-sanitize-recover")
+STRICT = ("-O0", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-fsanitize=undefined", "-fno-sanitize-recover")
 
 
 def asked(model, loads=("tip.y", "skin.2"), markers=6, along=None, **other):

@@ -22,7 +22,6 @@ from cfem.predict.markers import markers_near
 
 pytestmark = needs_compiler
 STRICT = ("-O0", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-fsanitize=undefined", "-fno-sanitize-recover")
-PLAIN = ("-O0",)
 DT, TIP = 2e-3, ("tip.x", "tip.y", "tip.z")
 
 
@@ -82,7 +81,7 @@ def test_a_robot_that_rings_is_followed_as_in_python(both):
 @pytest.mark.parametrize(("driven", "loads"), [("force", ("tip.y",)), ("displacement", ())])
 def test_so_is_one_under_forces_and_one_that_nobody_pushes(folder, tmp_path, driven, loads):
     made = written(tmp_path, folder, asked(folder, driven, loads))
-    compiled, nothing = CompiledSwing(tmp_path, PLAIN), np.full(1, np.nan)
+    compiled, nothing = CompiledSwing(tmp_path), np.full(1, np.nan)
     assert compared(made, compiled) > 8
     compiled.reset()
     blind = compiled.frame(place=made.estimator.rest, displacement=nothing, force=nothing, command=nothing)
@@ -131,7 +130,7 @@ def test_a_folder_with_predictive_control_too_tests_itself(folder, tmp_path):
     spec = asked(folder, mpc={"ticks": "100 Hz", "horizon": 5}, controller={"command": "force"})
     written(tmp_path, folder, spec)
     write_c_mpc(tmp_path, spec, *read_model(folder), read_arrays(folder, "motion.npz"))
-    run([tool("make"), "-s", "CFLAGS=-O0", "swing"], tmp_path)
+    run([tool("make"), "-s", "swing"], tmp_path)
     assert "filter of what moves: 60 frames, 0 failed" in run(["./swing"], tmp_path)
     symbols = run([tool("nm"), "cfem_swing.o", "cfem_swing_step.o", "cfem_swing_places.o"], tmp_path)
     assert not re.search(r" [bBdDC] ", symbols) and "malloc" not in symbols

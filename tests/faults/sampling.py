@@ -1,18 +1,17 @@
 """A dataset of the synthetic robot as an artefact, made by one thread, and what may befall its making."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from sample.synthetic import Factory
+from support.one_thread import solving_here
 
 from cfem.cli.run import run_command
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.sample import artefact, pool
+from cfem.sample import artefact
 from cfem.sample.spec import SampleSpec
+from cfem.sample.workers import Workers
 
 SPEC = SampleSpec(
     scene="scene.yaml",
@@ -28,24 +27,14 @@ SPEC = SampleSpec(
 PLAN = {"train": list(range(40)), "test": list(range(20))}
 
 
-@contextmanager
-def one_thread(workers: int | None = None):
-    """In place of `worker_pool`, whose processes take seconds to start."""
-    executor = ThreadPoolExecutor(1)
-    try:
-        yield executor
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
 def make(out: Path, delay: float = 0.0, force: bool = False) -> dict[str, Any]:
     """The dataset's manifest. delay: seconds a solve takes at least."""
     stage = Stage("simulate-sample", 1, SPEC, {}, out, ("scene", "mesh", "out"), precious=True)
 
     def work(folder: Path) -> dict[str, Any]:
-        return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), pool.Workers())
+        return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), Workers())
 
-    with patch.object(pool, "worker_pool", one_thread):
+    with solving_here():
         return run_stage(stage, work, Options(force=force, quiet=True))
 
 

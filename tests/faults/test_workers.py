@@ -20,6 +20,8 @@ from cfem.sample.pool import FRESH, with_workers
 from cfem.sample.runner import sample
 from cfem.sample.workers import Workers, WorkersLost
 
+pytestmark = pytest.mark.usefixtures("processes")
+
 
 @dataclass(frozen=True)
 class Signed(Factory):

@@ -61,7 +61,7 @@ def cfem(*words):
     return CliRunner().invoke(app, [*map(str, words), "--quiet"])
 
 
-def test_finite_elements_give_the_same_content(dask, bar, tmp_path):
+def test_finite_elements_give_the_same_content(dask, bar, processes, tmp_path):
     for name, option, value in (("local", "--workers", 2), ("dask", "--scheduler", dask.address)):
         found = cfem("simulate-sample", bar / "sample.yaml", *SMALL, "--out", tmp_path / name, option, value)
         assert found.exit_code == 0, found.stderr

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.one_thread import solving_beside
 
 from cfem.condensed.skin import read_skin
 from cfem.core.errors import GateError, OutputError
@@ -34,7 +35,8 @@ def folder(tmp_path_factory):
     root = tmp_path_factory.mktemp("bar")
     pipeline = shutil.copytree(PIPELINE, root / "pipelines" / "bar")
     mesh_stage.run(pipeline / "scene.yaml", [], None, QUIET)
-    run(pipeline / "sample.yaml", SMALL, None, QUIET, workers=2)
+    with solving_beside():
+        run(pipeline / "sample.yaml", SMALL, None, QUIET, workers=2)
     return root
 
 
@@ -188,7 +190,7 @@ def test_the_skin_changes_no_other_number_and_costs_no_factorisation_but_in_the_
     assert not (plain / "skin.npz").exists()
 
 
-def test_progress_counts_both_solves_of_a_skeleton_with_a_skin(folder, spec, monkeypatch):
+def test_progress_counts_both_solves_of_a_skeleton_with_a_skin(folder, spec, processes, monkeypatch):
     ends = {}
 
     @contextmanager

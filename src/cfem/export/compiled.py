@@ -1,6 +1,7 @@
 """A C export compiled on this machine: its sizes, and the controller in a shared library as a Python object."""
 
 import ctypes
+import os
 import re
 import shutil
 import subprocess  # nosec B404
@@ -27,7 +28,7 @@ CORE = (
     "cfem_data.c",
 )
 STANDARD = ("-std=c99", "-ffp-contract=fast")
-FAST = ("-O2",)
+FAST = tuple(os.environ.get("CFLAGS", "-O2").split())  # as make takes it
 CORTEX_M7 = ("-Os", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
 
 
@@ -107,7 +108,7 @@ class Command:
 class CompiledController:
     """One robot's controller. n_a, n_e: its sizes."""
 
-    def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
+    def __init__(self, folder: Path):
         text = (folder / "cfem_data.h").read_text(encoding="utf-8")
         defines = defines_of(text)
         self.n_a, self.n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
@@ -121,7 +122,7 @@ class CompiledController:
         outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e), ("status", ctypes.c_uint)]
         self._input, self._output = struct_of(inputs)(), struct_of(outputs)()
         self._model = struct_of([(name, ctypes.c_double * size) for name, size in model])()
-        self._library = library(folder, flags=flags)
+        self._library = library(folder)
         # cfem_controller, or more: its vectors, the model at the last command, a flag, two pointers
         self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 3))()
         self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.export import c_motion, c_mpc
-from cfem.export.compiled import CORE, FAST, defines_of, library, struct_of
+from cfem.export.compiled import CORE, defines_of, library, struct_of
 
 SOURCES = (*c_mpc.CORE, *c_motion.CORE, *CORE)
 
@@ -26,14 +26,14 @@ class Sent:
 class CompiledMpc:
     """One robot's controller. bytes: of its state."""
 
-    def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
+    def __init__(self, folder: Path):
         found = defines_of("".join((folder / name).read_text() for name in ("cfem_motion_data.h", "cfem_mpc_data.h")))
         n_a, n_e = int(found["CFEM_MOTION_NA"]), int(found["CFEM_MOTION_NE"])
         self._ticks, real = int(found["CFEM_MPC_TICKS"]), ctypes.c_double
         goals = ("goal", real * n_e * self._ticks), ("ahead", ctypes.c_int)
         self._input = struct_of([*goals, ("x_e", real * n_e), ("sampled", ctypes.c_long)])()
         self._output = struct_of([("u", real * n_a), ("delta_a", real * n_a), ("status", ctypes.c_uint)])()
-        self._library = library(folder, SOURCES, flags)
+        self._library = library(folder, SOURCES)
         self.bytes = ctypes.c_ulong.in_dll(self._library, "cfem_mpc_bytes").value
         self._state, self._real = (ctypes.c_double * (self.bytes // 8 + 1))(), real * n_a
         self.reset()
