@@ -12,7 +12,9 @@ from collections import Counter
 
 import numpy as np
 
-from cfem.contact import ContactProblem, ContactStatus, check, solve_contact
+from cfem.contact.check import check
+from cfem.contact.problem import ContactProblem
+from cfem.contact.solve import ContactStatus, solve_contact
 
 MODES, FRICTION = (3, 10, 30), (0.0, 0.2, 0.5, 0.8, 1.5)
 

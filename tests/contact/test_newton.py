@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from cfem.contact import ContactProblem, Mode, all_modes, check
-from cfem.contact.newton import modes_from, newton
+from cfem.contact import newton as newton_module
+from cfem.contact.check import check
+from cfem.contact.enumerate import all_modes
+from cfem.contact.modes import Mode
+from cfem.contact.newton import modes_from, newton, projected, scaled
+from cfem.contact.problem import ContactProblem
 
 
 def a_problem(seed, m, mu):
@@ -56,3 +60,17 @@ def test_points_out_of_reach_stay_open():
 
 def test_a_matrix_that_it_cannot_take_is_no_answer():
     assert newton(np.full((3, 3), np.nan), np.array([-1.0, 0, 0]), 0.3)[0] is None
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_a_step_leaves_out_rows_that_need_no_system(mu):
+    """Against the whole system, from forces at which some points are open and some are not."""
+    problem = a_problem(3, 8, mu)
+    A, constant = scaled(problem.W, problem.free)
+    lam = np.random.default_rng(4).normal(size=24)
+    P, D = projected(A @ lam - constant, mu)
+    F, room, step = lam - P.ravel(), np.empty((24, 24)), np.empty(24)
+    assert 0 < (D[:, 0, 0] > 0).sum() < 8
+    assert newton_module._step(A, F, D, mu, room, step)
+    whole = np.eye(24) - (D @ A.reshape(8, 3, 24)).reshape(24, 24)
+    np.testing.assert_allclose(step, np.linalg.solve(whole, -F), rtol=1e-9, atol=1e-12)

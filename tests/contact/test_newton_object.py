@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from cfem.contact import ContactProblem, Mode, check, solve_contact
-from cfem.contact.modes import ModeStatus, solve_mode
+from cfem.contact.check import check
+from cfem.contact.modes import Mode, ModeStatus, solve_mode
 from cfem.contact.newton import newton_with_object
+from cfem.contact.problem import ContactProblem
+from cfem.contact.solve import solve_contact
 
 
 def table(points, push, mu, seed=0):

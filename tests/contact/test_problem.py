@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact import ContactProblem
+from cfem.contact.problem import ContactProblem
 
 
 def problem(compliance=2.0):

@@ -2,7 +2,11 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from cfem.contact import ContactProblem, ContactStatus, Mode, all_modes, check, solve_contact
+from cfem.contact.check import check
+from cfem.contact.enumerate import all_modes
+from cfem.contact.modes import Mode
+from cfem.contact.problem import ContactProblem
+from cfem.contact.solve import ContactStatus, solve_contact
 from cfem.core.errors import SpecError
 
 

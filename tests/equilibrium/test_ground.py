@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact import Mode
+from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import grip

@@ -8,8 +8,9 @@ import pytest
 from support.benchmark import benchmark
 
 import cfem
-from cfem.contact import ContactProblem, check
+from cfem.contact.check import check
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
+from cfem.contact.problem import ContactProblem
 from cfem.contact.several import Several
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.core.errors import InputError, SpecError

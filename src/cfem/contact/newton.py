@@ -9,6 +9,7 @@ P has a derivative on each piece, so that Newton's method ends within a few line
 which points are open, stick and slip."""
 
 import numpy as np
+from numba import njit
 from scipy.optimize import nnls
 
 from cfem.contact.modes import Mode
@@ -16,7 +17,6 @@ from cfem.contact.problem import ContactProblem
 
 ITERATIONS, HALVINGS = 40, 4
 HUGE = 1e9  # of a problem's own units: no force or motion
-PLANE = np.eye(2)
 EXACT = 1e-13  # of the largest force: change of a force in the last step
 
 
@@ -26,36 +26,142 @@ def newton(
     """(m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
     (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.problem`; mu: of friction; start (m, 3) N: forces, zero unless
     given."""
-    m, equation = len(free) // 3, scaled(W, free)
+    equation = scaled(W, free)
     if equation is None:
         return None, 0
-    A, constant = equation
-    A_blocks = A.reshape(m, 3, 3 * m)
-    lam = np.zeros(3 * m) if start is None else np.asarray(start, float).ravel()
-    F, D = _missing(lam, A, constant, mu)
-    size = np.abs(F).max()
-    eye = np.eye(3 * m)
+    lam = np.zeros(len(free)) if start is None else np.array(start, float).ravel()
+    converged, systems = _iterate(*equation, float(mu), lam)
+    return _clean(lam.reshape(-1, 3), mu) if converged else None, systems
+
+
+@njit(cache=True, error_model="numpy")
+def _iterate(A, constant, mu, lam):
+    """Newton's method from lam (3 m,), which becomes the answer. Whether it converged, and the systems it solved."""
+    n, forces = len(lam), np.abs(constant).max()
+    F, D, trial, step, J = np.empty(n), np.empty((n // 3, 3, 3)), np.empty(n), np.empty(n), np.empty((n, n))
+    size = _missing(lam, A, constant, mu, F, D)
     for iteration in range(1, ITERATIONS + 1):
-        J = eye - (D @ A_blocks).reshape(3 * m, 3 * m)
-        try:
-            step = np.linalg.solve(J, -F)
-        except np.linalg.LinAlgError:
-            return None, iteration
+        if not _step(A, F, D, mu, J, step):
+            return False, iteration
         share = 1.0
         for halving in range(HALVINGS + 1):
-            trial = lam + share * step
-            F, D = _missing(trial, A, constant, mu)
-            now = np.abs(F).max()
+            for a in range(n):
+                trial[a] = lam[a] + share * step[a]
+            now = _missing(trial, A, constant, mu, F, D)
             if now < size or halving == HALVINGS:
                 break
             share /= 2
-        lam, size = trial, now
-        largest = np.abs(lam).max()
-        if not np.isfinite(largest):
-            return None, iteration
-        if size <= EXACT * max(largest, np.abs(constant).max()):
-            return _clean(lam.reshape(m, 3), mu), iteration
-    return None, ITERATIONS
+        lam[:], size = trial, now
+        if not np.isfinite(size):
+            return False, iteration
+        if size <= EXACT * max(np.abs(lam).max(), forces):
+            return True, iteration
+    return False, ITERATIONS
+
+
+@njit(cache=True, error_model="numpy")
+def _missing(lam, A, constant, mu, F, D):
+    """lambda - P(p) into F, the derivatives (m, 3, 3) of P by p into D; the largest |F|, inf where it is not finite."""
+    largest = 0.0
+    for i in range(len(lam) // 3):
+        for a in range(3 * i, 3 * i + 3):
+            p = -constant[a]
+            for b in range(len(lam)):
+                p += A[a, b] * lam[b]
+            F[a] = p
+        _project(F[3 * i : 3 * i + 3], mu, D[i])
+        for a in range(3 * i, 3 * i + 3):
+            F[a] = lam[a] - F[a]
+            if not np.isfinite(F[a]):
+                return np.inf
+            largest = max(largest, abs(F[a]))
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
+def _project(p, mu, D):
+    """P of one point in place of its p (3,), and its derivative D (3, 3)."""
+    D[:] = 0.0
+    if not p[0] > 0:
+        p[:] = 0.0
+        return
+    D[0, 0] = 1.0
+    if not mu > 0:
+        p[1], p[2] = 0.0, 0.0
+        return
+    length, limit = np.sqrt(p[1] * p[1] + p[2] * p[2]), mu * p[0]
+    if length <= limit:
+        D[1, 1], D[2, 2] = 1.0, 1.0
+        return
+    share, along = limit / length, (p[1] / length, p[2] / length)
+    for a in range(2):
+        p[1 + a] *= share
+        D[1 + a, 0] = mu * along[a]
+        for b in range(2):
+            D[1 + a, 1 + b] = share * ((1.0 if a == b else 0.0) - along[a] * along[b])
+
+
+@njit(cache=True, error_model="numpy")
+def _step(A, F, D, mu, J, step):
+    """Newton's step (I - D A) step = -F. Rows without derivative need no system: without friction those along the
+    surface, and all of open points. J: room. False where it is singular."""
+    n, c, of, known = len(F), 0, np.empty(len(F), dtype=np.int64), False
+    for a in range(n):
+        if D[a // 3, 0, 0] > 0 and (mu > 0 or a % 3 == 0):
+            of[c] = a
+            c += 1
+            step[a] = 0.0
+        else:
+            step[a] = -F[a]
+            known |= F[a] != 0
+    at = np.zeros(n)  # A step, of what is known
+    if known:
+        for a in range(n):
+            for b in range(n):
+                at[a] += A[a, b] * step[b]
+    by = np.empty(c)
+    for row in range(c):
+        a = of[row]
+        i, d = a - a % 3, D[a // 3, a % 3]
+        by[row] = -F[a] + d[0] * at[i] + d[1] * at[i + 1] + d[2] * at[i + 2]
+        for column in range(c):
+            b = of[column]
+            J[row, column] = -(d[0] * A[i, b] + d[1] * A[i + 1, b] + d[2] * A[i + 2, b])
+        J[row, row] += 1.0
+    if not _eliminate(J, by):
+        return False
+    for row in range(c):
+        step[of[row]] = by[row]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _eliminate(J, by):
+    """Solves J x = by in place, J the leading block of (c, c), by Gauss's elimination with pivots. False where it is
+    singular."""
+    c = len(by)
+    for i in range(c):
+        pivot = i
+        for r in range(i + 1, c):
+            if abs(J[r, i]) > abs(J[pivot, i]):
+                pivot = r
+        if not abs(J[pivot, i]) > 0:
+            return False
+        if pivot != i:
+            for b in range(i, c):
+                J[i, b], J[pivot, b] = J[pivot, b], J[i, b]
+            by[i], by[pivot] = by[pivot], by[i]
+        for r in range(i + 1, c):
+            share = J[r, i] / J[i, i]
+            if share != 0:
+                for b in range(i + 1, c):
+                    J[r, b] -= share * J[i, b]
+                by[r] -= share * by[i]
+    for i in range(c - 1, -1, -1):
+        for b in range(i + 1, c):
+            by[i] -= J[i, b] * by[b]
+        by[i] /= J[i, i]
+    return True
 
 
 def scaled(W: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -131,30 +237,17 @@ def newton_with_object(
     return None
 
 
-def _missing(lam: np.ndarray, A: np.ndarray, constant: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
-    """lambda - P(p), and the derivatives (m, 3, 3) of P by p."""
-    found, D = projected(A @ lam - constant, mu)
-    return lam - found.ravel(), D
-
-
 def projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
     """P (m, 3) of p (3 m,), and its derivatives (m, 3, 3)."""
-    p = p.reshape(-1, 3)
-    normal, m = p[:, 0], len(p)
-    pressed = normal > 0
-    D, found = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    D[:, 0, 0] = pressed
-    found[:, 0] = np.where(pressed, normal, 0.0)
-    if mu > 0:
-        t, limit = p[:, 1:], mu * found[:, 0]
-        length = np.sqrt(t[:, 0] ** 2 + t[:, 1] ** 2)
-        slips = length > limit
-        share = np.where(slips, limit / np.where(slips, length, 1.0), pressed)  # of t that friction holds
-        along = t * ((slips & pressed) / np.where(slips, length, 1.0))[:, None]  # 0 where nothing slips
-        found[:, 1:] = share[:, None] * t
-        D[:, 1:, 0] = mu * along
-        D[:, 1:, 1:] = share[:, None, None] * (PLANE - along[:, :, None] * along[:, None])
-    return found, D
+    return _projected(np.array(p, float).reshape(-1, 3), float(mu))
+
+
+@njit(cache=True, error_model="numpy")
+def _projected(p, mu):
+    D = np.empty((len(p), 3, 3))
+    for i in range(len(p)):
+        _project(p[i], mu, D[i])
+    return p, D
 
 
 def by_friction(p: np.ndarray, mu: float) -> np.ndarray:

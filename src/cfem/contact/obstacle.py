@@ -161,17 +161,12 @@ def _demand(holds: bool, what: str) -> None:
         raise SpecError(f"obstacle: {what}")
 
 
-def excess_of(s: np.ndarray, core: np.ndarray, below: np.ndarray | bool) -> np.ndarray:
-    """(..., 3) mm by which own coordinates s exceed a core box; below: that of a half space."""
-    return np.where(below, s, np.abs(s)) - core
-
-
 def rounded(
     s: np.ndarray, core: np.ndarray, rounding: np.ndarray | float, below: np.ndarray | bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance (k,) mm and its gradient (k, 3) at own coordinates s (k, 3) of rounded boxes: of one, or of one a point,
     core (k, 3), rounding (k,), below (k, 1)."""
-    excess = excess_of(s, core, below)
+    excess = np.where(below, s, np.abs(s)) - core
     out = np.maximum(excess, 0.0)
     away = np.sqrt((out * out).sum(axis=1))
     outside = away > 0

@@ -51,20 +51,25 @@ def place_compiled_code(package: Path) -> None:
     was, it would run with the functions and constants that it had from other files."""
     if os.environ.get("NUMBA_CACHE_DIR"):
         return
-    sources = sha256()
-    for file in sorted(package.rglob("*.py")):
-        text = file.read_bytes()
-        if b"njit" in text:
-            sources.update(text)
     if is_writable(package / "__pycache__"):
-        _forget_others(package, sources.hexdigest())
+        _forget_others(package, _sources(package))
         return
     folder = cache_folder()
     if folder is not None:
-        place = str(folder / f"numba-{sources.hexdigest()[:16]}")
+        place = str(folder / f"numba-{_sources(package.parent)[:16]}")  # one place for all packages beside it
         os.environ["NUMBA_CACHE_DIR"] = place
         if "numba" in sys.modules:  # which has read its environment
             sys.modules["numba"].config.CACHE_DIR = place
+
+
+def _sources(folder: Path) -> str:
+    """Hash of all files with compiled functions."""
+    found = sha256()
+    for file in sorted(folder.rglob("*.py")):
+        text = file.read_bytes()
+        if b"njit" in text:
+            found.update(text)
+    return found.hexdigest()
 
 
 def _forget_others(package: Path, sources: str) -> None:

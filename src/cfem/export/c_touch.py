@@ -72,7 +72,7 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
     skin, N = touchable.model.skin, len(touchable.patches)
     arrays, (spread, by_row) = skin.arrays, touchable.spread
     one, other = np.triu_indices(N)
-    local = touchable.local[:, one, other].reshape(len(touchable.degrees), len(one), 9)
+    local = touchable.local[one, other].reshape(len(one), len(touchable.degrees), 9)
     (a, b, c), (i, j, k) = triples(3), triples(len(skin))
     n_e, (first, second) = touchable.model.rows.n_e, np.triu_indices(len(skin))
     effectors = touchable.bent[:, first, :n_e, n_e + second]  # (pairs, terms, n_e), as indices stand apart
@@ -84,7 +84,7 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
         "compliance_degrees": arrays["compliance_indices"].astype(np.uint8),
         "compliance": np.ascontiguousarray(arrays["compliance"].T, dtype=float),
         "local_degrees": touchable.degrees.astype(np.uint8),
-        "local": np.ascontiguousarray(local.swapaxes(0, 1), dtype=np.float32),
+        "local": local.astype(np.float32),
         "dented": np.ascontiguousarray(touchable.dented[:, :, a, b, c].swapaxes(0, 1), dtype=np.float32),
         "dented_tip": np.ascontiguousarray(
             touchable.dented[:, :, UPPER[0], UPPER[1], 3:].transpose(1, 0, 3, 2), dtype=np.float32

@@ -13,58 +13,45 @@ r = TRUSTED, where the body softens, phi goes on as A - B / r, which is bounded.
 
 and its own derivative is symmetric."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 TRUSTED = 0.3  # r to which a body that softens is followed
 
 
-@dataclass(frozen=True)
-class Beyond:
-    """Of loads (..., n) N. motion (..., n) mm; first, second (...): a and b, what is taken of either order; across
-    (..., n) mm and rank (...) 1/(N mm): of the derivative, the part rank across across^T."""
+class Beyond(NamedTuple):
+    """Of a load (n,) N. motion (n,) mm; first, second: a and b, what is taken of either order; across (n,) mm and rank
+    1/(N mm): of the derivative, the part rank across across^T."""
 
     motion: np.ndarray
-    first: np.ndarray | float
-    second: np.ndarray | float
+    first: float
+    second: float
     across: np.ndarray
-    rank: np.ndarray | float
-
-    def slope(self, C: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """(..., n, n) mm/N: derivative of the motion by the load; change: D[w]."""
-        a, b, rank = (np.asarray(one)[..., None, None] for one in (self.first, self.second, self.rank))
-        return a * C + b * change + rank * self.across[..., :, None] * self.across[..., None, :]
+    rank: float
 
 
-def beyond(load: np.ndarray, first: np.ndarray, second: np.ndarray) -> Beyond:
-    """load w (..., n) N, first C w and second D[w, w] (..., n) mm."""
-    if load.ndim == 1:
-        size = float(load @ first)
-        r = float(load @ second) / (2 * size) if size > 0 else 0.0
-        a, b, bend = _series(r) if r <= TRUSTED else _bounded(r)
-        return Beyond(a * first + b / 2 * second, a, b, 1.5 * second - 2 * r * first, bend / size if size > 0 else 0.0)
-    size = (load * first).sum(axis=-1)
-    size[~(size > 0)] = np.inf
-    r = (load * second).sum(axis=-1) / (2 * size)
-    a, b, bend = _series(np.minimum(r, TRUSTED))
-    soft = r > TRUSTED
-    if soft.any():
-        a[soft], b[soft], bend[soft] = _bounded(r[soft])
-    r = r[..., None]
-    return Beyond(a[..., None] * first + b[..., None] / 2 * second, a, b, 1.5 * second - 2 * r * first, bend / size)
+@njit(cache=True, error_model="numpy")
+def beyond(load, first, second):
+    """load w (n,) N, first C w and second D[w, w] (n,) mm."""
+    size, third = 0.0, 0.0
+    for i in range(len(load)):
+        size += load[i] * first[i]
+        third += load[i] * second[i]
+    r = third / (2 * size) if size > 0 else 0.0
+    g = 1 / (1 - 0.75 * min(r, TRUSTED))
+    if r <= TRUSTED:
+        a, b, bend = 1 - (r * g) ** 2 / 2, g * g, g * g * g / 2
+    else:
+        B = (g * TRUSTED) ** 2 / 3
+        A = 0.5 + TRUSTED * g / 3 + TRUSTED * g * g / 3
+        a, b, bend = 2 * A - 4 * B / r, 3 * B / r**2, -2 * B / r**3
+    across, rank = 1.5 * second - 2 * r * first, bend / size if size > 0 else 0.0
+    return Beyond(a * first + b / 2 * second, a, b, across, rank)
 
 
-def _series(r: Any) -> tuple[Any, Any, Any]:
-    """a, b, and the second derivative of phi."""
-    g = 1 / (1 - 0.75 * r)
-    return 1 - (r * g) ** 2 / 2, g * g, g * g * g / 2
-
-
-def _bounded(r: Any) -> tuple[Any, Any, Any]:
-    """The same beyond TRUSTED: phi is A - B / r."""
-    g = 1 / (1 - 0.75 * TRUSTED)
-    B = (g * TRUSTED) ** 2 / 3
-    A = 0.5 + TRUSTED * g / 3 + TRUSTED * g * g / 3
-    return 2 * A - 4 * B / r, 3 * B / r**2, -2 * B / r**3
+@njit(cache=True, error_model="numpy")
+def slope(of, C, change):
+    """(n, n) mm/N: derivative of the motion `of` a load by it; change: D[w]."""
+    return of.first * C + of.second * change + of.rank * np.outer(of.across, of.across)

@@ -8,13 +8,13 @@ and the orders beyond follow as far as the energy along the load tells them (`cf
 which a force on a patch changes what this patch yields. All of it is the derivative of one energy by the forces, so
 that the compliance is symmetric."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from cfem.predict.beyond import Beyond, beyond
+from cfem.predict import yielding
+from cfem.predict.beyond import slope
 from cfem.predict.chebyshev import basis
-from cfem.predict.touchable import NONE, Touchable, turn_cubic
+from cfem.predict.touchable import NONE, Touchable
+from cfem.predict.yielding import Parts, loaded
 
 
 class Held:
@@ -29,36 +29,29 @@ class Held:
         self.of, self.delta, self.unloaded = of, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
         self._at = basis(of.in_box(delta), of.degrees)
-        self._D = (self._at @ of.bent_flat).reshape(k, -1)
+        self._D = (self._at @ of.bent_flat).reshape(k, -1, k)
         self.free = of.patches.rest + (of.flat @ self.unloaded).reshape(-1, 3)
-        self._known: tuple[bytes, _Parts] | None = None
+        self._known: tuple[bytes, Parts] | None = None
         self.chosen, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self.w, self.rows = np.zeros(k), self.unloaded
 
     def bear(self, chosen: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
         self.chosen, self.forces = chosen, forces
-        n_e, k = self.C_es.shape
         if not len(chosen):
-            self.w, self.rows = np.zeros(k), self.unloaded
+            self.w, self.rows = np.zeros(len(self.unloaded)), self.unloaded
             return
-        parts = self._parts(chosen)
-        self.w = w = forces.ravel() @ parts.U
-        self._change = (w @ self._D).reshape(n_e + k, k)  # of C_es and C_ss
-        self._by_modes: Beyond = beyond(w, self.C_ss @ w, self._change[n_e:] @ w)
-        self.rows = self.unloaded + self._by_modes.motion
-        first = parts.yields[:, None] * forces
-        self._dents = (parts.dented[..., :3] @ forces[:, None, :, None])[..., 0]  # of the patches' own compliance
-        self._by_dents: Beyond = beyond(forces, first, (self._dents @ forces[:, :, None])[..., 0])
-        self._beyond_own = self._by_dents.motion - first
+        parts, forces = self._parts(chosen), np.ascontiguousarray(forces, float)
+        self._loaded = loaded(forces, self.C_ss, self._D, parts.U, parts.yields, parts.dented)
+        self.w, self.rows = self._loaded.w, self.unloaded + self._loaded.modes.motion
 
     def places(self) -> np.ndarray:
         """(N, 3) mm of all patches. What is local is known of the chosen ones alone."""
         if not len(self.chosen):
             return self.free
-        found = self.free + (self.of.flat @ (self.rows - self.unloaded)).reshape(-1, 3)
-        found[self.chosen] += (self._parts(self.chosen).left @ self.forces.ravel()).reshape(-1, 3)
-        found[self.chosen] += self._beyond_own
+        found = self.free + (self.of.flat @ self._loaded.modes.motion).reshape(-1, 3)
+        local = (self._parts(self.chosen).left @ self.forces.ravel()).reshape(-1, 3)
+        found[self.chosen] += local + self._loaded.places
         return found
 
     def compliance(self) -> np.ndarray:
@@ -66,10 +59,9 @@ class Held:
         parts, c, n_e = self._parts(self.chosen), len(self.chosen), len(self.C_es)
         if not self.w.any():
             return parts.total
-        change = self._by_modes.slope(self.C_ss, self._change[n_e:]) - self.C_ss
+        change = slope(self._loaded.modes, self.C_ss, self._loaded.change[n_e:]) - self.C_ss
         found, each = parts.total + parts.U @ change @ parts.U.T, np.arange(c)
-        first = parts.yields[:, None, None] * np.eye(3)
-        found.reshape(c, 3, c, 3)[each, :, each] += self._by_dents.slope(first, self._dents) - first
+        found.reshape(c, 3, c, 3)[each, :, each] += self._loaded.slopes
         return found
 
     def unpressed(self, chosen: np.ndarray) -> np.ndarray:
@@ -81,61 +73,39 @@ class Held:
         n_e = len(self.C_es)
         if not len(self.chosen):
             return np.zeros(n_e)
-        parts, more, dents = self._parts(self.chosen), self._by_modes, self._by_dents
+        parts, of = self._parts(self.chosen), self._loaded
         series = self.of.local_tip[:, :, self.chosen].reshape(len(self._at), -1)
-        local = (self._at @ series).reshape(n_e, -1, 1, 3) @ parts.R.swapaxes(1, 2)
-        own = (local[:, :, 0] * self.forces).sum(axis=2)
-        dented = np.einsum("pabe,pa,pb->ep", parts.dented[..., 3:], self.forces, self.forces)
-        found = (more.first * self.C_es + more.second / 2 * self._change[:n_e]) @ self.w
-        return found + (own + dents.second / 2 * dented).sum(axis=1)
+        turned = (self.forces[:, None] @ parts.R)[:, 0]
+        own = (self._at @ series).reshape(n_e, -1) @ turned.ravel()
+        pairs = of.seconds[:, None, None] / 2 * self.forces[:, :, None] * self.forces[:, None]
+        dented = pairs.ravel() @ parts.dented[..., 3:].reshape(-1, n_e)
+        return (of.modes.first * self.C_es + of.modes.second / 2 * of.change[:n_e]) @ self.w + own + dented
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
         skin, w, terms = self.of.model.skin, self.w, len(self._at)
         if not len(self.chosen):
             return np.zeros(len(self.delta))
-        more = self._by_modes
+        more = self._loaded.modes
         found = w @ skin.gradient(self.delta, NONE) + more.first * skin.compliance_work(self.delta, NONE, w) / 2
         third = self.of.bent_slopes.reshape(-1, len(w) ** 2, len(w)) @ w @ np.outer(w, w).ravel()
         return found + more.second / 6 * (third.reshape(-1, terms) @ self._at)
 
-    def _parts(self, chosen: np.ndarray) -> "_Parts":
+    def _parts(self, chosen: np.ndarray) -> Parts:
         key = chosen.tobytes()
         if self._known is None or self._known[0] != key:
-            c, U = len(chosen), self.of.U[chosen].reshape(3 * len(chosen), len(self.C_ss))
-            R, each = self.of.turns(self.unloaded, chosen), np.arange(c)
-            smooth, left = U @ self.C_ss @ U.T, self._local(chosen, R)
+            of, R = self.of, self.of.turns(self.unloaded, chosen)
+            U, left, total, dented = yielding.parts(chosen, of.U, self.C_ss, R, self._at, of.local, of.dented)
             try:
-                np.linalg.cholesky(smooth + left)
+                np.linalg.cholesky(total)
             except np.linalg.LinAlgError:
-                sizes, axes = np.linalg.eigh(smooth + left)
-                left = (axes * np.maximum(sizes, 0.0)) @ axes.T - smooth
-            total, terms = smooth + left, len(self._at)
-            dented = turn_cubic((self._at @ self.of.dented[:, chosen].reshape(terms, -1)).reshape(c, 3, 3, -1), R)
+                sizes, axes = np.linalg.eigh(total)
+                nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
+                left, total = left + (nearest - total), nearest
+            c, each = len(chosen), np.arange(len(chosen))
             yields = stiff(total.reshape(c, 3, c, 3)[each, :, each])
-            self._known = key, _Parts(U, left, total, yields, R, dented)
+            self._known = key, Parts(U, left, total, yields, R, dented)
         return self._known[1]
-
-    def _local(self, chosen: np.ndarray, R: np.ndarray) -> np.ndarray:
-        c, terms = len(chosen), len(self._at)
-        pairs = self.of.local[:, chosen[:, None], chosen].reshape(terms, -1)
-        turned = (R[:, None] @ (self._at @ pairs).reshape(c, c, 3, 3) @ R[None].swapaxes(-1, -2)).swapaxes(1, 2)
-        turned = turned.reshape(3 * c, 3 * c)
-        return (turned + turned.T) / 2
-
-
-@dataclass(frozen=True)
-class _Parts:
-    """Of c chosen patches without forces: U (3 c, k) their modes, left (3 c, 3 c) mm/N what these leave of the
-    compliance, total (3 c, 3 c) all of it, yields (c,) mm/N each one where it is stiff, R (c, 3, 3) rotations since
-    rest, dented (c, 3, 3, 3) mm/N^2 their E in the robot's axes."""
-
-    U: np.ndarray
-    left: np.ndarray
-    total: np.ndarray
-    yields: np.ndarray
-    R: np.ndarray
-    dented: np.ndarray
 
 
 def stiff(own: np.ndarray) -> np.ndarray:

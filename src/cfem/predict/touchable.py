@@ -96,8 +96,8 @@ class Touchable:
 
     @cached_property
     def local(self) -> np.ndarray:
-        """(terms, N, N, 3, 3) mm/N, series of L, rounded to single precision, as C has them: far below their error."""
-        return self._left[0].astype(np.float32).astype(float)
+        """(N, N, terms, 3, 3) mm/N, series of L, rounded to single precision, as C has them: far below their error."""
+        return np.ascontiguousarray(np.moveaxis(self._left[0], 0, 2)).astype(np.float32).astype(float)
 
     @cached_property
     def local_tip(self) -> np.ndarray:

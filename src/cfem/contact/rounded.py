@@ -1,0 +1,108 @@
+"""Distances, frames and curvatures of many rounded boxes (`cfem.contact.obstacle.Rounded`) at many points, compiled.
+
+The arrays of `Boxes` are of all boxes, as the obstacles have them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from cfem.contact.obstacle import Rounded
+
+
+class Boxes(NamedTuple):
+    """R (n, 3, 3), t (n, 3) mm, core (n, 3) mm, rounding (n,) mm; below (n,): half spaces; reach (n,) mm from t to the
+    farthest point."""
+
+    R: np.ndarray
+    t: np.ndarray
+    core: np.ndarray
+    rounding: np.ndarray
+    below: np.ndarray
+    reach: np.ndarray
+
+    @classmethod
+    def of(cls, obstacles: list[Rounded]) -> "Boxes":
+        R = np.array([one.R for one in obstacles], float).reshape(-1, 3, 3)
+        t = np.array([one.t for one in obstacles], float).reshape(-1, 3)
+        core = np.array([one.core for one in obstacles], float).reshape(-1, 3)
+        rounding = np.array([one.rounding for one in obstacles], float)
+        return cls(R, t, core, rounding, np.isinf(core[:, 0]), np.sqrt((core**2).sum(axis=1)) + rounding)
+
+
+@njit(cache=True, error_model="numpy")
+def nearest(boxes, points):
+    """(N,) mm from points (N, 3) mm to the nearest box, and (N,) its place among them."""
+    distance, which = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+    normal = np.empty(3)
+    for p in range(len(points)):
+        x = points[p]
+        for o in range(len(boxes.t)):
+            beyond, apart = distance[p] + boxes.reach[o], 0.0
+            for i in range(3):
+                apart += (x[i] - boxes.t[o, i]) ** 2
+            if beyond > 0 and apart < beyond * beyond:  # farther from its middle it cannot be nearer than what is known
+                here = _local(boxes, o, x, normal)
+                if here < distance[p]:
+                    distance[p], which[p] = here, o
+    return distance, which
+
+
+@njit(cache=True, error_model="numpy")
+def frames(boxes, of, points):
+    """(c, 3, 3) rows n, t1, t2 of the boxes `of` (c,) at points (c, 3) mm: see `cfem.contact.obstacle.tangents`."""
+    found, n, own = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
+    for p in range(len(points)):
+        _local(boxes, of[p], points[p], n)
+        sign = -1.0 if n[2] < -0.99 else 1.0
+        a = -1.0 / (sign + n[2])
+        b = n[0] * n[1] * a
+        own[0] = n
+        own[1, 0], own[1, 1], own[1, 2] = 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]
+        own[2, 0], own[2, 1], own[2, 2] = b, sign + n[1] * n[1] * a, -n[1]
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    found[p, i, j] += own[i, k] * boxes.R[of[p], j, k]
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def bends(boxes, of, points):
+    """(c, 3, 3) 1/mm: derivative of the normal by the place."""
+    found, n, own = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
+    for p in range(len(points)):
+        o = of[p]
+        away = _local(boxes, o, points[p], n) + boxes.rounding[o]
+        if not (boxes.rounding[o] > 0 and away > 0):
+            continue
+        for i in range(3):
+            for j in range(3):
+                own[i, j] = ((1.0 if i == j and n[i] != 0 else 0.0) - n[i] * n[j]) / away
+        found[p] = boxes.R[o] @ own @ boxes.R[o].T
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _local(boxes, o, x, normal):
+    """Distance of x (3,) mm to box o, and the normal in its own coordinates: see `cfem.contact.obstacle.rounded`."""
+    square, largest, most = 0.0, 0, -np.inf
+    for i in range(3):
+        s = 0.0
+        for j in range(3):
+            s += (x[j] - boxes.t[o, j]) * boxes.R[o, j, i]
+        sign = -1.0 if s < 0 and not boxes.below[o] else 1.0
+        excess = sign * s - boxes.core[o, i]
+        if excess > most:
+            largest, most = i, excess
+        normal[i] = sign * max(excess, 0.0)
+        square += max(excess, 0.0) ** 2
+        if i == largest:
+            upwards = sign
+    away = np.sqrt(square)
+    if away > 0:
+        normal /= away
+        return away - boxes.rounding[o]
+    normal[:] = 0.0
+    normal[largest] = upwards
+    return most - boxes.rounding[o]

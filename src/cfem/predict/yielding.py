@@ -1,0 +1,129 @@
+"""How chosen patches of a touchable robot yield, without forces and under them (`cfem.predict.held`): compiled loops.
+
+c patches, k modes of the skin, n_e effectors."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from cfem.predict.beyond import Beyond, beyond, slope
+
+
+class Parts(NamedTuple):
+    """Of chosen patches without forces: U (3 c, k) their modes, left (3 c, 3 c) mm/N what these leave of the
+    compliance, total (3 c, 3 c) all of it, yields (c,) mm/N each one where it is stiff, R (c, 3, 3) rotations since
+    rest, dented (c, 3, 3, 3 + n_e) mm/N^2 their E in the robot's axes, with the effectors."""
+
+    U: np.ndarray
+    left: np.ndarray
+    total: np.ndarray
+    yields: np.ndarray
+    R: np.ndarray
+    dented: np.ndarray
+
+
+class Loaded(NamedTuple):
+    """Under forces on these. w (k,) N: their load on the modes; change (n_e + k, k) mm/N: of C_es and C_ss; modes: what
+    these do. Of dents: places (c, 3) mm by which patches move beyond what `left` says, slopes (c, 3, 3) mm/N their
+    derivatives, and seconds (c,), what is taken of the second order."""
+
+    w: np.ndarray
+    change: np.ndarray
+    modes: Beyond
+    places: np.ndarray
+    slopes: np.ndarray
+    seconds: np.ndarray
+
+
+@njit(cache=True, error_model="numpy")
+def parts(chosen, modes, C_ss, R, at, local, dented):
+    """U, left, total and dented of `Parts`. chosen (c,) of N patches with modes (N, 3, k); C_ss (k, k) mm/N; at
+    (terms,): of the series local (N, N, terms, 3, 3) and dented (terms, N, 3, 3, 3 + n_e)."""
+    c, k, terms = len(chosen), len(C_ss), len(at)
+    U, left, smooth = np.empty((3 * c, k)), np.empty((3 * c, 3 * c)), np.empty((3 * c, 3 * c))
+    for i in range(c):
+        U[3 * i : 3 * i + 3] = modes[chosen[i]]
+    by = U @ C_ss
+    L, half = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(c):
+        for j in range(i, c):
+            L[:] = 0.0
+            of = local[chosen[i], chosen[j]]
+            for term in range(terms):
+                for a in range(3):
+                    for b in range(3):
+                        L[a, b] += at[term] * of[term, a, b]
+            _product(R[i], L, half)
+            for a in range(3):
+                for b in range(3):
+                    value, modal = 0.0, 0.0
+                    for d in range(3):
+                        value += half[a, d] * R[j, b, d]
+                    for d in range(k):
+                        modal += by[3 * i + a, d] * U[3 * j + b, d]
+                    left[3 * i + a, 3 * j + b] = value
+                    smooth[3 * i + a, 3 * j + b] = modal
+        for a in range(3):
+            for b in range(a):  # of one patch it is symmetric but for rounding
+                mean = (left[3 * i + a, 3 * i + b] + left[3 * i + b, 3 * i + a]) / 2
+                left[3 * i + a, 3 * i + b], left[3 * i + b, 3 * i + a] = mean, mean
+    for a in range(3 * c):
+        for b in range(a):
+            left[a, b], smooth[a, b] = left[b, a], smooth[b, a]
+    return U, left, left + smooth, _dents(chosen, R, at, dented)
+
+
+@njit(cache=True, error_model="numpy")
+def _product(A, B, found):
+    for a in range(3):
+        for b in range(3):
+            found[a, b] = A[a, 0] * B[0, b] + A[a, 1] * B[1, b] + A[a, 2] * B[2, b]
+
+
+@njit(cache=True, error_model="numpy")
+def _dents(chosen, R, at, dented):
+    """(c, 3, 3, 3 + n_e) of the series, turned by R, which the effectors are not."""
+    last = dented.shape[-1]
+    found, E, half = np.zeros((len(chosen), 3, 3, last)), np.empty((3, 3, last)), np.empty((3, 3, last))
+    for i in range(len(chosen)):
+        E[:] = 0.0
+        for term in range(len(at)):
+            E += at[term] * dented[term, chosen[i]]
+        for d in range(3, last):
+            half[:, :, d] = E[:, :, d]
+        for a in range(3):
+            for b in range(3):
+                for d in range(3):
+                    half[a, b, d] = E[a, b, 0] * R[i, d, 0] + E[a, b, 1] * R[i, d, 1] + E[a, b, 2] * R[i, d, 2]
+        for a in range(3):
+            for b in range(3):
+                for p in range(3):
+                    for q in range(3):
+                        for d in range(last):
+                            found[i, a, b, d] += R[i, a, p] * R[i, b, q] * half[p, q, d]
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def loaded(forces, C_ss, D, U, yields, dented):
+    """Under forces (c, 3) N; D (k, n_e + k, k) mm/N^2, and of `Parts`."""
+    c, k, seen = len(forces), len(C_ss), D.shape[1]
+    w, change = np.zeros(k), np.zeros((seen, k))
+    for i in range(c):
+        for a in range(3):
+            for d in range(k):
+                w[d] += U[3 * i + a, d] * forces[i, a]
+    for d in range(k):
+        change += w[d] * D[d]
+    modes = beyond(w, C_ss @ w, change[seen - k :] @ w)
+    places, slopes, seconds, bent = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c), np.empty((3, 3))
+    for i in range(c):
+        f = forces[i]
+        for a in range(3):
+            for b in range(3):
+                bent[a, b] = dented[i, a, b, 0] * f[0] + dented[i, a, b, 1] * f[1] + dented[i, a, b, 2] * f[2]
+        own, stiff = yields[i] * f, yields[i] * np.eye(3)
+        of = beyond(f, own, bent @ f)
+        places[i], slopes[i], seconds[i] = of.motion - own, slope(of, stiff, bent) - stiff, of.second
+    return Loaded(w, change, modes, places, slopes, seconds)
