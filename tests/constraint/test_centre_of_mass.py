@@ -8,7 +8,7 @@ import cfem
 from cfem.control.pilots import weights_of
 from cfem.core.errors import SpecError
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.load_spec import LoadSpec, forces_of
+from cfem.predict.load_spec import LoadSpec, loads_of
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -109,5 +109,5 @@ def test_what_is_missing_is_said(bar):
         load_scene_and_mesh(with_centre(bar, "turned", orientation=True))
     gravity = LoadSpec(gravity={"m/s^2": [0, 0, -9.81]})
     with pytest.raises(SpecError, match="no mass that gravity could act on"):
-        forces_of({"tip": gravity}, {})
-    assert forces_of({"tip": gravity}, {"tip": 2e-6})["tip"] == pytest.approx([0, 0, -0.01962])
+        loads_of({"tip": gravity}, {})
+    assert loads_of({"tip": gravity}, {"tip": 2e-6})[0]["tip"] == pytest.approx([0, 0, -0.01962])

@@ -7,11 +7,14 @@ import pytest
 import yaml
 
 import cfem
+from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.load import load_model
+from cfem.predict.loaded import loaded
 
 LOADS = {"tip": {"force": {"N": [0.0, 0.02, -0.01]}}}
 PAYLOAD = {"tip": {"mass": "2 g", "gravity": {"m/s^2": [0.0, 9.81, 0.0]}}}
+PUSH = {"push": {"at": {"mm": [36, 0, 5]}, "radius": "6 mm", "force": {"N": [0.0, 0.02, -0.01]}}}
 
 
 def control(bar, name, model="../../models/bar/spectral", **more):
@@ -64,6 +67,34 @@ def test_an_export_under_loads_is_the_loaded_model(bar):
     assert results(again) < 0.05
 
 
+def test_a_force_on_a_patch_is_tracked(bar):
+    """And a payload that is stuck onto one, beside a push on the tip."""
+    found = cfem.run_stage("control", control(bar, "pushed", loads=PUSH))
+    assert results(found) < 0.03
+    stuck = {"stone": {"at": {"mm": [50, 5, 0]}, "radius": "6 mm", **PAYLOAD["tip"]}, **LOADS}
+    found = cfem.run_stage("control", control(bar, "stuck", loads=stuck))
+    assert results(found) < 0.05 < 2 * found["results"]["load_error"]
+
+
+def test_c_is_python_under_forces_on_patches(bar):
+    """Also the skin, of arrays; and control takes the export under the same loads alone."""
+    loads = {**PUSH, **LOADS}
+    more = {"formats": ["arrays", "c"], "shape": True, "loads": loads}
+    folder = exported(bar, "export-pushed", **more)
+    parity = json.loads((folder / "model.json").read_text())["parity"]
+    assert parity["arrays"] == 0.0 and parity["c"] < 1e-12 and parity["c shape"] < 1e-6
+    model, trained = load_model(folder), load_model(bar / "models" / "bar" / "spectral")
+    mine = loaded(trained, model.meta["wrench"], [PatchLoad(**one) for one in model.meta["patch_loads"]])
+    for delta in ([0.5], [3.0]):
+        assert np.array_equal(model.at_displacement(delta).delta, mine.at_displacement(delta).delta)
+        assert np.allclose(model.shape(delta), mine.shape(delta), rtol=0, atol=1e-12)
+    path = "../../models/bar/export-pushed"
+    assert results(cfem.run_stage("control", control(bar, "again", model=path, loads=loads))) < 0.05
+    said = r"exported under loads of 0, 0.02, -0.01 on .* and 0, 0.02, -0.01 N on 'push' at \(36, 0, 5\) mm, radius 6"
+    with pytest.raises(InputError, match=said):
+        cfem.run_stage("control", control(bar, "other", model=path, loads=LOADS))
+
+
 def test_a_loaded_model_needs_the_same_loads(bar):
     exported(bar, "export-loaded", loads=LOADS)
     path = control(bar, "other", model="../../models/bar/export-loaded")
@@ -79,6 +110,13 @@ def test_a_loaded_model_needs_the_same_loads(bar):
         ({"tip": {"mass": "-2 g", "gravity": {"m/s^2": [0, 0, 1]}}}, "greater than 0"),
         ({"tip": {"gravity": {"m/s^2": [0, 0, 1]}}}, "no mass that gravity could act on"),
         ({"top": {"force": {"N": [0, 0, 1]}}}, "no effector 'top'"),
+        ({"a": {"at": {"mm": [36, 0, 5]}, "force": {"N": [0, 0, 1]}}}, "has both at and radius"),
+        (
+            {"a": {"at": {"mm": [36, 0, 15]}, "radius": "6 mm", "force": {"N": [0, 0, 1]}}},
+            r"loads.a: .* 10 mm off the sur",
+        ),
+        ({"a": {"at": {"mm": [36, 0, 5]}, "radius": "1 mm", "force": {"N": [0, 0, 1]}}}, "loads.a: a radius of 1 mm"),
+        ({"a": {"at": {"mm": [36, 0, 5]}, "radius": "6 mm", "gravity": {"m/s^2": [0, 0, 1]}}}, "no mass that gravity"),
     ],
 )
 def test_wrong_loads_get_one_sentence(bar, loads, said):

@@ -135,8 +135,9 @@ class ControlSpec(Spec):
     """Values of the models' parameters by name, '41 mm' or 0.47, of the robot that is controlled. The scene's own where
     left out. Goals move with where the effectors rest."""
     loads: dict[Name, LoadSpec] = {}
-    """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. The
-    model takes them without new samples, and the FE robot carries them. Goals stay where they are."""
+    """Constant loads that the samples did not carry, by the name of the effector, or any name with `at` on a patch of
+    the surface: a payload or a push. The model takes them without new samples, and the FE robot carries them. Goals
+    stay where they are."""
     obstacles: dict[Name, ObstacleSpec] = {}
     """What the robot meets, by name: rigid bodies, other soft robots, itself. Plans know them: they touch, press or
     avoid them with any part of the surface, and the FE robot meets the same."""

@@ -14,7 +14,7 @@ from cfem.export.page import ASSETS, page
 from cfem.export.spec import ExportSpec
 from cfem.motion.load import FILE as MOTION
 from cfem.predict.load import has_file, read_arrays, read_meta, skin_of
-from cfem.predict.loaded_skin import loaded_skin
+from cfem.predict.loaded_skin import skin_under_loads_of
 from cfem.predict.protocol import Predictor, build
 from cfem.predict.skin import FILE
 
@@ -37,7 +37,7 @@ def write_page(
     predictor = build(meta, arrays)
     skin = read_skin(skin_folder, predictor)
     if spec.loads:
-        skin = loaded_skin(predictor, skin, meta["wrench"])
+        skin = skin_under_loads_of(predictor, skin)
     concerns = sentences(with_inherited({}, {"model": model_folder}))
     moves = has_file(model_folder, MOTION) and not spec.loads and not spec.c.parameters and meta["kind"] == "spectral"
     moving = read_arrays(model_folder, MOTION) if moves else None

@@ -136,8 +136,8 @@ class ExportSpec(Spec):
     formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")
     """Formats to write."""
     loads: dict[Name, LoadSpec] = {}
-    """Constant loads on effectors that the samples did not carry, by the effector's name: a payload or a push. Every
-    format then holds the loaded robot."""
+    """Constant loads that the samples did not carry, by the name of the effector, or any name with `at` on a patch of
+    the surface: a payload or a push. Every format then holds the loaded robot."""
     shape: bool = False
     """Whether to write the whole surface in every format too: shape.onnx, shape.ts, cfem_shape in C."""
     c: CSpec = CSpec()

@@ -20,10 +20,20 @@ from cfem.export.skin import write_row_skin, write_skin
 from cfem.export.spec import ExportSpec
 from cfem.motion import load as motion
 from cfem.predict import serial_skin
-from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
-from cfem.predict.load_spec import forces_of
+from cfem.predict.load import (
+    VECTORS,
+    build,
+    has_file,
+    has_skin,
+    read_arrays,
+    read_meta,
+    read_model,
+    read_vectors,
+    with_skin,
+)
+from cfem.predict.load_spec import loads_of
 from cfem.predict.loaded import loaded, wrench_of
-from cfem.predict.loaded_skin import loaded_skin
+from cfem.predict.loaded_skin import skin_under_loads_of
 from cfem.predict.skin import FILE
 from cfem.robot.same import demand_robot
 from cfem.robot.spec import SceneSpec, scene_meaning
@@ -117,7 +127,7 @@ def work(
     meta, arrays = read_model(model_folder)
     vectors = read_vectors(model_folder, meta)
     if spec.loads:
-        meta, arrays, vectors = _under_loads(spec, meta, arrays, vectors)
+        meta, arrays, vectors = _under_loads(spec, meta, arrays, vectors, model_folder)
     write_npz(folder / VECTORS, vectors)
     page_bytes = None
     if "html" in spec.formats:
@@ -206,7 +216,7 @@ def _write_shape(
     if has_skin(model_folder):
         skin = read_arrays(model_folder, FILE)
         if spec.loads:
-            skin = loaded_skin(build(meta, arrays), skin, meta["wrench"])
+            skin = skin_under_loads_of(build(meta, arrays), skin)
         return write_skin(folder, spec, meta, arrays, skin, vectors)
     if has_file(model_folder, serial_skin.FILE):
         skins = read_arrays(model_folder, serial_skin.FILE)
@@ -239,15 +249,16 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
     return parity | ({"c swing": swing_parity(folder, filtered, 1 / own.rate)} if compiler() else {})
 
 
-def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict) -> tuple[dict, dict, dict]:
+def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict, folder: Path) -> tuple[dict, dict, dict]:
     """The model under the loads of the spec, and what it gives at the test inputs. InputError where it has loads
     already, or cannot take these."""
     where = str(spec.model)
     if meta.get("wrench") is not None:
         raise InputError("carries loads already", where=where, do="export the trained model")
-    trained = build(meta, arrays)
+    trained = with_skin(build(meta, arrays), folder)
+    forces, patches = loads_of(spec.loads, meta.get("masses", {}))
     try:
-        model = loaded(trained, wrench_of(trained.rows, forces_of(spec.loads, meta.get("masses", {}))))
+        model = loaded(trained, wrench_of(trained.rows, forces), patches)
     except InputError as error:
         raise InputError(error.what, where=where, do=error.do) from None
     kept = [i for i, one in enumerate(trained.parameters) if not one.exact]

@@ -1,12 +1,15 @@
 """The FE robot as a model and as a plant: the reference that learned control is compared with, and what it
 acts on."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
+from cfem.constraint.patch import PatchLoad
+from cfem.constraint.surface import outer_surface
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement, force, pull
 from cfem.equilibrium.robot import Robot
@@ -17,14 +20,20 @@ MEMORY = 200  # solved states that predictions draw on
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new
 
 
-def pushed(robot: Robot, push: np.ndarray) -> Robot:
-    """The robot under forces push (n_e,) N on its effectors: dead loads on the nodes that they follow at rest."""
+def pushed(robot: Robot, push: np.ndarray, patches: Sequence[PatchLoad] = ()) -> Robot:
+    """The robot under forces push (n_e,) N on its effectors and on patches of its surface: dead loads on the nodes that
+    they follow at rest. SpecError where a patch is not on the surface."""
     loads = np.zeros_like(robot.X) if robot.loads is None else robot.loads.copy()
     first = 0
     for effector in robot.effectors:
         rows = slice(first, first + len(effector.rest))
         np.add.at(loads, effector.nodes, np.einsum("r,rki->ki", push[rows], effector.gradient(robot.X)))
         first = rows.stop
+    if patches:
+        surface = outer_surface(robot.X, robot.body.mesh.facets)
+        for one in patches:
+            shares = one.shares(surface.rest, surface.triangles, surface.weights)
+            loads[surface.nodes] += shares[:, None] * one.force
     return replace(robot, loads=loads)
 
 

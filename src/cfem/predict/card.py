@@ -29,6 +29,15 @@ class PlaceCard(Data):
     softer: float = Field(gt=0)
 
 
+class PatchLoadCard(Data):
+    """See `cfem.constraint.patch.PatchLoad`."""
+
+    at: tuple[float, float, float]
+    radius: float = Field(gt=0)
+    force: tuple[float, float, float]
+    name: str
+
+
 class DatasetCard(Data):
     """What it was trained on."""
 
@@ -41,7 +50,7 @@ ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
 
 class ModelCard(Data):
     """robot: what the scene said of it. wrench: a constant load that the samples did not carry, on each effector row,
-    and the estimated error that it makes, mm.
+    patch_loads: others on patches of the surface, and the estimated error that they make, mm.
     semidefinite: of each effector row, see `cfem.predict.semidefinite`.
     masses: t, by the name of the effector that is their centre. modules, row: of modules in a row.
     motion: of mass and viscosity, see `cfem.motion`.
@@ -63,6 +72,7 @@ class ModelCard(Data):
     domain: DomainCard
     semidefinite: list[Annotated[float, Field(gt=0)]] | None = None
     wrench: list[float] | None = None
+    patch_loads: list[PatchLoadCard] | None = None
     wrench_error: float | None = None
     errors: dict[str, Any] = {}
     history: list[Any] = []

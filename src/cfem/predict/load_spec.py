@@ -1,19 +1,25 @@
-"""Constant loads on effectors as a user states them: a push, or a payload."""
+"""Constant loads on effectors and on patches of the surface as a user states them: a push, or a payload."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
-from cfem.core.units import AccelerationVector, ForceVector, Mass
+from cfem.core.units import AccelerationVector, ForceVector, Length, Mass, Point
 
 
 class LoadSpec(Spec):
-    """A constant load on one effector that the samples did not carry: a force, the weight of a payload, or gravity on
-    the robot's own mass, which acts on an effector at its centre of mass."""
+    """A constant load that the samples did not carry: a force, the weight of a payload, or gravity on the robot's own
+    mass, which acts on an effector at its centre of mass. It acts on the effector of its name, or with `at` and
+    `radius` on a patch of the surface."""
 
+    at: Point | None = None
+    """A point of the surface at rest, for a load on a patch about it instead of an effector. The model needs a skin."""
+    radius: Length | None = Field(None, gt=0)
+    """Radius of the patch. The force spreads over the surface within it, and fades to the rim."""
     force: ForceVector | None = None
     """Force along x, y and z."""
     mass: Mass | None = Field(None, gt=0)
@@ -28,20 +34,24 @@ class LoadSpec(Spec):
             raise ValueError(
                 "expected force, or gravity with or without mass, such as {mass: 20 g, gravity: {m/s^2: [0, 0, -9.81]}}"
             )
+        if (self.at is None) != (self.radius is None):
+            raise ValueError("a patch of the surface has both at and radius")
         return self
 
     def newtons(self, own: float | None = None) -> np.ndarray | None:
         """(3,) N; own: t, the mass whose centre the effector is. None where no mass is known."""
         mass = own if self.mass is None else self.mass
         if self.force is not None:
-            return np.array(self.force)
+            return np.asarray(self.force, float)
         return None if mass is None else mass * np.array(self.gravity)
 
 
-def forces_of(loads: Mapping[str, LoadSpec], masses: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """(3,) N by the name of the effector. masses: t, of robots by the name of the effector that is their centre.
-    SpecError where gravity acts on no mass."""
-    found = {name: load.newtons(masses.get(name)) for name, load in loads.items()}
+def loads_of(
+    loads: Mapping[str, LoadSpec], masses: Mapping[str, float]
+) -> tuple[dict[str, np.ndarray], tuple[PatchLoad, ...]]:
+    """(3,) N by the name of the effector, and those on patches. masses: t, of robots by the name of the effector that
+    is their centre. SpecError where gravity acts on no mass."""
+    found = {name: load.newtons(None if load.at is not None else masses.get(name)) for name, load in loads.items()}
     for name, force in found.items():
         if force is None:
             raise SpecError(
@@ -49,4 +59,6 @@ def forces_of(loads: Mapping[str, LoadSpec], masses: Mapping[str, float]) -> dic
                 where=f"loads.{name}",
                 do="state a mass, or give the scene an effector with `at: centre-of-mass` and sample it",
             )
-    return found
+    on = {name: load for name, load in loads.items() if load.at is not None}
+    patches = tuple(PatchLoad(load.at, load.radius, found[name], name) for name, load in on.items())
+    return {name: force for name, force in found.items() if name not in on}, patches

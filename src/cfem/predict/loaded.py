@@ -15,12 +15,16 @@ evaluate, and exports as any other. What is left out of e_w is of second order i
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.condensed import Rows
 from cfem.condensed.packing import pack_upper
+from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
+from cfem.predict.chebyshev import Basis
 from cfem.predict.domain import Domain
-from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
+from cfem.predict.energy import THIRD
+from cfem.predict.loaded_rows import rows_of
 from cfem.predict.loaded_serial import LoadedSerialPredictor
 from cfem.predict.loaded_skin import skin_under
 from cfem.predict.protocol import ArrayPredictor, Predictor
@@ -29,6 +33,7 @@ from cfem.predict.series import differentiated
 from cfem.predict.spectral import SpectralPredictor
 
 TRUSTED = 0.005  # of the length: the estimated error of e_w up to which a wrench is taken
+LEFT = 0.08  # of what forces on patches move the effectors by: what the modes of the skin leave of it
 
 
 def wrench_of(rows: Rows, forces: Mapping[str, Sequence[float]]) -> np.ndarray:
@@ -46,25 +51,44 @@ def wrench_of(rows: Rows, forces: Mapping[str, Sequence[float]]) -> np.ndarray:
     return wrench
 
 
-def loaded(model: Predictor, wrench: np.ndarray) -> Predictor:
-    """The model under a wrench (n_e,) N or N mm on its effector rows, at the reference of parameters that are exact
-    without loads.
+def loaded(model: Predictor, wrench: ArrayLike | None = None, patches: Sequence[PatchLoad] = ()) -> Predictor:
+    """The model under a wrench (n_e,) N or N mm on its effector rows, and forces on patches of its skin, at the
+    reference of parameters that are exact without loads.
 
-    Effectors stay relative to where they rest without load. InputError where the model is no series, the wrench is not
-    finite, or so large that the estimated error (`wrench_error`) exceeds half a percent of the robot's length."""
-    wrench = np.asarray(wrench, float)
-    models = model.models if isinstance(model, SerialPredictor) else [model]
-    other = next((one.meta["kind"] for one in models if not isinstance(one, SpectralPredictor)), None)
+    Effectors stay relative to where they rest without load. InputError where the model is no series, has no skin for
+    patches, the wrench is not finite, or so large that the estimated error (`wrench_error`) exceeds half a percent of
+    the robot's length; SpecError where a patch is not on the surface."""
+    wrench = np.zeros(model.rows.n_e) if wrench is None else np.asarray(wrench, float)
+    serial = isinstance(model, SerialPredictor)
+    other = next((one.meta["kind"] for one in _models(model) if not isinstance(one, SpectralPredictor)), None)
     if other is not None:
         what = f"loads need a model of kind spectral, or of kind serial made of such, not {other}"
         raise InputError(what, do="train one")
     if wrench.shape != (model.rows.n_e,) or not np.isfinite(wrench).all():
         raise InputError(f"a wrench has {model.rows.n_e} finite numbers, one for each effector row")
-    if isinstance(model, SerialPredictor):
+    if serial and patches:
+        raise InputError("modules in a row take loads on their tip alone", where=f"loads.{patches[0].name}")
+    if serial:
         found = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
-        error = found.error()
+        _demand_trusted(model, error := found.error())
     else:
-        found, error = None, wrench_error(model, wrench)
+        _demand_trusted(model, error := wrench_error(model, wrench, patches))
+        found = _loaded(model, wrench, patches)
+    found.meta = {**found.meta, "wrench": wrench.tolist(), "wrench_error": error}
+    if patches:
+        found.meta["patch_loads"] = [one.to_json() for one in patches]
+    found.domain = _domain(model, found)
+    found.meta["domain"] = found.domain.to_json()
+    # modules bear the wrench each for itself
+    found.skin_source = model.skin_source if serial else lambda: skin_under(model, wrench, patches)
+    return found
+
+
+def _models(model: Predictor) -> list[Predictor]:
+    return model.models if isinstance(model, SerialPredictor) else [model]
+
+
+def _demand_trusted(model: Predictor, error: float) -> None:
     if error > TRUSTED * model.length:
         share = np.sqrt(TRUSTED * model.length / error)
         raise InputError(
@@ -72,56 +96,50 @@ def loaded(model: Predictor, wrench: np.ndarray) -> Predictor:
             f"and {TRUSTED * model.length:.2g} mm are allowed ({100 * TRUSTED:g} % of the length)",
             do=f"take at most {share:.0%} of them, or give them to the scene and sample it",
         )
-    if found is None:
-        arrays = {**model.arrays, "series": _series(model, wrench)}
-        parameters = [one for one in model.meta["parameters"] if not one["exact"]]
-        found = SpectralPredictor({**model.meta, "parameters": parameters}, arrays)
-    found.meta = {**found.meta, "wrench": wrench.tolist(), "wrench_error": error}
-    found.domain = _domain(model, found)
-    found.meta["domain"] = found.domain.to_json()
-    serial = isinstance(model, SerialPredictor)  # whose modules bear the wrench each for itself
-    found.skin_source = model.skin_source if serial else lambda: skin_under(model, wrench)
-    return found
 
 
-def wrench_error(model: SpectralPredictor, wrench: np.ndarray) -> float:
+def wrench_error(model: SpectralPredictor, wrench: np.ndarray, patches: Sequence[PatchLoad] = ()) -> float:
     """mm: about how far the loaded model is wrong where that is worst among the training states. Without D: a slender
     body that a force moves by d is stiffer or softer after it by a share of about d over its length, d^2 / length. With
     D: the terms of e_w fall like a geometric series, so that the first left out is the square of the last over the one
-    before."""
-    n_e, moves = model.rows.n_e, _translations(model)
-    values = _basis_of_states(model) @ _independent(model)
-    C = values[:, 1 + n_e :][:, unpacking(n_e)]
-    first = np.linalg.norm((C @ wrench)[:, moves], axis=1)
-    if THIRD not in model.arrays:
-        return float((first**2).max() / model.length)
-    D = (_basis_of_states(model) @ model.arrays[THIRD].T)[:, unpacking3(n_e)]
-    second = np.linalg.norm((D @ wrench @ wrench / 2)[:, moves], axis=1)
-    return float((second**2 / np.where(first > 0, first, 1.0)).max())
+    before. Of patches, what the modes leave comes on top, LEFT of what they move the effectors by."""
+    rows, n_e, w = rows_of(model, patches), model.rows.n_e, _all_rows(wrench, patches)
+    basis = _basis_of_states(model, rows.indices)
+    C = np.tensordot(basis, rows.C, 1)
+    first = _farthest(C @ w, rows.moves)
+    left = LEFT * np.linalg.norm((C[:, :n_e, n_e:] @ w[n_e:])[:, rows.moves[0, :n_e]], axis=1)
+    if rows.D is None:
+        return float((first**2 / model.length + left).max())
+    second = _farthest(np.tensordot(basis, rows.D @ w @ w / 2, 1), rows.moves)
+    return float((second**2 / np.where(first > 0, first, 1.0) + left).max())
 
 
-def _independent(model: SpectralPredictor) -> np.ndarray:
-    """(M, q) coefficients of the potential, of e and of the packed C."""
-    rows, series = layout(model.rows.n_a, model.rows.n_e), model.arrays["series"]
-    return np.concatenate([series[rows[name]] for name in ("energy", "effector", "effector_compliance")]).T
+def _farthest(moved: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """(m,) mm of rows moved (m, r), of that effector or patch which moves farthest; moves (g, r)."""
+    return np.sqrt((moved**2) @ moves.T).max(axis=1)
 
 
-def _series(model: SpectralPredictor, w: np.ndarray) -> np.ndarray:
-    """(n_out, M) of the loaded model."""
-    n_a, n_e = model.rows.n_a, model.rows.n_e
-    coefficients = _independent(model)
-    psi, e, packed = np.split(coefficients, [1, 1 + n_e], axis=1)
-    C = packed[:, unpacking(n_e)]
-    moved = C @ w  # (M, n_e)
-    work = (e + moved / 2) @ w[:, None]
-    if THIRD in model.arrays:
-        D = model.arrays[THIRD].T[:, unpacking3(n_e)]
-        stiffened = D @ w  # (M, n_e, n_e)
+def _all_rows(wrench: np.ndarray, patches: Sequence[PatchLoad]) -> np.ndarray:
+    return np.concatenate([wrench, *(one.force for one in patches)])
+
+
+def _loaded(model: SpectralPredictor, wrench: np.ndarray, patches: Sequence[PatchLoad]) -> SpectralPredictor:
+    rows, n_e, w = rows_of(model, patches), model.rows.n_e, _all_rows(wrench, patches)
+    C, moved = rows.C, rows.C @ w  # (M, r)
+    work = (rows.e + moved / 2) @ w[:, None]
+    if rows.D is not None:
+        stiffened = rows.D @ w  # (M, r, r)
         work += (stiffened @ w) @ w[:, None] / 6
-        moved = moved + stiffened @ w / 2
-        packed = packed + pack_upper(stiffened)
-    psi = psi + work if model.form == "force" else psi - work
-    return differentiated(model.arrays["indices"], model.arrays["to_box"], n_a, psi, e + moved, packed)
+        C, moved = C + stiffened, moved + stiffened @ w / 2
+    psi = rows.psi + work if model.form == "force" else rows.psi - work
+    e, packed = (rows.e + moved)[:, :n_e], pack_upper(C[:, :n_e, :n_e])
+    series = differentiated(rows.indices, model.arrays["to_box"], model.rows.n_a, psi, e, packed)
+    arrays = {**model.arrays, "series": series}
+    if patches:
+        arrays = {**arrays, "indices": rows.indices.astype(model.arrays["indices"].dtype)}
+        arrays.pop(THIRD, None)
+    parameters = [one for one in model.meta["parameters"] if not one["exact"]]
+    return SpectralPredictor({**model.meta, "parameters": parameters}, arrays)
 
 
 def _domain(model: Predictor, found: Predictor) -> Domain:
@@ -148,13 +166,8 @@ def _dual(model: ArrayPredictor, s: np.ndarray, q: np.ndarray) -> np.ndarray:
     return np.linalg.solve(W[a, a], s - free[a]) if model.form == "displacement" else W[a, a] @ s + free[a]
 
 
-def _basis_of_states(model: SpectralPredictor) -> np.ndarray:
-    """(k, M) the basis at the training states that the domain keeps."""
+def _basis_of_states(model: SpectralPredictor, indices: np.ndarray) -> np.ndarray:
+    """(k, M) a basis at the training states that the domain keeps."""
     n_a, states = model.rows.n_a, model.domain.states
     s = states[:, :n_a] if model.form == "displacement" else states[:, n_a : 2 * n_a]
-    return model.basis(np.hstack([s, states[:, 2 * n_a :]]))
-
-
-def _translations(model: Predictor) -> np.ndarray:
-    """(n_e,) which effector rows are displacements."""
-    return np.array([unit == "mm" for unit, _ in model.rows.effector_units])
+    return Basis(indices)(model.box(np.hstack([s, states[:, 2 * n_a :]])))

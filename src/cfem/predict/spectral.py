@@ -38,7 +38,11 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
 
     def basis(self, t: np.ndarray) -> np.ndarray:
         """(..., n) inputs -> (..., M) values of the basis."""
-        return self._basis(t @ self._to_box_T + self._offset)
+        return self._basis(self.box(t))
+
+    def box(self, t: np.ndarray) -> np.ndarray:
+        """(..., n) inputs -> (..., n) box coordinates."""
+        return t @ self._to_box_T + self._offset
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
         """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""

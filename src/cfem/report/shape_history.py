@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed import Rows
 from cfem.control.spec import FE_BASED
 from cfem.core.errors import InputError
 from cfem.core.reading import read_npz
 from cfem.core.stage import artefact_content, artefact_file
 from cfem.dataset.parquet import read_parquet
-from cfem.predict.load import has_skin, load_model, read_meta
+from cfem.predict.load import has_skin, load_model
+from cfem.predict.load_spec import LoadSpec, loads_of
 from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.protocol import Predictor
 
@@ -148,18 +148,9 @@ def _model(folder: Path, manifest: Mapping[str, Any], name: str) -> Predictor | 
         raise InputError(f"is not the model '{name}' that this run used", where=str(path), do="run cfem control again")
     if not has_skin(path):
         return None
-    model, wrench = load_model(path), _wrench(manifest, path)
-    return model if wrench is None or "wrench" in model.meta else loaded(model, wrench)
-
-
-def _wrench(manifest: Mapping[str, Any], path: Path) -> np.ndarray | None:
-    """(n_e,) N on the effector rows of the model at `path`, by the loads of the run's spec as they were recorded."""
-    loads = manifest["spec"].get("loads")
-    if not loads:
-        return None
-    meta = read_meta(path)
-    masses = meta.get("masses", {})
-    forces = {
-        name: one["force"] or (one["mass"] or masses[name]) * np.asarray(one["gravity"]) for name, one in loads.items()
-    }
-    return wrench_of(Rows(tuple(meta["rows"]["effectors"]), ()), forces)
+    model, loads = load_model(path), manifest["spec"].get("loads")
+    if not loads or model.meta.get("wrench") is not None:
+        return model
+    stated = {name: LoadSpec.model_construct(**one) for name, one in loads.items()}  # in mm and N, as recorded
+    forces, patches = loads_of(stated, model.meta.get("masses", {}))
+    return loaded(model, wrench_of(model.rows, forces), patches)
