@@ -20,9 +20,12 @@ from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material import Law
 from cfem.mechanics.material.law import Material, curvature, evaluate
 from cfem.mechanics.solid_kernels import (
+    add_bubbles,
     add_form,
     add_form_of_few,
+    bubble_forces,
     displacement_gradients,
+    element_stiffness,
     scatter_force,
     scatter_pressure,
     scatter_stiffness,
@@ -182,21 +185,21 @@ def add_geometric(C: np.ndarray, S: np.ndarray) -> None:
 def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
     """Adds to D (m q, 3, 3) the bubbles' part, their amplitudes found by Newton's method from zero, element by element
     with halved steps where the residual does not fall; whether all have come to rest."""
-    m, q = solid.weights.shape
-    modes = solid.gradients[:, :, solid.element.n_nodes :]
-    at_zero = D.reshape(m, q, 3, 3).copy()
-    alpha, part = np.zeros((m, modes.shape[2], 3)), np.ones(m)
+    first, m = solid.element.n_nodes, len(solid.weights)
+    at_zero = D.copy()
+    alpha, part = np.zeros((m, solid.element.bubbles, 3)), np.ones(m)
     step, before = np.zeros_like(alpha), np.full(m, np.inf)
+    rounding = (solid.shear + solid.bulk) * solid.volumes  # of F
+    steepest = np.abs(solid.gradients[:, :, first:]).max(axis=(1, 2, 3))
     for _ in range(40):
         trial = alpha + part[:, None, None] * step
-        D[:] = (at_zero + np.einsum("mka,mqkb->mqab", trial, modes)).reshape(-1, 3, 3)
+        D[:] = at_zero
+        add_bubbles(trial, solid.gradients, D)
         _, theta, P, g = evaluate(solid.law, D, solid.parameters)
-        pressure = solid.bulk * theta
-        S = ((P + pressure[:, None, None] * g) * solid.weights.reshape(-1, 1, 1)).reshape(m, q, 3, 3)
-        rest = np.einsum("mqab,mqkb->mka", S, modes)
+        pressure, rest, work = solid.bulk * theta, np.zeros_like(alpha), np.zeros(m)
+        bubble_forces(P, g, pressure, solid.gradients, solid.weights, rest, work)
         size = np.linalg.norm(rest, axis=(1, 2))
-        rounding = (solid.shear + solid.bulk) * solid.volumes  # of F
-        floor = 1e-14 * (np.abs(S).sum(axis=(1, 2, 3)) + rounding) * np.abs(modes).max(axis=(1, 2, 3))
+        floor = 1e-14 * (work + rounding) * steepest
         better = (size < before) | (size <= floor)
         if (size <= floor).all():
             return True
@@ -205,7 +208,7 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
         stuck = part < 2.0**-6  # rounding, or no equilibrium
         if stuck.any():
             break
-        K = point_stiffness(solid, curvature(solid.law, D, solid.parameters, pressure), g, first=solid.element.n_nodes)
+        K = point_stiffness(solid, curvature(solid.law, D, solid.parameters, pressure), g, first)
         if not np.isfinite(K).all():
             return False
         new = -np.linalg.solve(K + 1e-300 * np.eye(K.shape[1]), rest.reshape(m, -1, 1)).reshape(alpha.shape)
@@ -215,12 +218,10 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
 
 def point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0) -> np.ndarray:
     """(m, 3 n, 3 n) element stiffness of the shape functions from `first` on, bubbles included."""
-    m, q = solid.weights.shape
-    dN = solid.gradients[:, :, first:]
-    full = C.reshape(m, q, 3, 3, 3, 3) + solid.bulk * np.einsum("kab,kcd->kabcd", g, g).reshape(m, q, 3, 3, 3, 3)
-    left = np.einsum("mqabcd,mqnd->mqabnc", full, dN * solid.weights[:, :, None, None], optimize=True)
-    K = np.einsum("mqpb,mqabnc->mpanc", dN, left, optimize=True)
-    return K.reshape(m, 3 * dN.shape[2], 3 * dN.shape[2])
+    size = 3 * (solid.gradients.shape[2] - first)
+    K = np.zeros((len(solid.weights), size, size))
+    element_stiffness(C, g, solid.bulk, solid.gradients, solid.weights, first, K)
+    return K
 
 
 def _condensed(K: np.ndarray, n_nodes: int) -> np.ndarray:

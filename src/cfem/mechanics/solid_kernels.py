@@ -59,6 +59,67 @@ def scatter_force(P, g, pressure, gradients, weights, cells, force):
 
 
 @njit(cache=True)
+def add_bubbles(alpha, gradients, D):
+    """To D what amplitudes alpha (m, bubbles, 3) of the last shape functions make of it."""
+    m, q, n, _ = gradients.shape
+    count = alpha.shape[1]
+    for e in range(m):
+        for point in range(q):
+            d = D[e * q + point]
+            for b in range(count):
+                dN = gradients[e, point, n - count + b]
+                for i in range(3):
+                    for j in range(3):
+                        d[i, j] += alpha[e, b, i] * dN[j]
+
+
+@njit(cache=True)
+def bubble_forces(P, g, pressure, gradients, weights, forces, work):
+    """Adds the forces (m, bubbles, 3) on the last shape functions, and to work (m,) their |stress| times volume."""
+    m, q, n, _ = gradients.shape
+    count = forces.shape[1]
+    S = np.empty((3, 3))
+    for e in range(m):
+        for point in range(q):
+            k = e * q + point
+            for i in range(3):
+                for j in range(3):
+                    S[i, j] = (P[k, i, j] + pressure[k] * g[k, i, j]) * weights[e, point]
+                    work[e] += abs(S[i, j])
+            for b in range(count):
+                dN = gradients[e, point, n - count + b]
+                for i in range(3):
+                    forces[e, b, i] += S[i, 0] * dN[0] + S[i, 1] * dN[1] + S[i, 2] * dN[2]
+
+
+@njit(cache=True)
+def element_stiffness(C, g, bulk, gradients, weights, first, K):
+    """Adds to K (m, 3 k, 3 k) the stiffness of the k shape functions from `first` on."""
+    m, q, n, _ = gradients.shape
+    A, T = np.empty((9, 9)), np.empty((9, 3))
+    for e in range(m):
+        for point in range(q):
+            k = e * q + point
+            w = weights[e, point]
+            for row in range(9):
+                for column in range(9):
+                    both = g[k, row // 3, row % 3] * g[k, column // 3, column % 3]
+                    A[row, column] = w * (C[k, row, column] + bulk * both)
+            for b in range(first, n):
+                dN = gradients[e, point, b]
+                for row in range(9):
+                    for j in range(3):
+                        c = 3 * j
+                        T[row, j] = A[row, c] * dN[0] + A[row, c + 1] * dN[1] + A[row, c + 2] * dN[2]
+                for a in range(first, n):
+                    dN = gradients[e, point, a]
+                    for i in range(3):
+                        r, at = 3 * i, 3 * (a - first) + i
+                        for j in range(3):
+                            K[e, at, 3 * (b - first) + j] += dN[0] * T[r, j] + dN[1] * T[r + 1, j] + dN[2] * T[r + 2, j]
+
+
+@njit(cache=True)
 def scatter_pressure(dtheta, pressure, cells, force):
     for e in range(dtheta.shape[0]):
         for a in range(dtheta.shape[1]):
