@@ -231,3 +231,14 @@ def test_a_robot_that_touches_itself_goes_with_goals(bar):
     tables = (read_table(bar / "data" / "bar" / name / "trajectories.parquet") for name in ("itself", "alone"))
     mine, other = (np.array(one["delta_a"].to_pylist()) for one in tables)
     assert mine == pytest.approx(other, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_payload_and_another_robot_go_together(bar):
+    """The load bends the robot away from its twin, which it presses as hard; finite elements carry it too."""
+    twin = {"twin": {**TOUCHED, "press": "15 mN"}}
+    search, loads = {"step": "0.2 mm", "weights": [0, 0, 0]}, {"tip": {"force": {"N": [0, 0.002, -0.005]}}}
+    spec = control(bar, "loaded-lid", twin, search=search, loads=loads, contact={"patches": "8 mm", "friction": 0.3})
+    found = cfem.run_stage("control", spec)["results"]
+    assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015 and found["load_error"] > 0
+    assert "2 of 2 commands carried out" in found["headline"][-1]

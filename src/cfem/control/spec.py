@@ -205,9 +205,6 @@ class ControlSpec(Spec):
         own = [name for name, one in self.obstacles.items() if one.kind == "itself"]
         if len(own) > 1:
             raise ValueError(f"obstacles: {' and '.join(own)} are both the robot itself; leave one of them out")
-        others = any(one.kind in ("robot", "itself") and one.avoid is None for one in self.obstacles.values())
-        if others and self.loads:
-            raise ValueError("a robot that meets another one or itself does not go with loads yet")
         return self
 
     @model_validator(mode="after")
