@@ -121,25 +121,53 @@ static int scale(int m, const double *W, const double *free, double *A, double *
     return 0;
 }
 
+/* Newton's step (1 - D A) step = -F. Rows without derivative need no system: without friction those along the surface, and all of
+ * open points. J and by: room. 0, or 1 where it is singular. */
+static int newton_step(int m, const double *A, const double *F, const double *D, double mu, double *J, double *by, double *step) {
+    const int n = 3 * m, axes = mu > 0.0 ? 3 : 1;
+    int c = 0, row = 0;
+    for (int i = 0; i < m; i++) {
+        const int unknown = D[9 * i] > 0.0 ? axes : 0;
+        for (int a = 0; a < 3; a++) step[3 * i + a] = a < unknown ? 0.0 : -F[3 * i + a];
+        c += unknown;
+    }
+    for (int i = 0; i < m; i++) {
+        if (!(D[9 * i] > 0.0)) continue;
+        for (int a = 0; a < axes; a++, row++) {
+            const double *const d = D + 9 * i + 3 * a, *const from = A + 3 * i * n;
+            double *at = J + row * c, known = 0.0;
+            for (int j = 0; j < m; j++) {
+                const double *const of = from + 3 * j;
+                const int unknown = D[9 * j] > 0.0 ? axes : 0;
+                for (int b = 0; b < 3; b++) {
+                    if (b >= unknown && step[3 * j + b] == 0.0) continue;
+                    const double by_b = axes == 1 ? of[b] : d[0] * of[b] + d[1] * of[n + b] + d[2] * of[2 * n + b];
+                    if (b < unknown)
+                        *at++ = -by_b;
+                    else
+                        known += by_b * step[3 * j + b];
+                }
+            }
+            J[row * c + row] += 1.0, by[row] = known - F[3 * i + a];
+        }
+    }
+    if (cfem_solve(c, J, 1, by)) return 1;
+    for (int i = 0; i < m; i++)
+        for (int a = 0; a < axes && D[9 * i] > 0.0; a++) step[3 * i + a] = *by++;
+    return 0;
+}
+
 /* Newton's method from lambda, the answer in its place; see cfem.contact.newton. */
 static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
     const int n = 3 * m;
     double *const A = room, *const J = A + n * n, *const constant = J + n * n, *const F = constant + n;
-    double *const step = F + n, *const trial = step + n, *const now = trial + n, *const D = now + n;
+    double *const step = F + n, *const trial = step + n, *const now = trial + n, *const by = now + n, *const D = by + n;
     if (scale(m, W, free, A, constant)) return 1;
     for (int a = 0; a < n; a++) now[a] = lambda[a];
     const double forces = largest_of(n, constant);
     double size = missing(m, A, constant, mu, now, F, D);
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
-        for (int i = 0; i < m; i++)
-            for (int a = 0; a < 3; a++) {
-                double *const row = J + (3 * i + a) * n;
-                const double *const d = D + 9 * i + 3 * a, *const from = A + 3 * i * n;
-                for (int b = 0; b < n; b++) row[b] = -(d[0] * from[b] + d[1] * from[n + b] + d[2] * from[2 * n + b]);
-                row[3 * i + a] += 1.0;
-            }
-        for (int a = 0; a < n; a++) step[a] = -F[a];
-        if (cfem_solve(n, J, 1, step)) return 1;
+        if (newton_step(m, A, F, D, mu, J, by, step)) return 1;
         double share = 1.0;
         for (int halving = 0; halving <= HALVINGS; halving++, share *= 0.5) {
             for (int a = 0; a < n; a++) trial[a] = now[a] + share * step[a];

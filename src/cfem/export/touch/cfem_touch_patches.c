@@ -36,10 +36,48 @@ static void jacobi(int n, double *A, double *V) {
     }
 }
 
+/* Without row and column i and j: the determinant of what is left of A (4, 4), with its sign. */
+static double cofactor(const double *A, int i, int j) {
+    const double *const x = A + 4 * (i < 1), *const y = A + 4 * (i < 2 ? 2 : 1), *const z = A + 4 * (i < 3 ? 3 : 2);
+    const int a = j < 1, b = j < 2 ? 2 : 1, c = j < 3 ? 3 : 2;
+    const double found = x[a] * (y[b] * z[c] - y[c] * z[b]) - x[b] * (y[a] * z[c] - y[c] * z[a]) + x[c] * (y[a] * z[b] - y[b] * z[a]);
+    return (i + j) % 2 ? -found : found;
+}
+
+/* q: eigenvector of the largest eigenvalue of N (4, 4), of the matrix M (3, 3) of Horn's method. That is the largest root of a quartic
+ * (Theobald, Rapid calculation of RMSDs using a quaternion-based characteristic polynomial, 2005), to which Newton's method comes
+ * down from above; the cofactors of N without it are q q^T. 1 where it is near another one. */
+static int largest_vector(const double M[3][3], const double *N, double *q) {
+    double square = 0.0, minors = 0.0, det = 0.0, A[16], most = 0.0, length = 0.0;
+    int best = 0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            const int c = (a + 1) % 3, d = (a + 2) % 3, e = (b + 1) % 3, f = (b + 2) % 3;
+            const double minor = M[c][e] * M[d][f] - M[c][f] * M[d][e];
+            square += M[a][b] * M[a][b], minors += minor * minor, det += M[a][b] * minor / 3.0;
+        }
+    const double none = square * square - 4.0 * minors;
+    double root = sqrt(3.0 * square), last = HUGE_VAL;
+    while (root < last) {
+        const double value = ((root * root - 2.0 * square) * root - 8.0 * det) * root + none;
+        last = root, root -= value / ((4.0 * root * root - 4.0 * square) * root - 8.0 * det);
+    }
+    for (int i = 0; i < 16; i++) A[i] = N[i] - (i % 5 ? 0.0 : last);
+    for (int i = 0; i < 4; i++) {
+        q[i] = fabs(cofactor(A, i, i));
+        if (q[i] > q[best]) best = i;
+    }
+    most = q[best];
+    if (!(most > 1e-4 * last * last * last)) return 1;
+    for (int i = 0; i < 4; i++) q[i] = cofactor(A, best, i), length += q[i] * q[i];
+    for (int i = 0; i < 4; i++) q[i] /= sqrt(length);
+    return 0;
+}
+
 /* Rotation R of a patch since rest that fits its nodes best, from M = sum (x - mean x) (X - mean X)^T: the quaternion of the largest
  * eigenvalue (Horn, Closed-form solution of absolute orientation using unit quaternions, 1987). */
 const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3] {
-    double M[3][3], V[16], (*const R)[3] = room->R[patch];
+    double M[3][3], V[16], q[4], (*const R)[3] = room->R[patch];
     if (room->turns[patch]) return (const double(*)[3])R;
     room->turns[patch] = 1;
     for (int a = 0; a < 9; a++)
@@ -49,11 +87,14 @@ const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3] {
         M[2][1] - M[1][2], M[0][0] - M[1][1] - M[2][2], M[0][1] + M[1][0], M[0][2] + M[2][0],
         M[0][2] - M[2][0], M[0][1] + M[1][0], M[1][1] - M[0][0] - M[2][2], M[1][2] + M[2][1],
         M[1][0] - M[0][1], M[0][2] + M[2][0], M[1][2] + M[2][1], M[2][2] - M[0][0] - M[1][1]};
-    jacobi(4, N, V);
-    int best = 0;
-    for (int i = 1; i < 4; i++)
-        if (N[5 * i] > N[5 * best]) best = i;
-    const double w = V[best], x = V[4 + best], y = V[8 + best], z = V[12 + best];
+    if (largest_vector((const double(*)[3])M, N, q)) {
+        int best = 0;
+        jacobi(4, N, V);
+        for (int i = 1; i < 4; i++)
+            if (N[5 * i] > N[5 * best]) best = i;
+        for (int i = 0; i < 4; i++) q[i] = V[4 * i + best];
+    }
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
     R[0][0] = w * w + x * x - y * y - z * z, R[0][1] = 2 * (x * y - w * z), R[0][2] = 2 * (x * z + w * y);
     R[1][0] = 2 * (x * y + w * z), R[1][1] = w * w - x * x + y * y - z * z, R[1][2] = 2 * (y * z - w * x);
     R[2][0] = 2 * (x * z - w * y), R[2][1] = 2 * (y * z + w * x), R[2][2] = w * w - x * x - y * y + z * z;
