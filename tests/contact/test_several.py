@@ -28,6 +28,9 @@ def test_each_point_meets_the_obstacle_that_is_nearest(shapes):
     alone = np.array([one.distance(points) for one in several.obstacles])
     np.testing.assert_allclose(distance, alone.min(axis=0), atol=1e-12)
     np.testing.assert_array_equal(which, alone.argmin(axis=0))
+    bounded = several.nearest(points, 2.0)
+    np.testing.assert_array_equal(bounded[0], np.minimum(distance, 2.0))
+    np.testing.assert_array_equal(bounded[1][distance < 2.0], which[distance < 2.0])
     frames = np.array([several.obstacles[i].frames(x[None])[0] for i, x in zip(which, points, strict=True)])
     np.testing.assert_allclose(several.frames(which, points), frames, atol=1e-12)
 

@@ -166,11 +166,25 @@ def _eliminate(J, by):
 
 def scaled(W: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """A and c of p = A lambda - c, None where a point does not yield."""
-    yields = np.diag(W).reshape(-1, 3).max(axis=1)
-    if not (np.isfinite(W).all() and (yields > 0).all()):
-        return None
-    rate = np.repeat(1.0 / yields, 3)
-    return np.eye(len(W)) - rate[:, None] * W, rate * free
+    A, constant, sound = _scaled(np.ascontiguousarray(W, float), np.ascontiguousarray(free, float))
+    return (A, constant) if sound else None
+
+
+@njit(cache=True, error_model="numpy")
+def _scaled(W, free):
+    A, constant = np.empty_like(W), np.empty_like(free)
+    for i in range(0, len(free), 3):
+        yields = max(W[i, i], W[i + 1, i + 1], W[i + 2, i + 2])
+        if not yields > 0:
+            return A, constant, False
+        for a in range(i, i + 3):
+            constant[a] = free[a] / yields
+            for b in range(len(free)):
+                A[a, b] = -W[a, b] / yields
+                if not np.isfinite(A[a, b]):
+                    return A, constant, False
+            A[a, a] += 1.0
+    return A, constant, True
 
 
 def normal_forces(W: np.ndarray, free: np.ndarray) -> np.ndarray | None:
@@ -233,7 +247,7 @@ def newton_with_object(
             share /= 2
         y, size = trial, np.abs(F).max()
         if size <= EXACT * max(np.abs(y[:n]).max(), np.abs(constant).max(), np.abs(problem.load).max()):
-            return _clean(y[:n].reshape(m, 3), mu), y[n:], iteration
+            return _clean(y[:n].reshape(m, 3), float(mu)), y[n:], iteration
     return None
 
 
@@ -259,16 +273,19 @@ def by_friction(p: np.ndarray, mu: float) -> np.ndarray:
     return found.ravel()
 
 
-def _clean(lam: np.ndarray, mu: float) -> np.ndarray:
-    """Forces of open points exactly 0, no friction beyond its limit by rounding."""
-    largest = np.abs(lam).max(initial=0.0)
-    lam = np.where(lam[:, :1] > EXACT * largest, lam, 0.0)
-    if mu == 0:
-        lam[:, 1:] = 0.0
-        return lam
-    length = np.sqrt(lam[:, 1] ** 2 + lam[:, 2] ** 2)
-    over = length > mu * lam[:, 0]
-    lam[over, 1:] *= (mu * lam[over, 0] / length[over])[:, None]
+@njit(cache=True, error_model="numpy")
+def _clean(lam, mu):
+    """Forces (m, 3) of open points become exactly 0; no friction is beyond its limit by rounding."""
+    least = 0.0
+    for i in range(len(lam)):
+        for a in range(3):
+            least = max(least, EXACT * abs(lam[i, a]))
+    for i in range(len(lam)):
+        if not lam[i, 0] > least:
+            lam[i] = 0.0
+        length, limit = np.sqrt(lam[i, 1] ** 2 + lam[i, 2] ** 2), mu * lam[i, 0]
+        if length > limit:
+            lam[i, 1:] *= limit / length
     return lam
 
 

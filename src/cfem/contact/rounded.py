@@ -31,9 +31,9 @@ class Boxes(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def nearest(boxes, points):
-    """(N,) mm from points (N, 3) mm to the nearest box, and (N,) its place among them."""
-    distance, which = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+def nearest(boxes, points, farthest):
+    """(N,) mm from points (N, 3) mm to the nearest box, `farthest` at most, and (N,) its place among them."""
+    distance, which = np.full(len(points), farthest), np.zeros(len(points), dtype=np.int64)
     normal = np.empty(3)
     for p in range(len(points)):
         x = points[p]

@@ -22,9 +22,10 @@ class Several:
     def of(cls, obstacles: "Sequence[Obstacle] | Several") -> "Several":
         return obstacles if isinstance(obstacles, cls) else cls(tuple(obstacles))
 
-    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N,) mm distance of points (N, 3) mm to the nearest obstacle, and (N,) its number."""
-        distance, place = rounded.nearest(self._boxes, np.ascontiguousarray(points, float))
+    def nearest(self, points: np.ndarray, farthest: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) mm distance of points (N, 3) mm to the nearest obstacle, and (N,) its number; `farthest` mm and any
+        number where none is as near as that."""
+        distance, place = rounded.nearest(self._boxes, np.ascontiguousarray(points, float), float(farthest))
         which = self._round[place] if len(self._round) else place
         for number in self._others:
             other = self.obstacles[number].distance(points)
@@ -42,11 +43,16 @@ class Several:
                 found[mine] = rounded.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return found
 
+    @cached_property
+    def curved(self) -> bool:
+        """Whether any has a curvature that `bends` knows."""
+        return bool(self._boxes.rounding.any())
+
     def bends(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(c, 3, 3) 1/mm: derivative of the normal by the place. 0 on flat faces, and at edges, where there is none."""
         found = np.zeros((len(points), 3, 3))
         for mine, place in self._groups(which):
-            if place is not None and self._boxes.rounding.any():
+            if place is not None:
                 found[mine] = rounded.bends(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return found
 

@@ -2,7 +2,6 @@
 
 import shutil
 from collections.abc import Sequence
-from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from cfem.contact.obstacle import Obstacle, Rounded
 from cfem.core.errors import InputError
 from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
-from cfem.predict.touchable import Touchable
+from cfem.predict.touchable import Touchable, triples
 
 SOURCES = Path(__file__).parent / "touch"
 CORE = (
@@ -101,11 +100,6 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
         "spread": spread.reshape(N, 9),
         "spread_by_row": np.ascontiguousarray(by_row.reshape(-1, N, 9).transpose(1, 2, 0)),
     }
-
-
-def triples(n: int) -> np.ndarray:
-    """(3, c) all i <= j <= k below n."""
-    return np.array(list(combinations_with_replacement(range(n), 3))).T
 
 
 def _obstacle(one: Obstacle) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 
 from cfem.predict import yielding
 from cfem.predict.beyond import slope
-from cfem.predict.chebyshev import basis
 from cfem.predict.touchable import NONE, Touchable
 from cfem.predict.yielding import Parts, loaded
 
@@ -28,7 +27,7 @@ class Held:
         skin, k = of.model.skin, len(of.model.skin)
         self.of, self.delta, self.unloaded = of, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
-        self._at = basis(of.in_box(delta), of.degrees)
+        self._at = of.basis(of.in_box(delta))
         self._D = (self._at @ of.bent_flat).reshape(k, -1, k)
         self.free = of.patches.rest + (of.flat @ self.unloaded).reshape(-1, 3)
         self._known: tuple[bytes, Parts] | None = None
@@ -83,13 +82,13 @@ class Held:
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
-        skin, w, terms = self.of.model.skin, self.w, len(self._at)
+        skin, w = self.of.model.skin, self.w
         if not len(self.chosen):
             return np.zeros(len(self.delta))
         more = self._loaded.modes
         found = w @ skin.gradient(self.delta, NONE) + more.first * skin.compliance_work(self.delta, NONE, w) / 2
-        third = self.of.bent_slopes.reshape(-1, len(w) ** 2, len(w)) @ w @ np.outer(w, w).ravel()
-        return found + more.second / 6 * (third.reshape(-1, terms) @ self._at)
+        series, (i, j, k), slopes = self.of.cubic
+        return found + more.second / 6 * (self._at @ slopes @ (series @ (w[i] * w[j] * w[k])))
 
     def _parts(self, chosen: np.ndarray) -> Parts:
         key = chosen.tobytes()

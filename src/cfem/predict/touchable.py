@@ -23,7 +23,7 @@ from cfem.condensed.patches import Patches, cut
 from cfem.contact.facing import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.patch_compliance import PatchResponse
-from cfem.predict.chebyshev import basis
+from cfem.predict.chebyshev import Basis, basis
 from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
 
@@ -95,6 +95,11 @@ class Touchable:
         return degrees(self.model.rows.n_a)[: len(self.by_fe.states)]
 
     @cached_property
+    def basis(self) -> Basis:
+        """Of these series, at what `in_box` gives."""
+        return Basis(self.degrees)
+
+    @cached_property
     def local(self) -> np.ndarray:
         """(N, N, terms, 3, 3) mm/N, series of L, rounded to single precision, as C has them: far below their error."""
         return np.ascontiguousarray(np.moveaxis(self._left[0], 0, 2)).astype(np.float32).astype(float)
@@ -146,14 +151,17 @@ class Touchable:
         return np.ascontiguousarray(self.bent[..., -len(self.model.skin) :]).reshape(len(self.degrees), -1)
 
     @cached_property
-    def bent_slopes(self) -> np.ndarray:
-        """(n_a, terms, k, k, k) mm/N^2 a mm: of its rows, derivatives by delta_a."""
+    def cubic(self) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
+        """Of the series of rows' bent[w, w, w], a symmetric cubic form: coefficients (terms, c) mm/N^2, the three modes
+        (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
         from cfem.predict.series import input_derivatives
 
-        (low, high), k = self.model.domain.delta_a, len(self.model.skin)
+        (low, high), n_e = self.model.domain.delta_a, self.model.rows.n_e
+        i, j, k = triples(len(self.model.skin))
+        orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
-        flat = self.bent[:, :, -k:, -k:].reshape(len(self.degrees), -1)
-        return np.stack([(one @ flat).reshape(-1, k, k, k) for one in by_delta])
+        slopes = np.stack([one.toarray() for one in by_delta])
+        return orders * self.bent[:, i, n_e + j, n_e + k], (i, j, k), slopes
 
     @cached_property
     def _inverse(self) -> np.ndarray:
@@ -175,6 +183,11 @@ def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
     half = np.einsum("pai,pijk->pajk", R, of)
     half[..., :3] = half[..., :3] @ R.swapaxes(1, 2)[:, None]
     return np.einsum("pbj,pajk->pabk", R, half)
+
+
+def triples(n: int) -> np.ndarray:
+    """(3, c) all i <= j <= k below n."""
+    return np.array(list(combinations_with_replacement(range(n), 3))).T
 
 
 def degrees(n_a: int) -> np.ndarray:

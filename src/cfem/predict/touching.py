@@ -26,6 +26,7 @@ ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
 MOST = 30  # patches that may touch at once
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
+FAR = 0.1  # of the length: no distance is larger, as none is asked
 NEAR = 0.005  # of the length: farther patches that bear nothing are forgotten between steps
 
 
@@ -107,7 +108,7 @@ class _Step:
                 self.stuck = np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
                 self._sticks[before.patches] = [mode is Mode.STICK for mode in before.modes]
         self.places = held.places()
-        self.distance, self.which = around.nearest(self.places)
+        self.distance, self.which = around.nearest(self.places, FAR * self.length)
         self.distance[held.of.held_still] = np.inf
 
     @property
@@ -152,8 +153,10 @@ class _Step:
         if self.mu:
             gap = (into @ (places - self.stuck[self.chosen])[:, :, None])[:, :, 0]
         gap[:, 0] = self.distance[self.chosen]
-        turns = np.where(self._sticks[self.chosen], 0.0, known[:, 0])[:, None, None] * self.around.bends(which, places)
-        softer = turned(yields, turns) if turns.any() else None
+        softer = None
+        if self.around.curved:
+            turns = np.where(self._sticks[self.chosen], 0.0, known[:, 0])
+            softer = turned(yields, turns[:, None, None] * self.around.bends(which, places)) if turns.any() else None
         answer = None if softer is None else pressed(softer[0], gap, into, known, self.mu)
         if answer is None:
             softer, answer = None, pressed(yields, gap, into, known, self.mu)
@@ -171,7 +174,7 @@ class _Step:
         """To where `forces` bring the patches. True where the law holds there too, with the frames there, in
         which the forces are then."""
         chosen, mu, held = self.chosen, self.mu, self.held
-        sticks = np.array([mode is Mode.STICK for mode in self.modes], dtype=bool)
+        sticks = self._stick() if mu else np.zeros(0, dtype=np.int64)
         self._sticks[:] = False
         self._sticks[chosen[sticks]] = True
         held.bear(chosen, forces)
@@ -184,7 +187,7 @@ class _Step:
         off[::3] = np.maximum(np.abs(off[::3]), np.where(local[:, 0] > 0, np.abs(self.distance[chosen]), 0.0))
         if np.abs(off).max() > TOLERANCE * self.length or self.distance.min() < -OVERLAP * self.length:
             return False
-        if sticks.any():
+        if len(sticks):
             pressing = (into[sticks] @ forces[sticks, :, None])[:, :, 0]
             beyond = np.hypot(pressing[:, 1], pressing[:, 2]) - mu * pressing[:, 0]
             if beyond.max() > TOLERANCE * np.abs(forces).max():
@@ -192,6 +195,10 @@ class _Step:
         if not np.array_equal(there, forces):
             held.bear(chosen, there)
         return True
+
+    def _stick(self) -> np.ndarray:
+        """Which of the chosen patches stick."""
+        return np.array([i for i, mode in enumerate(self.modes) if mode is Mode.STICK], dtype=np.int64)
 
     def _look(self, farthest: float) -> None:
         """How far the patches are, none of which has moved by more than `farthest` mm along an axis: those that cannot
@@ -205,9 +212,8 @@ class _Step:
         """Where friction holds patches from here on."""
         holds = np.full_like(self.stuck, np.nan)
         if self.mu and self.modes:
-            sticks = np.array([mode is Mode.STICK for mode in self.modes], dtype=bool)
-            stay, slide = self.chosen[sticks], self.chosen[~sticks & self.forces.any(axis=1)]
-            holds[stay], holds[slide] = self.stuck[stay], self.places[slide]
+            bears, stay = self.chosen[self.forces.any(axis=1)], self.chosen[self._stick()]
+            holds[bears], holds[stay] = self.places[bears], self.stuck[stay]
         self.stuck = holds
 
     def result(self, status: TouchedStatus) -> Touched:
