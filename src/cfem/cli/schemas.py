@@ -1,6 +1,7 @@
 """JSON Schemas of the specs, from the same models that validate them."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 from cfem.core.errors import GateError
@@ -9,6 +10,7 @@ from cfem.core.kinds import KINDS, model_of
 from cfem.core.spec import json_schema
 
 
+@cache
 def schema_of(kind: str) -> str:
     """Its text."""
     return json.dumps(json_schema(model_of(kind)), indent=1, sort_keys=True) + "\n"

@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -79,6 +80,7 @@ def described(model: type[BaseModel]) -> dict[str, str]:
     return {name: text for one in bases for name, text in _own_strings(one).items() if name in model.model_fields}
 
 
+@cache
 def _own_strings(model: type[BaseModel]) -> dict[str, str]:
     body = ast.parse(textwrap.dedent(inspect.getsource(model))).body[0].body
     return {
