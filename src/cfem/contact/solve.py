@@ -20,7 +20,7 @@ from cfem.contact.path import along_friction
 from cfem.contact.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
-SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices, each from few starts
+SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices; so few, each from few starts
 INDEFINITE = 1e-9  # of the largest eigenvalue of a compliance: how negative rounding may make the smallest
 _PIVOTS = 12
 
@@ -83,7 +83,8 @@ def solve_contact(
         return _answer(problem, [state], ContactStatus.SOLVED, tried)
     total = len(modes_of(problem, law)) ** problem.m
     limit = total if problem.m <= MOST else min(budget if problem.m <= SEARCHED else FEW, total)
-    state, searched = _search(problem, law, understood(problem, law, guess), limit)
+    quick = problem.m > MOST and limit <= FEW
+    state, searched = _search(problem, law, understood(problem, law, guess), limit, quick)
     if state is not None:
         return _answer(problem, [state], ContactStatus.SOLVED, tried + searched)
     return _answer(problem, [], ContactStatus.NONE if searched == total else ContactStatus.BUDGET, tried + searched)
@@ -183,14 +184,16 @@ def _others(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: M
     return understood(problem, law, changed)
 
 
-def _search(problem: ContactProblem, law: Law, start: tuple[Mode, ...], limit: int) -> tuple[ContactState | None, int]:
+def _search(
+    problem: ContactProblem, law: Law, start: tuple[Mode, ...], limit: int, quick: bool
+) -> tuple[ContactState | None, int]:
     """Best first: the neighbours of the least violated choice, its violated points' before the others'."""
     known = modes_of(problem, law)
     queue: list[tuple[float, int, tuple[Mode, ...]]] = [(0.0, 0, start)]
     queued, order, tried = {start}, 0, 0
     while queue and tried < limit:
         _, _, modes = heappop(queue)
-        found = solve_mode(problem, law, modes, quick=problem.m > SEARCHED)
+        found = solve_mode(problem, law, modes, quick=quick)
         tried += 1
         if found.valid:
             return _state(problem, law, modes, found), tried
