@@ -15,7 +15,7 @@ from cfem.robot.spec import SceneSpec, scene_meaning
 if TYPE_CHECKING:
     from cfem.control.prepared import Prepared
 
-VERSION = 5
+VERSION = 6
 
 
 def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:

@@ -25,7 +25,7 @@ NONE = 1e-9  # N: a cable that pushes by less does not
 
 @dataclass(frozen=True)
 class LegState:
-    """As `Equilibrium` has it. slack (n_a,): cables that carry nothing."""
+    """As `Equilibrium` has it. slack (n_a,): cables that carry nothing; ratio: `Loaded.ratio`."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -34,6 +34,7 @@ class LegState:
     slack: np.ndarray
     converged: bool = True
     factorizations: int = 0
+    ratio: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,9 @@ class LearnedLeg:
             delta_a = np.where(slack, delta_a, target)
         else:
             return LegState(delta_a, now.lam, now.e, f, slack, False), now.C
-        C, G = now.C, now.G[:, slack]
-        return LegState(delta_a, now.lam, now.e, f, slack), C + G @ np.linalg.solve(now.K[np.ix_(slack, slack)], G.T)
+        G = now.G[:, slack]
+        C = now.C + G @ np.linalg.solve(now.K[np.ix_(slack, slack)], G.T)
+        return LegState(delta_a, now.lam, now.e, f, slack, ratio=now.ratio), C
 
 
 def held_by(model: Predictor, where: Path | None = None) -> Callable[[np.ndarray], Held]:

@@ -8,7 +8,7 @@ import pytest
 from cfem.control.crawling.course import Course, headline, judged
 from cfem.control.crawling.crawler import crawler_of
 from cfem.control.crawling.gait import Gait
-from cfem.core.errors import SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.predict.leg import LearnedLeg
 from cfem.predict.wrench_series import Held
 
@@ -23,7 +23,8 @@ def held(a):
 def spec(**changes):
     base = SimpleNamespace(centre=[0.0, 0, 2], half_size=[3.0, 3, 2], weight=1.0, pads=0.01)
     ground = SimpleNamespace(point=[0.0, 0, 0], normal=[0.0, 0, 1], friction=0.5)
-    whole = {"base": base, "ground": ground, "direction": [1.0, 0, 0], "pulls": (0.0, 1.0), "steps": 8, "cycles": 3}
+    whole = {"base": base, "ground": ground, "direction": [1.0, 0, 0], "pulls": (0.0, 1.0), "steps": 8, "cycles": 2}
+    whole["distance"] = None
     return SimpleNamespace(**(whole | changes))
 
 
@@ -81,20 +82,47 @@ def test_a_crawler_that_does_not_stand_on_the_ground_is_refused(changes, said):
         crawler(spec(ground=ground))
 
 
+ROWS = Gait(np.array([0.5, 0.45]), np.array([0.5, 0.35]), np.array([0.0, 0.25]))
+
+
 def test_a_course_walks_a_gait_and_tells_of_it():
-    course = Course(spec(), [False, False], 2)
-    gait = Gait(np.array([0.5, 0.45]), np.array([0.5, 0.35]), np.array([0.0, 0.25]))
-    one = crawler()
-    walks = {name: course.walk(one, gait) for name in ("planned", "fe")}
-    far = {name: walk.per_cycle(8, course.direction) for name, walk in walks.items()}
-    account = {"commands": 24, "points": {"stick": 3}, "law_residual": 1e-9}
-    lines = headline(far, [course.at_friction(0.8, gait, one, one)], walks, account, 0.5)
-    assert "0 % apart, friction 0.5" in lines[0] and lines[1].startswith("friction 0.8: ")
+    course, one = Course(spec(), [False, False], 2), crawler()
+    planned = course.plan(one, ROWS)
+    assert len(planned.commands) == 16
+    account = {"commands": 16, "points": {"stick": 3}, "law_residual": 1e-9}
+    far = dict.fromkeys(("planned", "fe"), course.far(planned))
+    sweep, walks = [course.at_friction(0.8, ROWS, one, one)], {"planned": planned, "fe": planned}
+    lines = headline(far, course.unit, sweep, walks, account, 0.5, 0)
+    assert "mm a cycle planned" in lines[0] and "0 % apart, friction 0.5" in lines[0] and "OUTSIDE" not in lines[0]
+    assert lines[1].startswith("friction 0.8: ")
+    said = headline(far, course.unit, sweep, walks, account, 0.5, 3)
+    assert said[0].endswith("3 of 16 plans OUTSIDE what the model was trained on")
+
+
+def test_a_stated_distance_is_walked_and_no_command_more():
+    course, one = Course(spec(distance=0.3), [False, False], 2), crawler()
+    planned = course.plan(one, ROWS)
+    gone = (planned.base - planned.base[0]) @ course.direction
+    assert gone[-1] >= 0.3 > gone[:-1].max() and course.unit == "mm"
+    assert course.far(planned) == gone[-1]
+    np.testing.assert_array_equal(course.repeat(one, planned).base, planned.base)
+
+
+def test_a_distance_that_the_gait_does_not_go_is_refused(monkeypatch):
+    monkeypatch.setattr("cfem.control.crawling.course.MOST", 1)
+    course = Course(spec(distance=30.0), [False, False], 2)
+    with pytest.raises(NumericalError, match="in 1 cycles, not 30 mm"):
+        course.plan(crawler(), ROWS)
 
 
 @pytest.mark.parametrize(
     ("fe", "said"), [(1.9, None), (-0.1, "finite elements go -0.1 mm"), (np.nan, "finite elements do not finish")]
 )
 def test_a_plan_that_finite_elements_do_not_walk_is_called_poor(fe, said):
-    found = judged({"planned": 2.0, "fe": fe})
+    found = judged({"planned": 2.0, "fe": fe}, "mm a cycle")
     assert (said is None and not found) or said in found[0]["what"]
+
+
+def test_a_leg_near_buckling_is_called_poor():
+    said = judged({"planned": 2.0, "fe": 2.0}, "mm", ratio=0.6)
+    assert len(said) == 1 and "buckling" in said[0]["what"]

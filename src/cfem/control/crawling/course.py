@@ -15,9 +15,11 @@ from cfem.core.errors import NumericalError
 from cfem.core.judgement import poor
 from cfem.core.progress import doing, progress
 from cfem.equilibrium.quasi_static import CONVERGED
+from cfem.predict.wrench_series import NEAR
 
 APART = 0.2  # of the planned distance a cycle: a plan that is wrong by more says nothing
 FEW = 2  # cycles that judge a gait, and that are walked at other coefficients of friction
+MOST = 100  # cycles that a stated distance may need
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,35 @@ class Course:
             raise NumericalError(what, do="allow larger gait.pulls, more evaluations, another weight or friction")
         return best
 
+    def plan(self, learned: Crawler, gait: Gait) -> Walk:
+        """The walk that finite elements are to repeat. NumericalError where a stated distance is not gone."""
+        spec, way = self.spec, self.direction
+        if spec.distance is None:
+            return self.walk(learned, gait)
+        u = commands_of(gait, self.mirrored, tuple(spec.pulls), spec.steps, MOST)
+        doing(f"walking {spec.distance:g} mm")
+        start = learned.centre
+        found = learned.walk(u, spec.ground.friction, lambda base: float((base - start) @ way) >= spec.distance)
+        if found.status == CONVERGED and not found.gone(way) >= spec.distance:
+            what = f"the gait goes {found.gone(way):.3g} mm in {MOST} cycles, not {spec.distance:g} mm"
+            raise NumericalError(what, where="gait.distance", do="take a smaller one, or more evaluations")
+        return found
+
+    def repeat(self, fe: Crawler, planned: Walk) -> Walk:
+        """By finite elements."""
+        doing(f"walking {len(planned.commands)} commands by finite elements")
+        return fe.walk(planned.commands, self.spec.ground.friction)
+
+    def far(self, walk: Walk) -> float:
+        """What judges it: mm since rest where the spec states a distance, else mm a cycle."""
+        if self.spec.distance is None:
+            return walk.per_cycle(self.spec.steps, self.direction)
+        return walk.gone(self.direction)
+
+    @property
+    def unit(self) -> str:
+        return "mm a cycle" if self.spec.distance is None else "mm"
+
     def at_friction(self, friction: float, gait: Gait, learned: Crawler, fe: Crawler) -> dict[str, Any]:
         """mm a cycle, planned and by finite elements, of the same gait."""
         walks = [self.walk(one, gait, FEW, friction) for one in (learned, fe)]
@@ -72,27 +103,40 @@ def account_of(walk: Walk) -> dict[str, Any]:
     return {"commands": len(walk.commands), "points": dict(points), "law_residual": worst, "status": walk.status}
 
 
-def judged(far: Mapping[str, float]) -> list[dict[str, Any]]:
-    """Whether finite elements go as far as the plan: nobody should trust it otherwise."""
+def judged(far: Mapping[str, float], unit: str, ratio: float = 0.0) -> list[dict[str, Any]]:
+    """Whether finite elements go as far as the plan, nobody should trust it otherwise, and whether the legs bear what
+    they carry: ratio, the largest of `cfem.predict.wrench_series.Loaded.ratio` in the plan."""
     planned, fe = far["planned"], far["fe"]
-    if abs(fe - planned) <= APART * abs(planned):
-        return []
-    found = "do not finish the gait" if np.isnan(fe) else f"go {fe:.2g} mm a cycle"
-    return [poor(f"the plan of the gait does not hold: it goes {planned:.2g} mm a cycle, finite elements {found}")]
+    found = []
+    if not abs(fe - planned) <= APART * abs(planned):
+        gone = "do not finish the gait" if np.isnan(fe) else f"go {fe:.2g} {unit}"
+        found.append(poor(f"the plan of the gait does not hold: it goes {planned:.2g} {unit}, finite elements {gone}"))
+    if ratio > NEAR:
+        found.append(poor("a leg is nearer to buckling under what it carries than the model can know"))
+    return found
 
 
 def headline(
-    far: Mapping[str, float], sweep: Sequence[Mapping], walks: Mapping[str, Walk], account: Mapping, friction: float
+    far: Mapping[str, float],
+    unit: str,
+    sweep: Sequence[Mapping],
+    walks: Mapping[str, Walk],
+    account: Mapping,
+    friction: float,
+    outside: int,
 ) -> list[str]:
-    """For people."""
+    """For people. outside: planned states that are not like those that the model was trained on."""
     planned, fe = walks["planned"], walks["fe"]
     n = min(len(planned.base), len(fe.base))
     apart = float(np.linalg.norm(planned.base[:n] - fe.base[:n], axis=1).max())
     missed = 100 * abs(far["fe"] / far["planned"] - 1)
-    lines = [
-        f"gait: {far['planned']:.3g} mm a cycle planned, {far['fe']:.3g} mm by finite elements ({missed:.2g} % apart, "
+    line = (
+        f"gait: {far['planned']:.3g} {unit} planned, {far['fe']:.3g} mm by finite elements ({missed:.2g} % apart, "
         f"friction {friction:g}); the base is {apart:.2g} mm from the plan at most"
-    ]
+    )
+    if outside:
+        line += f"; {outside} of {len(planned.commands)} plans OUTSIDE what the model was trained on"
+    lines = [line]
     for one in sweep:
         lines.append(f"friction {one['friction']:g}: {one['planned']:.3g} mm a cycle planned, {one['fe']:.3g} mm by FE")
     points = ", ".join(f"{count} {mode}" for mode, count in sorted(account["points"].items()))

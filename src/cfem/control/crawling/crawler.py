@@ -1,6 +1,6 @@
 """The crawler: legs, learned or finite elements, on one rigid base, and the ground that moves under it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -41,6 +41,10 @@ class Walk:
             return float("nan")
         return float((self.base[cycles * steps] - self.base[steps]) @ direction) / (cycles - 1)
 
+    def gone(self, direction: np.ndarray) -> float:
+        """mm along `direction` since rest; NaN where it ended before."""
+        return float((self.base[-1] - self.base[0]) @ direction) if self.status == CONVERGED else float("nan")
+
 
 @dataclass(frozen=True)
 class Crawler:
@@ -51,8 +55,9 @@ class Crawler:
     ground: Ground
     centre: np.ndarray
 
-    def walk(self, commands: np.ndarray, mu: float) -> Walk:
-        """Carries out commands (n, legs n_a) mm from rest, in quasi-static steps."""
+    def walk(self, commands: np.ndarray, mu: float, enough: Callable[[np.ndarray], bool] | None = None) -> Walk:
+        """Carries out commands (n, legs n_a) mm from rest, in quasi-static steps, until one after which the base
+        is where it is `enough`."""
         at, last = np.zeros(commands.shape[1]), None
         touches, places, turns, least, seconds = [], [self.centre], [np.eye(3)], [], []
 
@@ -76,6 +81,8 @@ class Crawler:
             places.append(last.around.base_at(self.centre[None])[0])
             turns.append(last.around.R.T)
             least.append(min(one.lambda_a.min() for one in last.solved[:-1]))
+            if enough is not None and enough(places[-1]):
+                break
         done = np.array(commands[: len(touches)])
         return Walk(done, np.array(places), np.array(turns), np.array(least), tuple(touches), np.array(seconds), status)
 

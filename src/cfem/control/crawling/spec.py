@@ -6,7 +6,7 @@ from pydantic import Field, PositiveInt, model_validator
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import Force, LengthRange, Point
+from cfem.core.units import Force, Length, LengthRange, Point
 from cfem.robot.selection import Direction
 
 Friction = Annotated[float, Field(ge=0)]
@@ -53,6 +53,9 @@ class GaitSpec(Spec):
     """Commands in a cycle."""
     cycles: Annotated[int, Field(ge=2)] = 3
     """Cycles that are walked. The first is left out of the distance per cycle."""
+    distance: Annotated[Length, Field(gt=0)] | None = None
+    """How far it should go along the direction, from rest. It then walks as many commands as the model needs for that,
+    whatever `cycles` says."""
     evaluations: PositiveInt = 150
     """Gaits that are tried on the model."""
     frictions: list[Friction] = []

@@ -42,18 +42,22 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     learned = crawler_of(gait, [LearnedLeg(held, robot.unilateral, rest, *place) for place in places], names)
     on = Course(gait, [one in gait.mirrored for one in names], robot.rows.n_a)
     best = on.best(learned)
-    walks = {"planned": on.walk(learned, best), "fe": on.walk(fe, best)}
-    far = {key: one.per_cycle(gait.steps, on.direction) for key, one in walks.items()}
+    planned = on.plan(learned, best)
+    walks = {"planned": planned, "fe": on.repeat(fe, planned)}
+    far = {key: on.far(one) for key, one in walks.items()}
     sweep = [on.at_friction(other, best, learned, fe) for other in gait.frictions]
-    rows = _records(name, walks["planned"], walks["fe"], spec.reached, model)
+    rows = _records(name, planned, walks["fe"], spec.reached, model)
+    outside = sum(not row["inside"] for row in rows)
+    ratio = max((one.ratio for touch in planned.touches for one in touch.solved[:-1]), default=0.0)
     _write(folder / "trajectories.parquet", rows, robot, names, fe.centre)
     np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], places, robot, gait))
     account = account_of(walks["fe"])
     return {
-        KEY: judged(far),
-        "headline": headline(far, sweep, walks, account, gait.ground.friction),
+        KEY: judged(far, on.unit, ratio),
+        "headline": headline(far, on.unit, sweep, walks, account, gait.ground.friction, outside),
         "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
-        "per_cycle": far,
+        "per_cycle": {key: one.per_cycle(gait.steps, on.direction) for key, one in walks.items()},
+        "distance": {key: one.gone(on.direction) for key, one in walks.items()},
         "frictions": sweep,
         "contact": account,
         "trajectories": {"gait": summarise(rows, robot.length)},
@@ -81,7 +85,7 @@ def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> 
         there = index < len(fe.commands)
         goal, x = planned.base[index + 1], fe.base[index + 1] if there else np.full(3, nan)
         error = float(np.linalg.norm(x - goal))
-        states = [model.at_displacement(part) for part in np.split(u, len(planned.touches[0].solved) - 1)]
+        states = [model.at_displacement(leg.delta_a) for leg in planned.touches[index].solved[:-1]]
         rows.append(
             {
                 "trajectory": "gait",
@@ -125,7 +129,7 @@ def _write(path: Path, rows: list[dict], robot: Robot, names: Sequence[str], cen
 def _pictures(fe: Crawler, walk: Walk, places: Sequence[Place], robot: Robot, gait: GaitSpec) -> dict[str, np.ndarray]:
     """Shapes of legs and base over the ground, as open-loop control keeps them; base and ground are the last nodes."""
     mesh, surface = robot.body.mesh, np.unique(robot.facets)
-    box, facets = box_surface(gait.base.centre, gait.base.half_size, mesh.facets.shape[1])
+    box, facets = box_surface(gait.base.centre, gait.base.half_size, robot.facets.shape[1])
     local = np.searchsorted(surface, robot.facets)
     legs = len(places)
     all_facets = [local + i * len(surface) for i in range(legs)] + [facets + legs * len(surface)]
