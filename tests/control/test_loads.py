@@ -10,6 +10,7 @@ import cfem
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.load import load_model
+from cfem.predict.load_spec import LoadSpec, loads_of
 from cfem.predict.loaded import loaded
 
 LOADS = {"tip": {"force": {"N": [0.0, 0.02, -0.01]}}}
@@ -68,28 +69,27 @@ def test_an_export_under_loads_is_the_loaded_model(bar):
 
 
 def test_a_force_on_a_patch_is_tracked(bar):
-    """And a payload that is stuck onto one, beside a push on the tip."""
+    """To the second order of the force, as finite elements at a few states, kept beside the model, tell it."""
     found = cfem.run_stage("control", control(bar, "pushed", loads=PUSH))
-    assert results(found) < 0.03
-    stuck = {"stone": {"at": {"mm": [50, 5, 0]}, "radius": "6 mm", **PAYLOAD["tip"]}, **LOADS}
-    found = cfem.run_stage("control", control(bar, "stuck", loads=stuck))
-    assert results(found) < 0.05 < 2 * found["results"]["load_error"]
+    assert results(found) < 0.002 and found["results"]["load_error"] < 0.01
+    assert len(list((bar / "models" / "bar").glob("loads-*.npz"))) == 1
 
 
 def test_c_is_python_under_forces_on_patches(bar):
     """Also the skin, of arrays; and control takes the export under the same loads alone."""
     loads = {**PUSH, **LOADS}
-    more = {"formats": ["arrays", "c"], "shape": True, "loads": loads}
+    more = {"formats": ["arrays", "c"], "shape": True, "loads": loads, "scene": "scene.yaml"}
     folder = exported(bar, "export-pushed", **more)
     parity = json.loads((folder / "model.json").read_text())["parity"]
     assert parity["arrays"] == 0.0 and parity["c"] < 1e-12 and parity["c shape"] < 1e-6
     model, trained = load_model(folder), load_model(bar / "models" / "bar" / "spectral")
     mine = loaded(trained, model.meta["wrench"], [PatchLoad(**one) for one in model.meta["patch_loads"]])
     for delta in ([0.5], [3.0]):
-        assert np.array_equal(model.at_displacement(delta).delta, mine.at_displacement(delta).delta)
+        apart = np.linalg.norm(model.at_displacement(delta).delta_e - mine.at_displacement(delta).delta_e)
+        assert 1e-4 < apart < 0.1  # what finite elements add, as the export has named the scene
         assert np.allclose(model.shape(delta), mine.shape(delta), rtol=0, atol=1e-12)
     path = "../../models/bar/export-pushed"
-    assert results(cfem.run_stage("control", control(bar, "again", model=path, loads=loads))) < 0.05
+    assert results(cfem.run_stage("control", control(bar, "again", model=path, loads=loads))) < 0.002
     said = r"exported under loads of 0, 0.02, -0.01 on .* and 0, 0.02, -0.01 N on 'push' at \(36, 0, 5\) mm, radius 6"
     with pytest.raises(InputError, match=said):
         cfem.run_stage("control", control(bar, "other", model=path, loads=LOADS))
@@ -130,7 +130,13 @@ def test_a_load_that_the_model_cannot_take_names_the_model(bar):
 
 
 def test_both_ways_of_stating_a_weight_agree():
-    from cfem.predict.load_spec import LoadSpec
-
     weight = LoadSpec.model_validate(PAYLOAD["tip"]).newtons()
     assert np.allclose(weight, [0, 2e-3 * 9.81, 0], rtol=1e-12)
+
+
+def test_a_payload_may_hang_on_a_patch():
+    place = {"at": {"mm": [50, 5, 0]}, "radius": "6 mm"}
+    loads = {"stone": LoadSpec.model_validate(place | PAYLOAD["tip"]), "tip": LoadSpec.model_validate(LOADS["tip"])}
+    forces, (stone,) = loads_of(loads, {})
+    assert list(forces) == ["tip"]
+    assert stone.same(PatchLoad([50, 5, 0], 6.0, [0, 2e-3 * 9.81, 0])) and stone.name == "stone"

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.spec import meaning
-from cfem.core.stage import artefact_content
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
@@ -24,9 +22,8 @@ from cfem.predict.meeting import PlacedModel
 from cfem.predict.obstacle_spec import RobotObstacle
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.load import load_scene_and_mesh, made_from
 from cfem.robot.same import demand_robot
-from cfem.robot.spec import scene_meaning
 
 STOPS = 21  # places of a way that are looked at
 INSIDE = 1e-6  # of the length: how far the robot may reach into an obstacle at rest
@@ -122,10 +119,6 @@ def among(
     top = [np.inf if one.largest_force is None else one.largest_force for one in mine]
     bounds = np.array([[-np.inf, one] for one in top] + [[one.avoid, np.inf] for one in far]).reshape(-1, 2)
     return World(first.rows, goal, weights, bounds), found, plant
-
-
-def made_from(scene: Path, mesh: Path) -> dict[str, Any]:
-    return {"scene": scene_meaning(scene), "mesh": artefact_content(mesh)}
 
 
 def other_robot(spec: ControlSpec, one: RobotObstacle, base: Path, name: str) -> tuple[PlacedModel, Skinned, Bending]:

@@ -1,6 +1,6 @@
 """Constant loads in control: the learned models take them, and the FE robot carries them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,20 +8,31 @@ import numpy as np
 from cfem.constraint.patch import PatchLoad
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import InputError
+from cfem.equilibrium.patch_effectors import PatchYield
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_plant import pushed
 from cfem.predict.at_parameters import AtParameters
+from cfem.predict.kept_patches import yield_of
 from cfem.predict.load_spec import loads_of
 from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.protocol import Predictor
+from cfem.robot.load import made_from
 
 
 def carrying(
-    spec: ControlSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
+    spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[Robot, dict[str, Predictor]]:
     """Robot and models under the loads of the spec. A model that was exported under loads must have the same.
     InputError where a model cannot take them."""
-    found = {name: _under(*_loads(spec, robot), model, str(models[name])) for name, model in predictors.items()}
+    wrench, patches = _loads(spec, robot)
+    made_of = made_from(base / spec.scene, base / spec.mesh) if patches else {}
+    found = {}
+    for name, model in predictors.items():
+
+        def by_fe(model: Predictor = model, folder: Path = models[name]) -> PatchYield | None:
+            return yield_of(model, folder, robot, made_of, patches) if patches else None
+
+        found[name] = _under(wrench, patches, model, str(models[name]), by_fe)
     return under_loads(spec, robot), found
 
 
@@ -37,7 +48,11 @@ def _loads(spec: ControlSpec, robot: Robot) -> tuple[np.ndarray, tuple[PatchLoad
 
 
 def _under(
-    wrench: np.ndarray, patches: tuple[PatchLoad, ...], model: Predictor | AtParameters, where: str
+    wrench: np.ndarray,
+    patches: tuple[PatchLoad, ...],
+    model: Predictor | AtParameters,
+    where: str,
+    by_fe: Callable[[], PatchYield | None],
 ) -> Predictor | AtParameters:
     meta = (model.predictor if isinstance(model, AtParameters) else model).meta
     if meta.get("wrench") is not None:
@@ -50,7 +65,7 @@ def _under(
     if not wrench.any() and not patches:
         return model
     try:
-        return loaded(model, wrench, patches)
+        return loaded(model, wrench, patches, by_fe())
     except InputError as error:
         raise InputError(error.what, where=where, do=error.do) from None
 

@@ -67,7 +67,7 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
         plant = touched or fem
     else:
         demand_same_rows(robot, predictors, models)
-        robot, predictors = carrying(spec, robot, predictors, models)
+        robot, predictors = carrying(spec, base, robot, predictors, models)
         fem, error = FemPlant(robot) if spec.plant == "fem" else None, _load_error(spec, predictors)
         rest_e = robot.rest_e
         if spec.obstacles:

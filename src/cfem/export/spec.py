@@ -128,7 +128,8 @@ class ExportSpec(Spec):
     model: Path
     """Folder of `cfem train`."""
     scene: Path | None = None
-    """For formats c and html: the scene whose stated pressures bound the multipliers, and whose surface touches."""
+    """For formats c and html: the scene whose stated pressures bound the multipliers, and whose surface touches. For
+    loads on patches: the scene of which these are solved, to the second order of the force."""
     skin: Path | None = None
     """For format html: folder of a model of the same robot whose skin is drawn. The model's own unless given."""
     out: Path

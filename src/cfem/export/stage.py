@@ -16,23 +16,12 @@ from cfem.core.shown import size
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.export.embedding import Embedding, embedding, write_embedded
+from cfem.export.loads import solves_patches, under_loads
 from cfem.export.skin import write_row_skin, write_skin
 from cfem.export.spec import ExportSpec
 from cfem.motion import load as motion
 from cfem.predict import serial_skin
-from cfem.predict.load import (
-    VECTORS,
-    build,
-    has_file,
-    has_skin,
-    read_arrays,
-    read_meta,
-    read_model,
-    read_vectors,
-    with_skin,
-)
-from cfem.predict.load_spec import loads_of
-from cfem.predict.loaded import loaded, wrench_of
+from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
 from cfem.predict.loaded_skin import skin_under_loads_of
 from cfem.predict.skin import FILE
 from cfem.robot.same import demand_robot
@@ -63,16 +52,17 @@ def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Op
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
     spec, base = load_spec(spec_path, ExportSpec, overrides), spec_path.parent
     touches, inputs = "c" in spec.formats and bool(spec.c.obstacles), {"model": base / spec.model}
+    solves = touches or solves_patches(spec)
     if spec.skin:
         inputs["skin"] = base / spec.skin
-    if touches:
+    if solves:
         scene = base / spec.scene
         inputs["mesh"] = scene.parent / load_spec(scene, SceneSpec).out
 
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)
         found: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}
-        if touches:
+        if solves:
             found["scene"] = scene_meaning(base / spec.scene)
         return found | ({"embedding": plain(vars(_embedding(spec, base)))} if chosen else {})
 
@@ -127,7 +117,7 @@ def work(
     meta, arrays = read_model(model_folder)
     vectors = read_vectors(model_folder, meta)
     if spec.loads:
-        meta, arrays, vectors = _under_loads(spec, meta, arrays, vectors, model_folder)
+        meta, arrays, vectors = under_loads(spec, meta, arrays, vectors, model_folder, scene)
     write_npz(folder / VECTORS, vectors)
     page_bytes = None
     if "html" in spec.formats:
@@ -247,24 +237,6 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
     filtered = write_c_swing(folder, made, spec.c, load_motion(model_folder))
     return parity | ({"c swing": swing_parity(folder, filtered, 1 / own.rate)} if compiler() else {})
-
-
-def _under_loads(spec: ExportSpec, meta: dict, arrays: dict, vectors: dict, folder: Path) -> tuple[dict, dict, dict]:
-    """The model under the loads of the spec, and what it gives at the test inputs. InputError where it has loads
-    already, or cannot take these."""
-    where = str(spec.model)
-    if meta.get("wrench") is not None:
-        raise InputError("carries loads already", where=where, do="export the trained model")
-    trained = with_skin(build(meta, arrays), folder)
-    forces, patches = loads_of(spec.loads, meta.get("masses", {}))
-    try:
-        model = loaded(trained, wrench_of(trained.rows, forces), patches)
-    except InputError as error:
-        raise InputError(error.what, where=where, do=error.do) from None
-    kept = [i for i, one in enumerate(trained.parameters) if not one.exact]
-    p = vectors["p"][:, kept]
-    W, delta_free = model.evaluate(vectors["s"], p if kept else None)
-    return model.meta, model.arrays, {"s": vectors["s"], "p": p, "W": W, "delta_free": delta_free}
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:

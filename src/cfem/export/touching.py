@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.core.stage import artefact_content
 from cfem.export.c_touch import write_c_touch
 from cfem.export.compiled import compiler
 from cfem.export.compiled_touch import CompiledTouch
@@ -15,8 +14,7 @@ from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
-from cfem.robot.spec import scene_meaning
+from cfem.robot.load import load_scene_and_mesh, made_from
 
 STEPS = 10  # from rest to each of a few states, at which C is compared
 STATES = 3
@@ -28,11 +26,7 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
     compiler. InputError where the model cannot be touched."""
     model = load_model(model_folder)
     robot_scene, mesh = load_scene_and_mesh(scene)
-    made_of = {
-        "scene": scene_meaning(scene),
-        "mesh": artefact_content(scene.parent / robot_scene.out),
-        "loads": {},
-    }
+    made_of = made_from(scene, scene.parent / robot_scene.out) | {"loads": {}}
     robot = build_robot(robot_scene, mesh)
     try:
         touchable = touchable_of(model, model_folder, robot, made_of, spec.contact.patches)

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
 from cfem.constraint.patch import PatchLoad
-from cfem.constraint.surface import outer_surface
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement, force, pull
+from cfem.equilibrium.patch_effectors import with_patches
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Command, Measurement
@@ -24,16 +24,11 @@ def pushed(robot: Robot, push: np.ndarray, patches: Sequence[PatchLoad] = ()) ->
     """The robot under forces push (n_e,) N on its effectors and on patches of its surface: dead loads on the nodes that
     they follow at rest. SpecError where a patch is not on the surface."""
     loads = np.zeros_like(robot.X) if robot.loads is None else robot.loads.copy()
-    first = 0
-    for effector in robot.effectors:
+    push, first = np.concatenate([push, *(one.force for one in patches)]), 0
+    for effector in with_patches(robot, patches).effectors:
         rows = slice(first, first + len(effector.rest))
         np.add.at(loads, effector.nodes, np.einsum("r,rki->ki", push[rows], effector.gradient(robot.X)))
         first = rows.stop
-    if patches:
-        surface = outer_surface(robot.X, robot.body.mesh.facets)
-        for one in patches:
-            shares = one.shares(surface.rest, surface.triangles, surface.weights)
-            loads[surface.nodes] += shares[:, None] * one.force
     return replace(robot, loads=loads)
 
 

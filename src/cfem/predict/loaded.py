@@ -12,19 +12,20 @@ as d Psi_w / dw = -e_w (Castigliano; Washizu, *Variational Methods in Elasticity
 are series of one basis, so that a constant wrench is a sum of their coefficients: a loaded model costs nothing more to
 evaluate, and exports as any other. What is left out of e_w is of second order in w without D, of third with it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import pack_upper
+from cfem.condensed.packing import pack_upper, symmetric3_indices
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
+from cfem.equilibrium.patch_effectors import PatchYield
 from cfem.predict.chebyshev import Basis
 from cfem.predict.domain import Domain
 from cfem.predict.energy import THIRD
-from cfem.predict.loaded_rows import rows_of
+from cfem.predict.loaded_rows import LoadedRows, rows_of
 from cfem.predict.loaded_serial import LoadedSerialPredictor
 from cfem.predict.loaded_skin import skin_under
 from cfem.predict.protocol import ArrayPredictor, Predictor
@@ -34,6 +35,8 @@ from cfem.predict.spectral import SpectralPredictor
 
 TRUSTED = 0.005  # of the length: the estimated error of e_w up to which a wrench is taken
 LEFT = 0.08  # of what forces on patches move the effectors by: what the modes of the skin leave of it
+FITTED = 3e-4  # and what polynomials leave of that
+FOLLOWING = 3.0  # times the estimate, which is the middle of what comes true, for patches
 
 
 def wrench_of(rows: Rows, forces: Mapping[str, Sequence[float]]) -> np.ndarray:
@@ -51,13 +54,20 @@ def wrench_of(rows: Rows, forces: Mapping[str, Sequence[float]]) -> np.ndarray:
     return wrench
 
 
-def loaded(model: Predictor, wrench: ArrayLike | None = None, patches: Sequence[PatchLoad] = ()) -> Predictor:
+def loaded(
+    model: Predictor,
+    wrench: ArrayLike | None = None,
+    patches: Sequence[PatchLoad] = (),
+    by_fe: PatchYield | None = None,
+    trusted: float = TRUSTED,
+) -> Predictor:
     """The model under a wrench (n_e,) N or N mm on its effector rows, and forces on patches of its skin, at the
-    reference of parameters that are exact without loads.
+    reference of parameters that are exact without loads. by_fe: how the patches yield by finite elements, for which
+    the effectors are known to the second order of the forces, instead of the first.
 
     Effectors stay relative to where they rest without load. InputError where the model is no series, has no skin for
-    patches, the wrench is not finite, or so large that the estimated error (`wrench_error`) exceeds half a percent of
-    the robot's length; SpecError where a patch is not on the surface."""
+    patches, the wrench is not finite, or so large that the estimated error (`wrench_error`) exceeds the share `trusted`
+    of the robot's length; SpecError where a patch is not on the surface."""
     wrench = np.zeros(model.rows.n_e) if wrench is None else np.asarray(wrench, float)
     serial = isinstance(model, SerialPredictor)
     other = next((one.meta["kind"] for one in _models(model) if not isinstance(one, SpectralPredictor)), None)
@@ -70,10 +80,13 @@ def loaded(model: Predictor, wrench: ArrayLike | None = None, patches: Sequence[
         raise InputError("modules in a row take loads on their tip alone", where=f"loads.{patches[0].name}")
     if serial:
         found = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
-        _demand_trusted(model, error := found.error())
+        error = found.error()
+        _demand_trusted(model.length, trusted, error, lambda share: share**2 * error)
     else:
-        _demand_trusted(model, error := wrench_error(model, wrench, patches))
-        found = _loaded(model, wrench, patches)
+        rows, w = rows_of(model, patches, by_fe), _all_rows(wrench, patches)
+        error = _error(model, rows, w)
+        _demand_trusted(model.length, trusted, error, lambda share: _error(model, rows, share * w))
+        found = _loaded(model, rows, w)
     found.meta = {**found.meta, "wrench": wrench.tolist(), "wrench_error": error}
     if patches:
         found.meta["patch_loads"] = [one.to_json() for one in patches]
@@ -88,30 +101,44 @@ def _models(model: Predictor) -> list[Predictor]:
     return model.models if isinstance(model, SerialPredictor) else [model]
 
 
-def _demand_trusted(model: Predictor, error: float) -> None:
-    if error > TRUSTED * model.length:
-        share = np.sqrt(TRUSTED * model.length / error)
+def _demand_trusted(length: float, trusted: float, error: float, of_share: Callable[[float], float]) -> None:
+    allowed = trusted * length
+    if error > allowed:
+        share = np.floor(100 * np.sqrt(allowed / error)) / 100
+        while share > 0 and of_share(share) > allowed:
+            share -= 0.01
         raise InputError(
             f"the loads move the effectors so far that the model would be wrong by about {error:.2g} mm, "
-            f"and {TRUSTED * model.length:.2g} mm are allowed ({100 * TRUSTED:g} % of the length)",
+            f"and {allowed:.2g} mm are allowed ({100 * trusted:g} % of the length)",
             do=f"take at most {share:.0%} of them, or give them to the scene and sample it",
         )
 
 
-def wrench_error(model: SpectralPredictor, wrench: np.ndarray, patches: Sequence[PatchLoad] = ()) -> float:
+def wrench_error(
+    model: SpectralPredictor,
+    wrench: np.ndarray,
+    patches: Sequence[PatchLoad] = (),
+    by_fe: PatchYield | None = None,
+) -> float:
     """mm: about how far the loaded model is wrong where that is worst among the training states. Without D: a slender
     body that a force moves by d is stiffer or softer after it by a share of about d over its length, d^2 / length. With
     D: the terms of e_w fall like a geometric series, so that the first left out is the square of the last over the one
-    before. Of patches, what the modes leave comes on top, LEFT of what they move the effectors by."""
-    rows, n_e, w = rows_of(model, patches), model.rows.n_e, _all_rows(wrench, patches)
-    basis = _basis_of_states(model, rows.indices)
+    before. Of patches, a share of what they move the effectors by comes on top: LEFT by the modes of the skin, FITTED
+    by finite elements."""
+    return _error(model, rows_of(model, patches, by_fe), _all_rows(wrench, patches))
+
+
+def _error(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> float:
+    basis, n_e = _basis_of_states(model, rows.indices), model.rows.n_e
     C = np.tensordot(basis, rows.C, 1)
     first = _farthest(C @ w, rows.moves)
-    left = LEFT * np.linalg.norm((C[:, :n_e, n_e:] @ w[n_e:])[:, rows.moves[0, :n_e]], axis=1)
+    by_patches = (C[:, :n_e, n_e:] @ w[n_e:])[:, rows.moves[0, :n_e]]
+    left = (LEFT if rows.D is None else FITTED) * np.linalg.norm(by_patches, axis=1)
     if rows.D is None:
         return float((first**2 / model.length + left).max())
     second = _farthest(np.tensordot(basis, rows.D @ w @ w / 2, 1), rows.moves)
-    return float((second**2 / np.where(first > 0, first, 1.0) + left).max())
+    following = second**2 / np.where(first > 0, first, 1.0)
+    return float(((FOLLOWING if len(w) > n_e else 1.0) * following + left).max())
 
 
 def _farthest(moved: np.ndarray, moves: np.ndarray) -> np.ndarray:
@@ -123,8 +150,9 @@ def _all_rows(wrench: np.ndarray, patches: Sequence[PatchLoad]) -> np.ndarray:
     return np.concatenate([wrench, *(one.force for one in patches)])
 
 
-def _loaded(model: SpectralPredictor, wrench: np.ndarray, patches: Sequence[PatchLoad]) -> SpectralPredictor:
-    rows, n_e, w = rows_of(model, patches), model.rows.n_e, _all_rows(wrench, patches)
+def _loaded(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> SpectralPredictor:
+    """w (r,): on all rows."""
+    n_e = model.rows.n_e
     C, moved = rows.C, rows.C @ w  # (M, r)
     work = (rows.e + moved / 2) @ w[:, None]
     if rows.D is not None:
@@ -135,9 +163,11 @@ def _loaded(model: SpectralPredictor, wrench: np.ndarray, patches: Sequence[Patc
     e, packed = (rows.e + moved)[:, :n_e], pack_upper(C[:, :n_e, :n_e])
     series = differentiated(rows.indices, model.arrays["to_box"], model.rows.n_a, psi, e, packed)
     arrays = {**model.arrays, "series": series}
-    if patches:
+    if len(w) > n_e:
         arrays = {**arrays, "indices": rows.indices.astype(model.arrays["indices"].dtype)}
         arrays.pop(THIRD, None)
+        if rows.D is not None:
+            arrays[THIRD] = rows.D[:, *symmetric3_indices(n_e)].T.copy()
     parameters = [one for one in model.meta["parameters"] if not one["exact"]]
     return SpectralPredictor({**model.meta, "parameters": parameters}, arrays)
 

@@ -2,8 +2,9 @@
 
 A force f on a patch works on the modes u_k of the skin by w_k = U_k . f, U_k their mean over the patch
 (`cfem.constraint.patch`). So the patch is one more effector, of displacement U^T s and of the compliances C_es U and
-U^T C_ss U: series of the union of the model's basis and the skin's. What the modes leave of the compliance is missing;
-it is local, so that the force itself moves the patch farther than this, but hardly what is away from it."""
+U^T C_ss U: series of the union of the model's basis and the skin's. What the modes leave of the compliance is missing,
+and so is D. Finite elements at a few states (`cfem.equilibrium.patch_effectors`) tell both, as polynomials in delta_a
+of degree three, less where that has many terms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,9 +13,12 @@ import numpy as np
 
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
+from cfem.equilibrium.patch_effectors import PatchYield
+from cfem.predict.chebyshev import basis
 from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.skin import LearnedSkin
 from cfem.predict.spectral import SpectralPredictor
+from cfem.predict.touchable import degrees
 
 HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 
@@ -32,16 +36,35 @@ class LoadedRows:
     moves: np.ndarray
 
 
-def rows_of(model: SpectralPredictor, patches: Sequence[PatchLoad] = ()) -> LoadedRows:
-    """The effectors, then the patches. InputError where the model has no skin, or one of another geometry; SpecError
-    where a patch is not on it."""
+def rows_of(model: SpectralPredictor, patches: Sequence[PatchLoad] = (), by_fe: PatchYield | None = None) -> LoadedRows:
+    """The effectors, then the patches; by_fe: how these yield by finite elements. InputError where the model has no
+    skin, or one of another geometry; SpecError where a patch is not on it."""
     rows, series = layout(model.rows.n_a, model.rows.n_e), model.arrays["series"]
     psi, e, C = (series[rows[name]].T for name in ("energy", "effector", "effector_compliance"))
     third = model.arrays.get(THIRD)
     D = None if third is None else third.T[:, unpacking3(model.rows.n_e)]
     moves = np.array([[unit == "mm" for unit, _ in model.rows.effector_units]])
     own = LoadedRows(model.arrays["indices"], psi, e, C[:, unpacking(model.rows.n_e)], D, moves)
-    return _with_patches(model, own, patches) if patches else own
+    if not patches:
+        return own
+    found = _with_patches(model, own, patches)
+    return found if by_fe is None else _corrected(model, found, by_fe)
+
+
+def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: PatchYield) -> LoadedRows:
+    n_e, terms = model.rows.n_e, degrees(model.rows.n_a)[: len(by_fe.states)]
+    z = model.box(by_fe.states)
+    inverse, known = np.linalg.pinv(basis(z, terms)), basis(z, rows.indices)
+    indices, (old, new) = union(rows.indices, terms)
+    psi, e, C = (np.zeros((len(indices), *one.shape[1:])) for one in (rows.psi, rows.e, rows.C))
+    psi[old], e[old], C[old] = rows.psi, rows.e, rows.C
+    e[new, n_e:] += inverse @ (by_fe.e - (known @ rows.e)[:, n_e:])
+    left = by_fe.C - np.tensordot(known, rows.C, 1)
+    left[:, :n_e, :n_e] = 0.0  # which the model knows better
+    C[new] += np.tensordot(inverse, left, 1)
+    D = np.zeros((len(indices), *by_fe.D.shape[1:]))
+    D[new] = np.tensordot(inverse, by_fe.D, 1)
+    return LoadedRows(indices, psi, e, C, D, rows.moves)
 
 
 def _with_patches(model: SpectralPredictor, own: LoadedRows, patches: Sequence[PatchLoad]) -> LoadedRows:

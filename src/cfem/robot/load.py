@@ -1,14 +1,15 @@
 """A scene and the mesh that was made of it."""
 
 from pathlib import Path
+from typing import Any
 
 from cfem.core.chain import demand_current
 from cfem.core.spec import load_spec
-from cfem.core.stage import artefact_file
+from cfem.core.stage import artefact_content, artefact_file
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.same import demand_mesh_of
-from cfem.robot.spec import SceneSpec
+from cfem.robot.spec import SceneSpec, scene_meaning
 from cfem.robot.stage import MESH
 
 
@@ -20,3 +21,8 @@ def load_scene_and_mesh(scene_path: Path, mesh_folder: Path | None = None) -> tu
     demand_current(folder)
     demand_mesh_of(scene, scene_path, folder)
     return scene, read_mesh(artefact_file(folder, MESH))
+
+
+def made_from(scene: Path, mesh_folder: Path) -> dict[str, Any]:
+    """Of which a robot is made, as plain data."""
+    return {"scene": scene_meaning(scene), "mesh": artefact_content(mesh_folder)}
