@@ -3,26 +3,32 @@
 python benchmarks/loads.py bar       forces at the tip of the bar of 60 mm, without and with D = dC/dw
 python benchmarks/loads.py gravity   the bar's own weight in three directions, on rows of its centre of mass
 python benchmarks/loads.py modules   a force at the tip of two Stiff-Flop modules of different stiffness
+python benchmarks/loads.py patches   forces on twenty patches of the soft finger, after cfem run pipelines/soft-finger
 
-Each makes its own samples, in a folder that it deletes: one to ten minutes on one core."""
+The first three make their own samples, in a folder that they delete: one to ten minutes on one core. The last takes
+about fifteen."""
 
 import argparse
 import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 import cfem
+from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.patch_effectors import patch_yield
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.energy import THIRD
 from cfem.predict.load import build, load_model
 from cfem.predict.loaded import TRUSTED, loaded, wrench_error, wrench_of
+from cfem.predict.touchable import touch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -30,6 +36,7 @@ PIPELINES = Path(__file__).parents[1] / "pipelines"
 FORCES = (7, 29, 57)  # mN
 DIRECTION = np.array([0.3, 1.0, -1.0]) / np.linalg.norm([0.3, 1.0, -1.0])
 STATES = 5
+PLACES, RADIUS, SIZES = 20, 5.0, (0.05, 0.1, 0.2, 0.5, 1.0)  # patches; mm; N
 
 
 def edited(path: Path, change) -> None:
@@ -141,9 +148,60 @@ def modules(folder: Path) -> None:
         print(f"{size} mN | " + " | ".join(f"{low:.2g} to {high:.2g} mm" for low, high in low_high), flush=True)
 
 
+def patches(folder: Path) -> None:
+    """Random places, directions and states; the folder is not used."""
+    where = PIPELINES.parent / "models" / "soft-finger" / "spectral"
+    model, robot = load_model(where), build_robot(*load_scene_and_mesh(PIPELINES / "soft-finger" / "scene.yaml"))
+    rng, free, rest = np.random.default_rng(0), FemPlant(robot), model.skin.rest
+    off_root = np.flatnonzero(rest[:, 2] < -12)
+    found, seconds = {size: [] for size in SIZES}, {"solved": [], "loaded": [], "FE": []}
+    for _ in range(PLACES):
+        at, direction = rest[rng.choice(off_root)], rng.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        delta = model.domain.states[rng.integers(len(model.domain.states)), :2]
+        begin = time.process_time()
+        by_fe = patch_yield(robot, [PatchLoad(at, RADIUS, direction)], touch_states(model.domain, 2))
+        seconds["solved"].append(time.process_time() - begin)
+        still = free.at_displacement(delta)
+        for size in SIZES:
+            load = PatchLoad(at, RADIUS, size * direction)
+            begin = time.process_time()
+            truth = FemPlant(pushed(robot, np.zeros(3), [load])).at_displacement(delta)
+            seconds["FE"].append(time.process_time() - begin)
+            row = [np.linalg.norm(truth.delta_e - still.delta_e)]
+            for known in (None, by_fe):
+                begin = time.process_time()
+                mine = loaded(model, patches=[load], by_fe=known, trusted=np.inf)
+                seconds["loaded"].append(time.process_time() - begin)
+                here = mine.at_displacement(delta)
+                off = np.linalg.norm(here.delta_e - truth.delta_e)
+                row += [off, mine.meta["wrench_error"], np.abs(here.lambda_a - truth.lambda_a).max()]
+            found[size].append(row)
+    print(
+        "force | the tip moves | by the skin alone: error of the tip | stated | refused | with FE at ten states: same"
+    )
+    allowed = TRUSTED * model.length
+    for size, rows in found.items():
+        rows = np.array(rows)
+        said = [f"{size:g} N", f"{rows[:, 0].min():.2g} to {rows[:, 0].max():.2g} mm"]
+        for off, stated, held in (rows[:, 1:4].T, rows[:, 4:7].T):
+            kept = stated <= allowed
+            worst = (
+                f"median {np.median(off):.2g}, worst {off.max():.2g} mm, {off[kept].max(initial=0):.2g} of those taken"
+            )
+            said += [worst, f"beyond it {np.sum(off > stated)}, twice {np.sum(off > 2 * stated)}", f"{np.sum(~kept)}"]
+            said.append(f"forces {held.max():.1g} N")
+        print(" | ".join(said))
+    typical = {name: np.median(one) for name, one in seconds.items()}
+    print(
+        f"CPU: how a patch yields {typical['solved']:.0f} s, once a place; to load the model "
+        f"{1e3 * typical['loaded']:.0f} ms; one state by FE {typical['FE']:.1f} s"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    tables = {one.__name__: one for one in (bar, gravity, modules)}
+    tables = {one.__name__: one for one in (bar, gravity, modules, patches)}
     parser.add_argument("table", choices=tables)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

@@ -23,6 +23,7 @@ from cfem.report.tracking import read_tracking
 from cfem.robot.spec import SceneSpec
 
 LOADS = {"tip": {"force": {"N": [0.0, 0.02, -0.01]}}}
+PUSH = {"push": {"at": {"mm": [48, 0, 5]}, "radius": "6 mm", "force": {"N": [0.0, 0.03, -0.01]}}}
 LOOP = {
     "rate": "10 Hz",
     "command": {"kind": "displacement"},
@@ -75,7 +76,7 @@ def test_a_run_is_drawn_as_an_animation_and_two_series(run):
     assert CliRunner().invoke(app, ["verify", str(out)]).exit_code == 0
 
 
-@pytest.mark.parametrize("loads", [{}, LOADS], ids=["free", "loaded"])
+@pytest.mark.parametrize("loads", [{}, LOADS, PUSH], ids=["free", "loaded", "pushed"])
 def test_the_learned_skin_stands_where_finite_elements_do(bar, run, loads):
     folder = controlled(bar, "carrying", pictures=6, loads=loads) if loads else run
     found = {one.kind: one for one in histories(folder, read_manifest(folder), 60)}
