@@ -1,6 +1,5 @@
 """What `make regenerate` compares: a difference is seen, named and measured; rounding is none."""
 
-import importlib.util
 import json
 import shutil
 import subprocess
@@ -8,24 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.script import script
 from surrogate.stored import store_dataset
 
 ROOT = Path(__file__).parents[1]
-
-
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("regenerate", ROOT / "scripts" / "regenerate.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+regenerate = script("regenerate")
 
 
 @pytest.fixture
-def gold(script, tmp_path):
+def gold(tmp_path):
     """Of a synthetic dataset, and its folder."""
     samples = store_dataset(tmp_path / "samples")
-    found = script.gold(samples)
+    found = regenerate.gold(samples)
     (tmp_path / "robot.json").write_text(json.dumps(found))
     return found, samples
 
@@ -35,19 +28,19 @@ def changed(tmp_path, found, factor):
     (tmp_path / "robot.json").write_text(json.dumps(found))
 
 
-def test_the_same_dataset_and_rounding_are_no_difference(script, gold, tmp_path):
+def test_the_same_dataset_and_rounding_are_no_difference(gold, tmp_path):
     found, samples = gold
-    assert script.compare("robot", samples, tmp_path) == ([], [])
+    assert regenerate.compare("robot", samples, tmp_path) == ([], [])
     changed(tmp_path, found, 1 + 1e-9)
-    assert script.compare("robot", samples, tmp_path) == ([], [])
-    assert script.table([], True) == []
+    assert regenerate.compare("robot", samples, tmp_path) == ([], [])
+    assert regenerate.table([], True) == []
 
 
-def test_a_changed_number_is_named_with_its_size(script, gold, tmp_path):
+def test_a_changed_number_is_named_with_its_size(gold, tmp_path):
     found, samples = gold
     committed = found["test"]["columns"]["W"]["gold"][1][3]
     changed(tmp_path, found, 1.001)
-    notes, (off,) = script.compare("robot", samples, tmp_path)
+    notes, (off,) = regenerate.compare("robot", samples, tmp_path)
     assert notes == [] and off[:5] == ("robot/test", "W", "gold", found["test"]["ids"][1], "tip.x x cable0")
     assert off.committed == pytest.approx(1.001 * committed) and off.found == committed
     assert off.off == pytest.approx(
@@ -56,29 +49,29 @@ def test_a_changed_number_is_named_with_its_size(script, gold, tmp_path):
     found["train"]["rows"] += 1
     found["train"]["columns"]["energy"]["mean"][0] = float("nan")
     (tmp_path / "robot.json").write_text(json.dumps(found))
-    notes, off = script.compare("robot", samples, tmp_path)
+    notes, off = regenerate.compare("robot", samples, tmp_path)
     assert notes == ["robot/train rows: 41 -> 40"] and [one.column for one in off] == ["W", "energy"]
 
 
-def test_a_person_reads_the_worst_number_of_each_column_or_all(script):
+def test_a_person_reads_the_worst_number_of_each_column_or_all():
     off = [
-        script.Difference("bar/test", "W", "gold", 7, "tip.x x cable", 1.0, 1.1, 0.1),
-        script.Difference("bar/test", "W", "mean", 7, "tip.x x cable", 1.0, float("nan"), float("nan")),
-        script.Difference("bar/test", "energy", "gold", 7, "", 2.0, 2.5, 0.25),
+        regenerate.Difference("bar/test", "W", "gold", 7, "tip.x x cable", 1.0, 1.1, 0.1),
+        regenerate.Difference("bar/test", "W", "mean", 7, "tip.x x cable", 1.0, float("nan"), float("nan")),
+        regenerate.Difference("bar/test", "energy", "gold", 7, "", 2.0, 2.5, 0.25),
     ]
-    _, W, energy, says = script.table(off, each=False)
+    _, W, energy, says = regenerate.table(off, each=False)
     assert W.split() == ["bar/test", "W", "tip.x", "x", "cable", "mean", "1", "nan", "nan", "2"]
     assert energy.split() == ["bar/test", "energy", "row", "7", "2", "2.5", "2.5e-01", "1"]
-    assert says.startswith("3 numbers differ") and len(script.table(off, each=True)) == 5
+    assert says.startswith("3 numbers differ") and len(regenerate.table(off, each=True)) == 5
 
 
-def test_a_missing_split_is_said(script, gold, tmp_path):
+def test_a_missing_split_is_said(gold, tmp_path):
     found, samples = gold
     (tmp_path / "robot.json").write_text(json.dumps(found | {"third": found["test"]}))
-    assert script.compare("robot", samples, tmp_path) == (["robot/third: missing"], [])
+    assert regenerate.compare("robot", samples, tmp_path) == (["robot/third: missing"], [])
 
 
-def test_what_another_code_made_is_stale(script, tmp_path, monkeypatch):
+def test_what_another_code_made_is_stale(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "data" / "bar").mkdir(parents=True)
     (tmp_path / "src" / "cfem").mkdir(parents=True)
@@ -91,11 +84,11 @@ def test_what_another_code_made_is_stale(script, tmp_path, monkeypatch):
         calls.append(words[1:])
         return subprocess.CompletedProcess(words, 0, "", "")
 
-    monkeypatch.setattr(script.subprocess, "run", run)
+    monkeypatch.setattr(regenerate.subprocess, "run", run)
 
     def made(check):
         calls.clear()
-        return script.make("bar", check), sum("--force" in words for words in calls)
+        return regenerate.make("bar", check), sum("--force" in words for words in calls)
 
     assert made(check=True) == (5, 0)  # nobody knows which code made it
     assert made(check=False) == (0, 2)
@@ -105,9 +98,9 @@ def test_what_another_code_made_is_stale(script, tmp_path, monkeypatch):
     assert made(check=False) == (0, 2)
 
 
-def test_gold_is_committed_for_every_scene_of_the_command(script):
-    for scene in script.SCENES:
-        found = json.loads((ROOT / script.GOLD / f"{scene}.json").read_text())
+def test_gold_is_committed_for_every_scene_of_the_command():
+    for scene in regenerate.SCENES:
+        found = json.loads((ROOT / regenerate.GOLD / f"{scene}.json").read_text())
         assert set(found) == {"train", "test"} and found["test"]["failed"] == 0
         assert all(
             np.isfinite(column["gold"]).all() for split in found.values() for column in split["columns"].values()

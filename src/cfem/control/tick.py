@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 
 from cfem.condensed.model import Model, under_force
-from cfem.control.elsewhere import elsewhere
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.lifting import lifted
 from cfem.control.loop import Iterate, Reach, ReachStatus, Settings, by_displacement, by_force, reach
+from cfem.control.multistart import multistart
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command, Measurement
 
@@ -86,7 +86,7 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
         if found.status is ReachStatus.QP_FAILED:
             return replace(belief, status=found.status.value, plan=found)
         if getattr(pilot.model, "kinked", False):
-            found = elsewhere(pilot.model, aim, limits, found, pilot.settings, by_displacement)
+            found = multistart(pilot.model, aim, limits, found, pilot.settings, by_displacement)
         return _within(pilot, found, limits)
     except NumericalError as error:
         return replace(belief, status=str(error), plan=None)

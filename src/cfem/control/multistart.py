@@ -16,7 +16,7 @@ ASIDE = 0.02  # of each course: how far these are
 FEW = 3  # actuators of which all combinations are tried, more of them one at a time
 
 
-def elsewhere(model: Model, aim: Aim, limits: Limits, first: Reach, settings: Settings, place: Place) -> Reach:
+def multistart(model: Model, aim: Aim, limits: Limits, first: Reach, settings: Settings, place: Place) -> Reach:
     """The best of `first` and of searches from around it, which end with the first that does not miss the goal."""
     course = np.minimum(np.ptp(limits.delta_a, axis=1), np.abs(limits.delta_a).max(axis=1))
     best, cost = first, aim.cost(first.delta_e, first.delta_a)

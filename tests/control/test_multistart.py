@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Condensed, Rows
-from cfem.control.elsewhere import elsewhere
 from cfem.control.inverse import Aim, Limits
 from cfem.control.loop import Iterate, Settings, by_displacement, reach
+from cfem.control.multistart import multistart
 from cfem.core.errors import NumericalError
 
 ROWS = Rows(("e.x", "e.y"), ("left", "right"))
@@ -41,7 +41,7 @@ def searched(model, goal, start):
     aim = Aim(np.asarray(goal, float), np.ones(2), np.full(2, 1e-6))
     settings = Settings(tolerance=1e-9)
     first = reach(model, aim, LIMITS, Iterate.at(model.at_displacement(np.asarray(start, float))), settings)
-    return first, elsewhere(model, aim, LIMITS, first, settings, by_displacement)
+    return first, multistart(model, aim, LIMITS, first, settings, by_displacement)
 
 
 def test_what_is_held_is_passed():
@@ -57,7 +57,7 @@ def test_a_goal_that_was_met_costs_nothing_more():
     asked = model.asked
     assert found is first
     assert (
-        elsewhere(model, Aim(first.delta_e, np.ones(2), np.zeros(2)), LIMITS, first, Settings(), by_displacement)
+        multistart(model, Aim(first.delta_e, np.ones(2), np.zeros(2)), LIMITS, first, Settings(), by_displacement)
         is first
     )
     assert model.asked == asked
