@@ -207,7 +207,7 @@ def test_obstacles_are_those_of_python(tmp_path, touchable):
     for path in c_export.SOURCES.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     text = (tmp_path / "cfem_touch_data.c").read_text()
-    rows = text[text.index("const cfem_obstacle") : text.index("};\n") + 3]
+    rows = text[text.index("const cfem_obstacle") :]
     (tmp_path / "shapes.c").write_text(f'#include "cfem_obstacle.h"\n#include <math.h>\n{rows}')
     library = built(tmp_path, "cfem_obstacle.c", "shapes.c")
     library.cfem_obstacle_distance.restype = ctypes.c_double

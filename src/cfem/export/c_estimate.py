@@ -1,6 +1,7 @@
 """The estimator in C: cfem_estimate.c, the same for every robot, its numbers, cfem_estimate_data.c, and its test."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from cfem.condensed.given import vector
 from cfem.core.errors import InputError
 from cfem.core.files import disk_errors, write_whole
-from cfem.export import c_text
+from cfem.export import c_export, c_text
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.chebyshev import basis
 from cfem.predict.estimate_filter import OFFSET, SLIP, Filter
@@ -19,7 +20,6 @@ from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
 
 SOURCES = Path(__file__).parent / "estimate"
-DATA = ("cfem_estimate_data.c", "cfem_estimate_data.h", "cfem_estimate_vectors.h")
 MOST = 32  # markers, and unknowns: bits of a status
 FRAMES = 60  # of the test
 TOLERANCE = 1e-8  # of each unknown's scale
@@ -44,28 +44,16 @@ def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     made = filter_of(spec.estimate, model, p)
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for path in SOURCES.iterdir():
+        for path in (*SOURCES.iterdir(), c_export.SOURCES / "cost.h"):
             shutil.copyfile(path, folder / path.name)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)
-    header = [
-        c_text.comment(f"Markers {names}; unknown {' '.join(made.estimator.unknowns)}: by cfem export."),
-        "\n#ifndef CFEM_ESTIMATE_DATA_H\n#define CFEM_ESTIMATE_DATA_H\n\n#include <stdint.h>\n\n",
-        c_text.defines(sizes),
-        "\n",
-    ]
-    body = ['#include "cfem_estimate_data.h"\n\n']
-    for name, values in constants.items():
-        if isinstance(values, float):
-            header.append(f"#define cfem_estimate_{name} {values!r}\n")
-            continue
-        kind = "uint8_t" if values.dtype == np.uint8 else "double"
-        declaration, definition = c_text.array(f"cfem_estimate_{name}", values, kind)
-        header.append(declaration + "\n")
-        body.append(definition + "\n\n")
-    write_whole(folder / DATA[1], "".join([*header, "\n#endif\n"]).encode())
-    write_whole(folder / DATA[0], "".join(body).encode())
-    write_whole(folder / DATA[2], _vectors(made).encode())
+    said = c_text.comment(f"Markers {names}; unknown {' '.join(made.estimator.unknowns)}: by cfem export.")
+    alone = {name: value for name, value in constants.items() if isinstance(value, float)}
+    words = sizes | {f"cfem_estimate_{name}": value for name, value in alone.items()}
+    arrays = {name: values for name, values in constants.items() if name not in alone}
+    c_text.write_constants(folder / "cfem_estimate_data", said, words, "cfem_estimate_", arrays)
+    write_frames(folder, "estimate", moving_frames(made), made.estimator.unknowns, TOLERANCE)
     return made
 
 
@@ -172,7 +160,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
         answer = filtered.tick(places, sensed, told, forces)
         found.append(
             {"place": places, "displacement": sensed, "force": forces, "command": command}
-            | {"answer": answer, "x": np.concatenate([answer.delta_a, answer.loads])}
+            | {"answer": answer, "x": np.concatenate([answer.delta_a, answer.loads]), "covariance": answer.covariance}
         )
     return found
 
@@ -186,27 +174,24 @@ def bits(numbers: tuple[int, ...]) -> int:
     return sum(1 << number for number in numbers)
 
 
-def _vectors(made: Filter) -> str:
-    """cfem_estimate_vectors.h."""
-    rows, unknowns = [], made.estimator.unknowns
-    for one in moving_frames(made):
+def write_frames(folder: Path, filter: str, frames: list[dict], unknowns: Sequence[str], tolerance: float) -> None:
+    """cfem_<filter>_vectors.h, which frames.h runs through. tolerance: of each unknown's scale."""
+    rows, own = [], f"CFEM_{filter.upper()}"
+    for one in frames:
         answer = one["answer"]
         frame = ", ".join(numbers(one[name]) for name in ("place", "displacement", "force", "command"))
-        variance = np.diag(answer.covariance)
+        values = ", ".join(map(numbers, (one["x"], np.diag(one["covariance"]), answer.delta_e)))
         unseen = bits(tuple(unknowns.index(name) for name in answer.unseen))
-        flags = f"{bits(answer.outliers)}u, {unseen}u, {status_of(answer.status)}u"
-        rows.append(f"{{{{{frame}}}, {numbers(one['x'])}, {numbers(variance)}, {numbers(answer.delta_e)}, {flags}}}")
-    n = len(unknowns)
-    return (
+        rows.append(f"{{{{{frame}}}, {values}, {bits(answer.outliers)}u, {unseen}u, {status_of(answer.status)}u}}")
+    text = (
         "/* Frames of a robot that moves, and what Python estimates: by cfem export. */\n"
-        f'#include <math.h>\n\n#include "cfem_estimate.h"\n\n#define CFEM_ESTIMATE_FRAMES {len(rows)}\n'
-        f"#define CFEM_ESTIMATE_TOLERANCE {TOLERANCE} /* of each unknown's scale */\n\n"
-        f"typedef struct {{ cfem_frame frame; double x[{n}], variance[{n}], effector[CFEM_ESTIMATE_NE]; "
-        "uint32_t left_out, unseen; unsigned status; } cfem_estimate_vector;\n\n"
-        "static const cfem_estimate_vector cfem_estimate_vectors[CFEM_ESTIMATE_FRAMES] = {\n"
-        + ",\n".join(rows)
-        + "};\n"
+        f'#include <math.h>\n\n#include "cfem_{filter}.h"\n\n#define FRAMES {len(rows)}\n'
+        f"#define TOLERANCE {tolerance} /* of each unknown's scale */\n#define UNKNOWNS {own}_N\n\n"
+        "typedef struct { cfem_frame frame; double x[UNKNOWNS], variance[UNKNOWNS], effector[CFEM_ESTIMATE_NE]; "
+        "uint32_t left_out, unseen; unsigned status; } vector;\n\n"
+        "static const vector vectors[FRAMES] = {\n" + ",\n".join(rows) + "};\n"
     )
+    write_whole(folder / f"cfem_{filter}_vectors.h", text.encode())
 
 
 def numbers(values: np.ndarray) -> str:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.core.files import disk_errors, write_whole
+from cfem.core.files import disk_errors
 from cfem.export import c_text
 from cfem.motion.model import layout
 
 SOURCES = Path(__file__).parent / "motion"
-DATA = ("cfem_motion_data.c", "cfem_motion_data.h")
-CORE = ("cfem_motion.c", "cfem_inertia.c", "cfem_series.c", DATA[0])
+CORE = ("cfem_motion.c", "cfem_inertia.c", "cfem_series.c", "cfem_motion_data.c")
 
 
 WIDE = 8  # as CFEM_SERIES_WIDE
@@ -30,28 +29,17 @@ def write_c_motion(folder: Path, meta: dict[str, Any], arrays: dict[str, np.ndar
         for path in SOURCES.iterdir():
             shutil.copyfile(path, folder / path.name)
     sizes, constants, series = motion_constants(meta, moving)
-    header = [
-        c_text.comment(f"{meta['scene']} in motion: by cfem. Units: mm, N, s, t."),
-        "\n#ifndef CFEM_MOTION_DATA_H\n#define CFEM_MOTION_DATA_H\n\n#include <stdint.h>\n\n",
-        c_text.defines({f"CFEM_MOTION_{name}": value for name, value in sizes.items()}),
-        "\n",
-    ]
+    said = c_text.comment(f"{meta['scene']} in motion: by cfem. Units: mm, N, s, t.")
+    words = {f"CFEM_MOTION_{name}": value for name, value in sizes.items()}
+    words["cfem_motion_stiffness"] = float(moving["stiffness"])
     body = ['#include "cfem_series.h"\n\n']
-    kinds = {"f8": "double", "u1": "uint8_t", "i4": "int"}
-    for name, values in constants.items():
-        declaration, definition = c_text.array(f"cfem_motion_{name}", values, kinds[values.dtype.str[1:]])
-        header.append(declaration + "\n")
-        body.append(definition + "\n\n")
-    header.append(f"#define cfem_motion_stiffness {float(moving['stiffness'])!r}\n\n#endif\n")
-    size = sum(values.nbytes for values in constants.values())
     for name, parts in series.items():
         body += [one.text(f"{name}_{index}") for index, one in enumerate(parts)]
         named = [one.name(f"{name}_{index}") for index, one in enumerate(parts)]
-        size += sum(one.bytes for one in parts)
         body.append(f"const cfem_motion_series cfem_motion_{name}[] = {{{', '.join(named)}}};\n\n")
-    write_whole(folder / DATA[1], "".join(header).encode())
-    write_whole(folder / DATA[0], "".join(body).encode())
-    return size
+    file = folder / "cfem_motion_data"
+    size = c_text.write_constants(file, said, words, "cfem_motion_", constants, defined="".join(body))
+    return size + sum(one.bytes for parts in series.values() for one in parts)
 
 
 @dataclass(frozen=True)

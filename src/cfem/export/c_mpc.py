@@ -40,20 +40,8 @@ def write_c_mpc(
             shutil.copyfile(path, folder / path.name)
     names = {f"CFEM_MPC_{name}": value for name, value in sizes.items()}
     names |= {f"CFEM_MPC_{name}": repr(float(value)) for name, value in numbers.items()}
-    header = [
-        c_text.comment(f"Predictive control of {meta['scene']}: by cfem. Units: mm, N, s."),
-        "\n#ifndef CFEM_MPC_DATA_H\n#define CFEM_MPC_DATA_H\n\n",
-        c_text.defines(names),
-        "\n",
-    ]
-    body = ['#include "cfem_mpc_data.h"\n\n#include <math.h>\n\n']
-    for name, values in constants.items():
-        kind = "int" if values.dtype.kind == "i" else "double"
-        declaration, definition = c_text.array(f"cfem_mpc_{name}", values, kind)
-        header.append(declaration + "\n")
-        body.append(definition + "\n\n")
-    write_whole(folder / "cfem_mpc_data.h", "".join([*header, "\n#endif\n"]).encode())
-    write_whole(folder / "cfem_mpc_data.c", "".join(body).encode())
+    said = c_text.comment(f"Predictive control of {meta['scene']}: by cfem. Units: mm, N, s.")
+    c_text.write_constants(folder / "cfem_mpc_data", said, names, "cfem_mpc_", constants)
     write_whole(folder / "cfem_mpc_vectors.h", _curve(spec, meta, arrays, moving).encode())
 
 

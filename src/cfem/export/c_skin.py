@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed.given import vector
-from cfem.core.files import disk_errors, write_whole
+from cfem.core.files import disk_errors
 from cfem.export import c_text
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
@@ -14,7 +14,6 @@ from cfem.predict.serial import SerialPredictor
 
 SOURCES = Path(__file__).parent / "shape"
 OF_ROW = Path(__file__).parent / "row_shape"
-DATA = ("cfem_skin.c", "cfem_skin.h")
 
 
 def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> int:
@@ -47,21 +46,8 @@ def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, sources: 
         "CFEM_SKIN_NZ": degrees.shape[1],
         "CFEM_SKIN_DEGREE": int(degrees.max(initial=0)),
     }
-    header = [
-        "/* The surface of the robot: by cfem export. */\n#ifndef CFEM_SKIN_H\n#define CFEM_SKIN_H\n\n",
-        '#include "cfem_data.h"\n\n',
-        c_text.defines(sizes),
-        "\n",
-    ]
-    body = ['#include "cfem_skin.h"\n\n']
-    kinds = {"f4": "float", "f8": "double", "u1": "uint8_t", "u2": "uint16_t", "u4": "uint32_t"}
-    for name, values in constants.items():
-        declaration, definition = c_text.array(f"cfem_skin_{name}", values, kinds[values.dtype.str[1:]])
-        header.append(declaration + "\n")
-        body.append(definition + "\n\n")
-    write_whole(folder / DATA[1], "".join([*header, "\n#endif\n"]).encode())
-    write_whole(folder / DATA[0], "".join(body).encode())
-    return sum(values.nbytes for values in constants.values())
+    said, data = "/* The surface of the robot: by cfem export. */", '#include "cfem_data.h"\n'
+    return c_text.write_constants(folder / "cfem_skin", said, sizes, "cfem_skin_", constants, data)
 
 
 def skin_constants(model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> dict[str, np.ndarray]:

@@ -55,22 +55,12 @@ def write_c_swing(folder: Path, still: Filter, spec: CSpec, motion: MotionModel)
             text = f'#include "{header}"\n\n' + source.read_text(encoding="utf-8")
             write_whole(folder / name, text.encode())
     sizes, constants = swing_constants(made, rate)
-    header = [
-        c_text.comment(f"Markers {' '.join(spec.estimate.markers)} on a robot that moves: by cfem export."),
-        "\n#ifndef CFEM_SWING_DATA_H\n#define CFEM_SWING_DATA_H\n\n#include <stdint.h>\n\n",
-        '#include "cfem_motion_data.h"\n\n',
-        c_text.defines({f"CFEM_SWING_{name}": value for name, value in sizes.items()}),
-        "\n",
-    ]
-    body = ['#include "cfem_swing_data.h"\n\n']
-    for name, values in constants.items():
-        kind = {"f8": "double", "u1": "uint8_t", "i4": "int"}[values.dtype.str[1:]]
-        declaration, definition = c_text.array(f"cfem_swing_{name}", values, kind)
-        header.append(declaration + "\n")
-        body.append(definition + "\n\n")
-    write_whole(folder / "cfem_swing_data.h", "".join([*header, "\n#endif\n"]).encode())
-    write_whole(folder / "cfem_swing_data.c", "".join(body).encode())
-    write_whole(folder / "cfem_swing_vectors.h", _vectors(made, 1 / rate).encode())
+    said = c_text.comment(f"Markers {' '.join(spec.estimate.markers)} on a robot that moves: by cfem export.")
+    words = {f"CFEM_SWING_{name}": value for name, value in sizes.items()}
+    file, declared = folder / "cfem_swing_data", '#include "cfem_motion_data.h"\n'
+    c_text.write_constants(file, said, words, "cfem_swing_", constants, declared)
+    frames = swinging_frames(made, 1 / rate)
+    c_estimate.write_frames(folder, "swing", frames, made.unknowns, TOLERANCE)
     return made
 
 
@@ -146,24 +136,3 @@ def swinging_frames(made: MarkerFilter, period: float, count: int = FRAMES) -> l
             | {"answer": answer, "x": known[0], "covariance": known[1]}
         )
     return found
-
-
-def _vectors(made: MarkerFilter, period: float) -> str:
-    """cfem_swing_vectors.h."""
-    rows, names = [], made.unknowns
-    for one in swinging_frames(made, period):
-        answer = one["answer"]
-        frame = ", ".join(c_estimate.numbers(one[name]) for name in ("place", "displacement", "force", "command"))
-        unseen = c_estimate.bits(tuple(names.index(name) for name in answer.unseen))
-        flags = f"{c_estimate.bits(answer.outliers)}u, {unseen}u, {c_estimate.status_of(answer.status)}u"
-        values = (one["x"], np.diag(one["covariance"]), answer.delta_e)
-        rows.append(f"{{{{{frame}}}, {', '.join(map(c_estimate.numbers, values))}, {flags}}}")
-    return (
-        "/* Frames of a robot that moves, and what Python estimates: by cfem export. */\n"
-        f'#include <math.h>\n\n#include "cfem_swing.h"\n\n#define CFEM_SWING_FRAMES {len(rows)}\n'
-        f"#define CFEM_SWING_TOLERANCE {TOLERANCE} /* of each unknown's scale */\n\n"
-        "typedef struct { cfem_frame frame; double x[CFEM_SWING_N], variance[CFEM_SWING_N]; "
-        "double effector[CFEM_ESTIMATE_NE]; "
-        "uint32_t left_out, unseen; unsigned status; } cfem_swing_vector;\n\n"
-        "static const cfem_swing_vector cfem_swing_vectors[CFEM_SWING_FRAMES] = {\n" + ",\n".join(rows) + "};\n"
-    )

@@ -2,10 +2,14 @@
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
+from cfem.core.files import write_whole
+
 WIDTH = 110
+KINDS = {"f4": "float", "f8": "double", "u1": "uint8_t", "u2": "uint16_t", "u4": "uint32_t", "i4": "int", "i8": "int"}
 
 
 def number(value: float, scalar: str) -> str:
@@ -56,3 +60,26 @@ def comment(text: str) -> str:
 
 def defines(values: Mapping[str, object]) -> str:
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
+
+
+def write_constants(
+    file: Path,
+    said: str,
+    words: Mapping[str, object],
+    prefix: str,
+    constants: Mapping[str, np.ndarray],
+    declared: str = "",
+    defined: str = "",
+) -> int:
+    """Writes file.h and file.c: the words as `#define`s, the arrays under `prefix` and their names; the bytes of these.
+    said: the comment that begins the header; declared: what comes next there; defined: what ends the source."""
+    guard = f"{file.name.upper()}_H"
+    header = [f"{said}\n#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n{declared}\n{defines(words)}\n"]
+    body = [f'#include "{file.name}.h"\n\n#include <math.h>\n\n']
+    for name, values in constants.items():
+        declaration, definition = array(f"{prefix}{name}", values, KINDS[values.dtype.str[1:]])
+        header.append(declaration + "\n")
+        body.append(definition + "\n\n")
+    write_whole(file.with_suffix(".h"), "".join([*header, "\n#endif\n"]).encode())
+    write_whole(file.with_suffix(".c"), "".join([*body, defined]).encode())
+    return sum(values.nbytes for values in constants.values())

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.contact.obstacle import Obstacle, Rounded
 from cfem.core.errors import InputError
-from cfem.core.files import disk_errors, write_whole
+from cfem.core.files import disk_errors
 from cfem.export import c_text
 from cfem.predict.touchable import Touchable, triples
 
@@ -24,7 +24,6 @@ CORE = (
     "cfem_touch_data.c",
 )
 UPPER = np.triu_indices(3)
-DATA = ("cfem_touch_data.c", "cfem_touch_data.h")
 
 
 def write_c_touch(folder: Path, touchable: Touchable, obstacles: Sequence[Obstacle], friction: float) -> int:
@@ -45,25 +44,13 @@ def write_c_touch(folder: Path, touchable: Touchable, obstacles: Sequence[Obstac
         "CFEM_TOUCH_OBSTACLES": len(obstacles),
         "CFEM_TOUCH_FRICTION": repr(float(friction)),
     }
-    header = [
-        "/* The robot's surface and what it touches: by cfem export. Units: mm, N. */\n",
-        "#ifndef CFEM_TOUCH_DATA_H\n#define CFEM_TOUCH_DATA_H\n\n",
-        '#include "cfem.h"\n#include "cfem_obstacle.h"\n\n',
-        c_text.defines(sizes),
-        f"\nextern const cfem_obstacle cfem_obstacles[{len(obstacles)}];\n",
-    ]
+    said = "/* The robot's surface and what it touches: by cfem export. Units: mm, N. */"
+    declared = '#include "cfem.h"\n#include "cfem_obstacle.h"\n\n'
+    declared += f"extern const cfem_obstacle cfem_obstacles[{len(obstacles)}];\n"
     rows = ",\n".join(map(_obstacle, obstacles))
-    body = [
-        f'#include "cfem_touch_data.h"\n\n#include <math.h>\n\nconst cfem_obstacle cfem_obstacles[] = {{{rows}}};\n\n'
-    ]
-    kinds = {"f4": "float", "f8": "double", "u1": "uint8_t"}
-    for name, values in constants.items():
-        declaration, definition = c_text.array(f"cfem_patch_{name}", values, kinds[values.dtype.str[1:]])
-        header.append(declaration + "\n")
-        body.append(definition + "\n\n")
-    write_whole(folder / DATA[1], "".join([*header, "\n#endif\n"]).encode())
-    write_whole(folder / DATA[0], "".join(body).encode())
-    return sum(values.nbytes for values in constants.values())
+    defined = f"const cfem_obstacle cfem_obstacles[] = {{{rows}}};\n"
+    file = folder / "cfem_touch_data"
+    return c_text.write_constants(file, said, sizes, "cfem_patch_", constants, declared, defined)
 
 
 def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
