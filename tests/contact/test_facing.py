@@ -82,7 +82,7 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     first = 4 * np.arange(8)[:, None]
     cells = first + np.array([0, 4, 6, 2, 1, 5, 7, 3])
     surface = outer_surface(X, boundary_facets(cells))
-    patches = cut(surface.rest, surface.weights, 1.2)
+    patches = cut(surface.rest, surface.weights, 1.2, surface.triangles)
     who = may_meet([along(surface.rest, surface.triangles, patches)] * 2, [4.0, 4.0])
     n = len(patches)
     assert (np.diag(who) == NEVER).all() and (who[:n, n:] == OTHER).all()

@@ -26,7 +26,7 @@ def test_dents_are_the_derivative_of_loaded_solves(rigid_end):
     surface = outer_surface(robot.X, robot.body.mesh.facets)
     modes = np.ones((1, *surface.rest.shape)) / len(surface.rest)
     skin = Skin(surface.nodes, surface.rest, surface.triangles, surface.weights, modes, np.zeros((1, 2)))
-    patches = cut(surface.rest, surface.weights, 20.0)
+    patches = cut(surface.rest, surface.weights, 20.0, surface.triangles)
     found = patch_response(robot, skin, patches, DELTA[None])
     number = int(np.argmax(np.diag(found.own[0]).reshape(-1, 3).sum(axis=1)))
     D = found.dented[0, number]

@@ -25,7 +25,7 @@ EXACT = Settings(tolerance=1e-12)
 def skinned():
     robot = bar(divisions=(5, 1, 1))
     surface = outer_surface(robot.X, robot.body.mesh.facets)
-    return Skinned(robot, surface.nodes, surface.triangles, cut(surface.rest, surface.weights, 20.0))
+    return Skinned(robot, surface.nodes, surface.triangles, cut(surface.rest, surface.weights, 20.0, surface.triangles))
 
 
 @pytest.fixture(scope="module")

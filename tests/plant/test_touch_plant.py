@@ -32,7 +32,7 @@ def surface(robot):
 
 @pytest.fixture(scope="module")
 def patches(surface):
-    return cut(surface.rest, surface.weights, 8.0)
+    return cut(surface.rest, surface.weights, 8.0, surface.triangles)
 
 
 def plant(robot, surface, patches, obstacles, pressed=(), avoided=(), mu=0.0):

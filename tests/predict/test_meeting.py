@@ -125,7 +125,9 @@ def test_the_work_of_the_cables_along_a_closed_way_is_what_friction_takes(twins,
                 steps = [y - x for x, y in zip(at.deltas, now.deltas, strict=True)]
                 worked += float(np.vdot(means, steps))
                 slid = np.flatnonzero(now.push.any(axis=1))
-                slips = at.memory.slips(now.pairs.some(slid), now.places)
+                slid_ones = now.pairs.some(slid)
+                known = at.memory.with_new(slid_ones, at.places, now.places, now.places)
+                slips = known.slips(slid_ones, now.places)
                 friction = (now.pairs.frames[slid, 1:] @ now.push[slid, :, None])[..., 0]
                 taken -= float((friction * slips).sum())
                 size += float((now.pressing[slid] * np.linalg.norm(slips, axis=1)).sum())

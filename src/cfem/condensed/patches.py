@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,17 @@ class Patches:
         return tuple(np.split(order, np.searchsorted(self.of[order], np.arange(1, len(self)))))
 
 
-def cut(rest: np.ndarray, weights: np.ndarray, apart: float) -> Patches:
-    """Patches of a surface of nodes rest (m, 3) mm with shares `weights` (m,), whose centres are about `apart` mm from
-    each other: each the node farthest from those before (Gonzalez 1985), and every node with its nearest."""
+def edges(rest: np.ndarray, triangles: np.ndarray) -> csr_array:
+    """(m, m) mm: the lengths of the edges of triangles (t, 3) between nodes at rest (m, 3) mm."""
+    pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    lengths = np.linalg.norm(np.diff(rest[pairs], axis=1)[:, 0], axis=1)
+    return csr_array((lengths, pairs.T), shape=(len(rest), len(rest)))
+
+
+def cut(rest: np.ndarray, weights: np.ndarray, apart: float, triangles: np.ndarray) -> Patches:
+    """Patches of a surface of nodes rest (m, 3) mm with shares `weights` (m,) and triangles (t, 3), whose centres are
+    about `apart` mm from each other: each the node farthest from those before (Gonzalez 1985), and every node with its
+    nearest. What does not hang together along the surface is not one patch."""
     nearest, of = np.full(len(rest), np.inf), np.zeros(len(rest), dtype=np.int64)
     centre, count = int(np.argmax(np.linalg.norm(rest - rest.mean(axis=0), axis=1))), 0
     while nearest.max() > apart:
@@ -47,7 +57,23 @@ def cut(rest: np.ndarray, weights: np.ndarray, apart: float) -> Patches:
         closer = away < nearest
         of[closer], nearest[closer] = count, away[closer]
         centre, count = int(np.argmax(nearest)), count + 1
+    of = _connected(of, edges(rest, triangles).tocoo())
+    count = int(of.max()) + 1
     area = np.maximum(weights, 1e-12 / len(weights))
     shares = area / np.bincount(of, area)[of]
     patches = Patches(of, shares, np.zeros((count, 3)))
     return Patches(of, shares, patches.mean(rest))
+
+
+def _connected(of: np.ndarray, graph: coo_array) -> np.ndarray:
+    """(m,) patches, in each of which edges lead from any node to any other: the largest piece of each of `of` keeps its
+    number, the others get new ones."""
+    within = of[graph.row] == of[graph.col]
+    inner = csr_array((graph.data[within], (graph.row[within], graph.col[within])), shape=graph.shape)
+    pieces, piece = connected_components(inner, directed=False)
+    size, patch = np.bincount(piece), np.empty(pieces, dtype=np.int64)
+    patch[piece] = of
+    order = np.lexsort((-size, patch))
+    extra = order[1:][patch[order[1:]] == patch[order[:-1]]]
+    patch[extra] = of.max() + 1 + np.arange(len(extra))
+    return patch[piece]

@@ -13,11 +13,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from cfem.condensed.patches import Patches
+from cfem.condensed.patches import Patches, edges
 from cfem.contact.obstacle import tangents
 
 OPPOSED = -0.2  # largest product of the normals of two that face each other
@@ -96,16 +95,18 @@ def patch_normals(surface: np.ndarray, triangles: np.ndarray, of: np.ndarray, co
 
 
 def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray:
-    """(N, N) of the patches of all bodies: OTHER, of another body; OWN, of its own and more than `apart` mm away along
-    the surface; NEVER. Of each body the distances `along` its surface, and `apart`."""
-    own = [np.where(one > far, OWN, NEVER) - OTHER for one, far in zip(alongs, apart, strict=True)]
+    """(N, N) of the patches of all bodies: OTHER, of another body, or of a part of its own that no surface joins to it;
+    OWN, of its own and more than `apart` mm away along the surface; NEVER. Of each body the distances `along` its
+    surface, and `apart`, infinite where it does not touch itself."""
+    own = [
+        np.where(one > far, np.where(np.isinf(one), OTHER, OWN), NEVER) - OTHER
+        for one, far in zip(alongs, apart, strict=True)
+    ]
     return block_diag(*own) + OTHER
 
 
 def along(rest: np.ndarray, triangles: np.ndarray, patches: Patches) -> np.ndarray:
     """(N, N) mm between patches along edges of the surface at rest (m, 3) mm, triangles (t, 3)."""
-    edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    lengths = np.linalg.norm(np.diff(rest[edges], axis=1)[:, 0], axis=1)
-    graph = csr_array((lengths, edges.T), shape=(len(rest), len(rest)))
+    graph = edges(rest, triangles)
     centres = cKDTree(rest).query(patches.rest)[1]
     return dijkstra(graph, directed=False, indices=centres)[:, centres]

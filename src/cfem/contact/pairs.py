@@ -10,7 +10,7 @@ with r of that time: the point then before it, of the surface that is there, goe
 between surfaces, and the place at which a rigid obstacle held the patch. T are the tangents now."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -22,6 +22,8 @@ from cfem.contact.modes import Mode
 from cfem.contact.round import pressed
 from cfem.contact.several import Several
 
+SETTLING = 0.01  # distances of patches
+ENTERED = 0.1  # distances of patches: what was deeper where a step began has not come in
 APART = 0.3  # of the length: patches of one body that are nearer along its surface never meet
 
 
@@ -142,12 +144,38 @@ class Surroundings:
             obstacles,
         )
 
-    def pairs(self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None) -> Pairs:
-        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `facing`."""
+    def pairs(
+        self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None, moved: float = 0.0
+    ) -> Pairs:
+        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `facing`, of
+        what has touched in this step. moved: mm by which patches last moved: as long as that is much, faces are kept
+        only by points that would have none."""
+        if faces and moved > SETTLING * self.spacing:
+            found = self.pairs(places, normals)
+            lost = {point: mine for point, mine in faces.items() if point not in found.slots}
+            return self.pairs(places, normals, lost) if lost else found
         points, relative, frames = facing(places, normals, self.may_meet, self.spacing, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
         partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
-        found, N = Pairs(points, relative, frames, gaps, partners), len(places)
+        return self._with_obstacles(Pairs(points, relative, frames, gaps, partners), places)
+
+    def onwards(self, before: Pairs, places: np.ndarray) -> Pairs:
+        """Pairs of a state before, on the same planes, where patches have gone to places (N, 3) mm; obstacles as they
+        are there."""
+        soft = before.some(before.slots < len(places))
+        gaps = (soft.frames[:, 0] * (soft.relative @ places)).sum(axis=1)
+        return self._with_obstacles(replace(soft, gaps=gaps), places)
+
+    def entered(self, pairs: Pairs, places: np.ndarray, begin: np.ndarray | None, memory: "Memory") -> np.ndarray:
+        """(p,) bool: those that touched before, and those of robots that were not deep within each other where the step
+        began, at (N, 3) mm (none: nothing is known): the others have not come in through the faces that they have."""
+        if begin is None or not len(pairs):
+            return np.ones(len(pairs), dtype=bool)
+        outside = _gaps_at(pairs, places, begin) > -ENTERED * self.spacing
+        return outside | (pairs.slots >= len(places)) | np.isin(pairs.slots, list(memory.rows))
+
+    def _with_obstacles(self, found: Pairs, places: np.ndarray) -> Pairs:
+        N = len(places)
         if not self.obstacles.obstacles:
             return found
         distance, which = self.obstacles.nearest(places)
@@ -168,15 +196,35 @@ class Memory:
 
     rows: Mapping[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
-    def with_new(self, pairs: Pairs, places: np.ndarray) -> "Memory":
-        """Pairs that it does not know stick where they are."""
+    def with_new(
+        self, pairs: Pairs, begin: np.ndarray | None, places: np.ndarray, coming: np.ndarray | None = None
+    ) -> "Memory":
+        """Pairs that it does not know stick where they have touched: on the way from `begin` (none: at its end) to
+        `coming`, (N, 3) mm both, `places` unless given, where the gap, linear about `places`, is 0; at its end where it
+        closes later."""
+        coming = places if coming is None else coming
+        begin = coming if begin is None else begin
         new = [i for i, slot in enumerate(pairs.slots.tolist()) if slot not in self.rows]
-        return Memory({**self.rows, **_now(pairs, places, new)}) if new else self
+        if not new:
+            return self
+        some, rows = pairs.some(np.isin(np.arange(len(pairs)), new)), dict(self.rows)
+        first, last = (_gaps_at(some, places, at) for at in (begin, coming))
+        share = np.where(last < 0, first / np.maximum(first - last, 1e-300), 1.0)
+        share = np.where(first <= 0, 0.0, share)
+        for i, slot in enumerate(some.slots.tolist()):
+            rows[slot] = _held(some.relative[i], some.frames[i], slot, begin + share[i] * (coming - begin))
+        return Memory(rows)
 
     def after(self, pairs: Pairs, places: np.ndarray, modes: Mapping[int, Mode]) -> "Memory":
-        """At the end of a step: what sticks remembers where, all others where they are now."""
-        kept = {slot: self.rows[slot] for slot, mode in modes.items() if mode is Mode.STICK and slot in self.rows}
-        return Memory({**_now(pairs, places, range(len(pairs))), **kept})
+        """At the end of a step: what sticks remembers where, what slides where it is now."""
+        N, rows = len(places), {}
+        for i, slot in enumerate(pairs.slots.tolist()):
+            mode = modes.get(slot, Mode.OPEN)
+            if mode is Mode.STICK and slot in self.rows:
+                rows[slot] = self.rows[slot]
+            elif mode is not Mode.OPEN:
+                rows[slot] = pairs.relative[i], places[slot - N] if slot >= N else np.zeros(3)
+        return Memory(rows)
 
     def carried(self, pairs: Pairs, courses: Mapping[int, Course], begin: float, end: float) -> "Memory":
         """What is held by obstacles goes with those that move, by their number among the partners of pairs."""
@@ -195,12 +243,23 @@ class Memory:
         return (pairs.frames[:, 1:] @ moved[:, :, None])[..., 0]
 
 
-def _now(pairs: Pairs, places: np.ndarray, which: Sequence[int]) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-    N, found = len(places), {}
-    for i in which:
-        slot = int(pairs.slots[i])
-        found[slot] = pairs.relative[i], places[slot - N] if slot >= N else np.zeros(3)
-    return found
+def _gaps_at(pairs: Pairs, places: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(p,) mm of pairs that are known at `places`, were the patches at `at` (N, 3) mm, on the same planes."""
+    return pairs.gaps + (pairs.frames[:, 0] * (pairs.relative @ (at - places))).sum(axis=1)
+
+
+def _held(row: np.ndarray, frame: np.ndarray, slot: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row and origin of a pair that sticks where patches are at `places`: of its faces such shares that the point is
+    before it there."""
+    N = len(places)
+    if slot >= N:
+        return row, places[slot - N]
+    faces = np.setdiff1d(np.flatnonzero(row), slot)
+    along = np.column_stack([np.ones(len(faces)), places[faces] @ frame[1:].T])
+    aside = np.concatenate([[0.0], frame[1:] @ (row @ places)])
+    found = row.copy()
+    found[faces] -= np.linalg.pinv(along.T) @ aside
+    return found, np.zeros(3)
 
 
 @dataclass(frozen=True)

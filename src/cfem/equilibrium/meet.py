@@ -35,7 +35,6 @@ HELD = 0.9  # share of a patch's nodes that are held: it meets nothing
 MOST = 60  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
-SETTLING = 0.01  # distances of patches: after a step of less, what touches keeps the faces that it has
 SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
 
 
@@ -142,6 +141,8 @@ class _Step:
         self.forces = np.zeros((of.ends[-1][1], 3))
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
         self._pushed: dict[int, np.ndarray] = {}
+        self._begin: np.ndarray | None = None  # places (N, 3) mm of the state before
+        self._from_state = before is not None
         if before is None:
             each = zip(of.robots, deltas, strict=True)
             self.solved = [solve(one.problem, displacement(at), settings=STRICT, condense=False) for one, at in each]
@@ -159,6 +160,9 @@ class _Step:
         """One correction; None: another one is needed."""
         self.iterations += 1
         self._look([one.at.x for one in self.robots])
+        if self.iterations == 1 and self._from_state:
+            self._begin = self.places
+        self.pairs = self.pairs.some(self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory))
         near = self.pairs.some(self.pairs.gaps < NEAR * self.of.surroundings.spacing).used
         chosen = np.union1d(np.union1d(self.chosen, near), np.flatnonzero(self.forces.any(axis=1)))
         if len(chosen) > MOST * len(self.of.robots):
@@ -187,9 +191,9 @@ class _Step:
         shift = np.concatenate([turn @ shift for turn, (shift, _) in each]).reshape(-1, 3)
         others = np.setdiff1d(np.arange(len(self.places)), self.chosen)
         touching = self.pairs.some(~self.pairs.relative[:, others].any(axis=1))
-        self.memory = self.memory.with_new(touching, self.places)
         coming = self.places.copy()
         coming[self.chosen] += shift
+        self.memory = self.memory.with_new(touching, self._begin, self.places, coming)
         moved = touching.relative @ (coming - self.places)
         ahead = replace(touching, gaps=touching.gaps + (touching.frames[:, 0] * moved).sum(axis=1))
         slips = self.memory.slips(touching, coming) if self.of.mu else np.zeros((len(touching), 2))
@@ -214,7 +218,7 @@ class _Step:
         """The robots have gone on."""
         pushed = self.found.push.any(axis=1)
         self._pushed = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
-        self.faces = self._touching.some((self._touching.gaps <= 0) | pushed).faces | self.faces
+        self.faces |= self._touching.some((self._touching.gaps <= 0) | pushed).faces
         for one, own in zip(self.robots, self.of.ends, strict=True):
             self.forces[own[0] + one.chosen] = one.forces @ one.of.R.T
 
@@ -260,14 +264,8 @@ class _Step:
             surface = one.surface(x)
             places.append(one.patches.mean(surface))
             normals.append(patch_normals(surface, one.triangles, one.patches.of, len(one.patches)))
-        self.places, normal = np.concatenate(places), np.concatenate(normals)
-        faces = self.faces
-        if self.residual > SETTLING * self.of.surroundings.spacing:
-            self.pairs = self.of.surroundings.pairs(self.places, normal)
-            faces = {slot: one for slot, one in faces.items() if slot not in self.pairs.slots}
-            if not faces:
-                return
-        self.pairs = self.of.surroundings.pairs(self.places, normal, faces)
+        self.places = np.concatenate(places)
+        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
 
     def _mine(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Of each robot, which of these patches are its own, bool."""

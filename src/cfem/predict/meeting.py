@@ -135,7 +135,13 @@ class _Step:
             self.pushed = dict(zip(before.pairs.slots[touching].tolist(), before.push[touching], strict=True))
         self._touching: frozenset[int] = frozenset()
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
-        self._look()
+        self._moved = np.inf
+        self._begin = None if before is None else before.places
+        self._place()
+        if before is None:
+            self._look()
+        else:
+            self.pairs = of.surroundings.onwards(before.pairs, self.places)
 
     def run(self) -> Met:
         status = None
@@ -151,17 +157,19 @@ class _Step:
             free = not self.forces.any()
             self.forces, self.pushed, self.modes = np.zeros_like(self.forces), {}, {}
             self._look()
-            return TouchedStatus.CONVERGED if free else None
+            return TouchedStatus.CONVERGED if free and (self.pairs.gaps[self._entered()] > 0).all() else None
         if len(touching) > MOST:
             return TouchedStatus.MANY
         new = np.setdiff1d(touching.used, self.chosen)
         if len(new):
             self.chosen = np.union1d(self.chosen, new)
-            self._look()
+            self._place()
+            self.pairs = self.of.surroundings.onwards(self.pairs, self.places)
             touching = self._now_touching()
             if not np.isin(touching.used, self.chosen).all():
                 return None
-        self.memory, self.faces = self.memory.with_new(touching, self.places), touching.faces | self.faces
+        self.memory = self.memory.with_new(touching, self._begin, self.places)
+        self.faces |= touching.faces
         slips = self.memory.slips(touching, self.places) if self.of.mu else np.zeros((len(touching), 2))
         push = np.array([self.pushed.get(slot, np.zeros(3)) for slot in touching.slots.tolist()])
         found = None
@@ -178,27 +186,38 @@ class _Step:
         self.forces = np.zeros_like(self.forces)
         self.forces[self.chosen] = found.forces
         same, self._touching = frozenset(slots) == self._touching, frozenset(slots)
+        self._moved = float(np.abs(found.step).max())
         self._look()
-        open_ones = ~np.isin(self.pairs.slots, slots)
+        open_ones = ~np.isin(self.pairs.slots, slots) & self._entered()
         clear = self.pairs.gaps[open_ones].min(initial=np.inf) >= -OVERLAP * self.of.length
-        settled = np.abs(found.step).max() <= 10 * TOLERANCE * self.of.length
+        settled = self._moved <= 10 * TOLERANCE * self.of.length
         return TouchedStatus.CONVERGED if same and clear and settled else None
 
     def _now_touching(self) -> Pairs:
         slots = self.pairs.slots.tolist()
-        return self.pairs.some((self.pairs.gaps <= 0) | np.array([one in self.pushed for one in slots], dtype=bool))
+        touching = (self.pairs.gaps <= 0) | np.array([one in self.pushed for one in slots], dtype=bool)
+        return self.pairs.some(touching & self._entered())
 
-    def _look(self) -> None:
-        """Where all patches are under the forces, and what is before them."""
-        places, normals = [], []
+    def _entered(self) -> np.ndarray:
+        return self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory)
+
+    def _place(self) -> None:
+        """Where all patches are under the forces."""
+        places = []
         for robot, held, own in zip(self.of.robots, self.held, self.of.own, strict=True):
-            of, skin = robot.touchable.patches, robot.touchable.model.skin
             mine = self.chosen[(self.chosen >= own.start) & (self.chosen < own.stop)]
             held.bear(mine - own.start, self.forces[mine] @ robot.R)
             places.append(held.places() @ robot.R.T + robot.t)
-            normals.append(patch_normals(skin.surface(held.rows), skin.triangles, of.of, len(of)) @ robot.R.T)
         self.places = np.concatenate(places)
-        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces)
+
+    def _look(self) -> None:
+        """And what is before them."""
+        self._place()
+        normals = []
+        for robot, held in zip(self.of.robots, self.held, strict=True):
+            of, skin = robot.touchable.patches, robot.touchable.model.skin
+            normals.append(patch_normals(skin.surface(held.rows), skin.triangles, of.of, len(of)) @ robot.R.T)
+        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self._moved)
 
     def _compliance(self, pressed: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N of chosen patches, in the scene; pressed: as the forces have changed it."""

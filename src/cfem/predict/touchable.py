@@ -214,4 +214,4 @@ def touch_states(domain: Domain, n_a: int) -> np.ndarray:
 
 def patches_of(model: Predictor, apart: float | None = None) -> Patches:
     """The patches of a model's skin, about `apart` mm from each other, a twentieth of the length unless given."""
-    return cut(model.skin.rest, model.skin.weights, apart or model.length / 20)
+    return cut(model.skin.rest, model.skin.weights, apart or model.length / 20, model.skin.triangles)

@@ -1,0 +1,36 @@
+"""Patches of a surface: means of their nodes, which lie together on the surface."""
+
+import numpy as np
+import pytest
+from support.blocks import box
+
+from cfem.condensed.patches import cut, edges
+from cfem.constraint.surface import outer_surface
+
+
+def two_plates(gap):
+    """Two plates of 40 x 20 x 2 mm, one above the other."""
+    one = box((40, 20, 2), (8, 4, 1), "hex8")
+    return [outer_surface(one.X + [0, 0, up], one.facets) for up in (0.0, 2.0 + gap)]
+
+
+def test_a_patch_lies_on_one_side_of_a_gap():
+    low, high = two_plates(1.0)
+    rest, count = np.vstack([low.rest, high.rest]), len(low.rest)
+    triangles = np.vstack([low.triangles, high.triangles + count])
+    patches = cut(rest, np.ones(len(rest)), 8.0, triangles)
+    sides = [set((members >= count).tolist()) for members in patches.members]
+    assert all(len(side) == 1 for side in sides) and len(patches) > 20
+
+
+def test_every_node_is_near_its_patch_and_shares_are_whole():
+    low, _ = two_plates(1.0)
+    patches = cut(low.rest, low.weights, 8.0, low.triangles)
+    assert np.bincount(patches.of, patches.shares) == pytest.approx(np.ones(len(patches)))
+    assert np.linalg.norm(low.rest - patches.rest[patches.of], axis=1).max() < 2 * 8.0
+    assert patches.mean(low.rest) == pytest.approx(patches.rest)
+
+
+def test_edges_have_their_lengths():
+    graph = edges(np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]]))
+    assert graph.toarray() == pytest.approx(np.array([[0, 3, 4], [0, 0, 5], [0, 0, 0]], float))
