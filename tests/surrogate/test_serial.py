@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from cfem.constraint.patch import PatchLoad
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Sphere
 from cfem.core.errors import InputError, NumericalError
@@ -178,6 +179,27 @@ def test_its_surface_under_a_force_at_the_tip_is_that_of_the_whole_trunk(project
     moved = np.linalg.norm(under - model.shape(at), axis=1).max()
     off = np.linalg.norm(under - solved.state.x[nodes], axis=1).max()
     assert moved > 0.5 and off < 0.05 * moved
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_a_force_on_a_patch_of_either_module_is_what_the_whole_trunk_feels(project, share):
+    """1 mN on the flank, of the lower and of the upper module, whose frame turns with the lower one's end."""
+    model = load_model(project / "models" / WHOLE / "serial")
+    problem = problem_of(project, WHOLE)
+    at = solve(problem, force(0.2 * np.random.default_rng(3).random(6))).delta_a
+    rest = model.surface.rest
+    height = rest[:, 2].min() + share * np.ptp(rest[:, 2])
+    place = rest[np.argmin(np.abs(rest[:, 2] - height) - 0.1 * rest[:, 0])]
+    load = PatchLoad(place, 8.0, 1e-3 * np.array([0.3, 1.0, -0.5]))
+    free = problem.robot.rows.n_e
+    solved = solve(Problem(pushed(problem.robot, np.zeros(free), [load])), displacement(at), slack=False)
+    found = loaded(model, patches=[load])
+    here = found.at(at)
+    moved = np.linalg.norm((solved.delta_e - model.at(at).delta_e)[:3])
+    off = np.linalg.norm((here.delta_e - solved.delta_e)[:3])
+    assert moved > 0.03 and off < 0.05 * moved and off < found.meta["wrench_error"]
+    change = np.abs(solved.lambda_a - model.at(at).lam).max()
+    assert np.abs(here.lam - solved.lambda_a).max() < 0.1 * change
 
 
 @pytest.mark.parametrize("push", [None, np.array([0.0, 1e-3, 0.0, 0.0, 0.0, -2e-3])])

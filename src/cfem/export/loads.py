@@ -14,6 +14,7 @@ from cfem.predict.load import build, with_skin
 from cfem.predict.load_spec import loads_of
 from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 
@@ -38,6 +39,9 @@ def under_loads(
         raise InputError("carries loads already", where=where, do="export the trained model")
     trained = with_skin(build(meta, arrays), folder)
     forces, patches = loads_of(spec.loads, meta.get("masses", {}))
+    if patches and isinstance(trained, SerialPredictor):
+        what = "modules in a row have no export under loads on patches"
+        raise InputError(what, where=f"loads.{patches[0].name}", do="export them without, and state it in control.yaml")
     try:
         by_fe = _by_fe(trained, folder, scene, patches) if solves_patches(spec) else None
         model = loaded(trained, wrench_of(trained.rows, forces), patches, by_fe)

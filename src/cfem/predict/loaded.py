@@ -25,16 +25,16 @@ from cfem.equilibrium.patch_effectors import PatchYield
 from cfem.predict.chebyshev import Basis
 from cfem.predict.domain import Domain
 from cfem.predict.energy import THIRD
-from cfem.predict.loaded_rows import LoadedRows, rows_of
+from cfem.predict.loaded_rows import LEFT, LoadedRows, rows_of
 from cfem.predict.loaded_serial import LoadedSerialPredictor
 from cfem.predict.loaded_skin import skin_under
 from cfem.predict.protocol import ArrayPredictor, Predictor
 from cfem.predict.serial import SerialPredictor
+from cfem.predict.serial_patches import row_patches
 from cfem.predict.series import differentiated
 from cfem.predict.spectral import SpectralPredictor
 
 TRUSTED = 0.005  # of the length: the estimated error of e_w up to which a wrench is taken
-LEFT = 0.08  # of what forces on patches move the effectors by: what the modes of the skin leave of it
 FITTED = 3e-4  # and what polynomials leave of that
 FOLLOWING = 3.0  # times the estimate, which is the middle of what comes true, for patches
 
@@ -76,10 +76,9 @@ def loaded(
         raise InputError(what, do="train one")
     if wrench.shape != (model.rows.n_e,) or not np.isfinite(wrench).all():
         raise InputError(f"a wrench has {model.rows.n_e} finite numbers, one for each effector row")
-    if serial and patches:
-        raise InputError("modules in a row take loads on their tip alone", where=f"loads.{patches[0].name}")
     if serial:
-        found = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
+        meta = {**model.meta, "wrench": wrench.tolist()}
+        found = LoadedSerialPredictor(meta, model.arrays, row_patches(model, patches))
         error = found.error()
         _demand_trusted(model.length, trusted, error, lambda share: share**2 * error)
     else:
@@ -133,8 +132,8 @@ def _error(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> float:
     C = np.tensordot(basis, rows.C, 1)
     first = _farthest(C @ w, rows.moves)
     by_patches = (C[:, :n_e, n_e:] @ w[n_e:])[:, rows.moves[0, :n_e]]
-    left = (LEFT if rows.D is None else FITTED) * np.linalg.norm(by_patches, axis=1)
-    if rows.D is None:
+    left = (FITTED if rows.second else LEFT) * np.linalg.norm(by_patches, axis=1)
+    if not rows.second:
         return float((first**2 / model.length + left).max())
     second = _farthest(np.tensordot(basis, rows.D @ w @ w / 2, 1), rows.moves)
     following = second**2 / np.where(first > 0, first, 1.0)

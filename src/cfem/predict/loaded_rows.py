@@ -20,19 +20,22 @@ from cfem.predict.skin import LearnedSkin
 from cfem.predict.spectral import SpectralPredictor
 from cfem.predict.touchable import degrees
 
+LEFT = 0.08  # of what forces on patches move the effectors by: what the modes of the skin leave of it
 HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 
 
 @dataclass(frozen=True)
 class LoadedRows:
     """Series in the basis indices (M, n): psi (M, 1) of the potential, e (M, r) and C (M, r, r) of the rows, D of four
-    axes of dC/dw where it is known; moves (g, r) bool: rows of each effector, or patch, that are displacements."""
+    axes of dC/dw where it is known. second: whether D is known of all rows, as it is 0 where it is not; moves (g, r)
+    bool: rows of each effector, or patch, that are displacements."""
 
     indices: np.ndarray
     psi: np.ndarray
     e: np.ndarray
     C: np.ndarray
     D: np.ndarray | None
+    second: bool
     moves: np.ndarray
 
 
@@ -44,7 +47,7 @@ def rows_of(model: SpectralPredictor, patches: Sequence[PatchLoad] = (), by_fe: 
     third = model.arrays.get(THIRD)
     D = None if third is None else third.T[:, unpacking3(model.rows.n_e)]
     moves = np.array([[unit == "mm" for unit, _ in model.rows.effector_units]])
-    own = LoadedRows(model.arrays["indices"], psi, e, C[:, unpacking(model.rows.n_e)], D, moves)
+    own = LoadedRows(model.arrays["indices"], psi, e, C[:, unpacking(model.rows.n_e)], D, D is not None, moves)
     if not patches:
         return own
     found = _with_patches(model, own, patches)
@@ -64,7 +67,10 @@ def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: PatchYield) ->
     C[new] += np.tensordot(inverse, left, 1)
     D = np.zeros((len(indices), *by_fe.D.shape[1:]))
     D[new] = np.tensordot(inverse, by_fe.D, 1)
-    return LoadedRows(indices, psi, e, C, D, rows.moves)
+    if rows.D is not None:  # of the effectors, which the model knows better
+        D[:, :n_e, :n_e, :n_e] = 0.0
+        D[old] += rows.D
+    return LoadedRows(indices, psi, e, C, D, True, rows.moves)
 
 
 def _with_patches(model: SpectralPredictor, own: LoadedRows, patches: Sequence[PatchLoad]) -> LoadedRows:
@@ -86,7 +92,11 @@ def _with_patches(model: SpectralPredictor, own: LoadedRows, patches: Sequence[P
     C[c, n_e:, n_e:] = U.T @ C_ss[:, unpacking(k)] @ U
     each = np.repeat(np.eye(len(patches), dtype=bool), 3, axis=1)
     moves = np.block([[own.moves, np.zeros((1, r - n_e), bool)], [np.zeros((len(patches), n_e), bool), each]])
-    return LoadedRows(indices, psi, e, C, None, moves)
+    D = None
+    if own.D is not None:
+        D = np.zeros((len(indices), r, r, r))
+        D[a, :n_e, :n_e, :n_e] = own.D
+    return LoadedRows(indices, psi, e, C, D, False, moves)
 
 
 def on_modes(skin: LearnedSkin, patches: Sequence[PatchLoad]) -> np.ndarray:

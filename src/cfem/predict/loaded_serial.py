@@ -23,7 +23,9 @@ from scipy.linalg import block_diag
 from cfem.condensed.pose import turn
 from cfem.core.errors import NumericalError
 from cfem.predict.energy import condense
+from cfem.predict.loaded_rows import LEFT, on_modes
 from cfem.predict.serial import END, SerialPredictor
+from cfem.predict.serial_patches import RowPatches
 from cfem.predict.wrench_series import NEAR, Held, Loaded, WrenchSeries
 
 ITERATIONS = 50
@@ -43,20 +45,23 @@ class Row:
     H: np.ndarray
 
 
-def row_of(e: np.ndarray, rests: np.ndarray, shares: np.ndarray | None = None) -> Row:
-    """e (k, 6 or 9): displacement of each module's end from rest and rotation vector, in the frame at its base, and
-    that of its centre of mass; rests (k, 6 or 9) mm; shares (k,) of the modules in the mass, None where it is not
-    asked."""
-    (k, p), N = e.shape, e.size
+def row_of(e: np.ndarray, rests: np.ndarray, shares: np.ndarray | None = None, places: int = 0) -> Row:
+    """e (k, p): displacement of each module's end from rest and rotation vector, in the frame at its base, that of its
+    centre of mass, and those of `places` patches; rests (k, p) mm; shares (k,) of the modules in the mass, None where
+    it is not asked."""
+    (k, p), N, patches = e.shape, e.size, []
     A, dA, d2A = np.eye(3), np.zeros((N, 3, 3)), np.zeros((N, N, 3, 3))
     end, centre = _nowhere(N), _nowhere(N)
     for i, (one, rest, share) in enumerate(zip(e, rests, np.zeros(k) if shares is None else shares, strict=True)):
         first = p * i
         place, angle, own = (slice(first + at, first + at + 3) for at in (0, 3, END))
         if shares is not None:
-            inner = _placed(A, dA, d2A, rest[END:] + one[END:], own)
+            inner = _placed(A, dA, d2A, rest[END:][:3] + one[END:][:3], own)
             for total, before, more in zip(centre, end, inner, strict=True):
                 total += share * (before + more)
+        for at in range(p - 3 * places, p, 3):
+            inner = _placed(A, dA, d2A, rest[at : at + 3] + one[at : at + 3], slice(first + at, first + at + 3))
+            patches.append([before + more for before, more in zip(end, inner, strict=True)])
         for total, more in zip(end, _placed(A, dA, d2A, rest[:3] + one[:3], place), strict=True):
             total += more
         R, slope, bent = turn(one[3:END])
@@ -67,8 +72,8 @@ def row_of(e: np.ndarray, rests: np.ndarray, shares: np.ndarray | None = None) -
         new2[angle, angle] += A @ bent
         new[angle] += A @ slope
         A, dA, d2A = A @ R, new, new2
-    found = end if shares is None else [np.concatenate(pair) for pair in zip(end, centre, strict=True)]
-    return Row(*found)
+    watched = [end, *([] if shares is None else [centre]), *patches]
+    return Row(*(np.concatenate(each) for each in zip(*watched, strict=True)))
 
 
 def _nowhere(N: int) -> list[np.ndarray]:
@@ -86,13 +91,23 @@ def _placed(A: np.ndarray, dA: np.ndarray, d2A: np.ndarray, x: np.ndarray, at: s
 
 
 class LoadedSerialPredictor(SerialPredictor):
-    """meta has `wrench` (n_e,) N on the effectors of the whole too."""
+    """meta has `wrench` (n_e,) N on the effectors of the whole too. patches: forces on its surface, which the modules'
+    own skins bear: rows behind those of the pose."""
 
-    def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+    def __init__(self, meta: dict, arrays: dict[str, np.ndarray], patches: RowPatches | None = None):
         super().__init__(meta, arrays)
         self.wrench = np.asarray(meta["wrench"], float)
-        series = [WrenchSeries(one, self.pose) for one in self.models]
-        self._series = [series[number] for number in self.which]
+        if patches is None:
+            series = [WrenchSeries(one, self.pose) for one in self.models]
+            self._series = [series[number] for number in self.which]
+            patches = RowPatches((), (), 0, np.zeros((len(self.which), 0)), np.zeros((len(self.which), 0)))
+        else:
+            self._series = []
+            for model, skin, own in zip(self.modules, patches.skins, patches.each, strict=True):
+                model.skin_source = lambda skin=skin: skin
+                self._series.append(WrenchSeries(model, self.pose, own, patches.places))
+        self._patches, self._forces = patches, np.concatenate([self.wrench, patches.forces.ravel()])
+        self._all_rests = np.hstack([self.rests, patches.rests])
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = [self._one(one) for one in s.reshape(-1, s.shape[-1])]
@@ -121,11 +136,12 @@ class LoadedSerialPredictor(SerialPredictor):
         modules = self._held(np.asarray(delta_a, float))
         row, parts = self._settle(modules)
         if any(one.D is None for one in modules):
-            unloaded = self._watched(*self._places([one.e[0] for one in modules])[::2])
-            return float(np.linalg.norm((row.y - unloaded)[:3])) ** 2 / self.length
-        V, C = -np.tensordot(self.wrench, row.H, 1), block_diag(*(one.C for one in parts))
+            unloaded = self._watched(*self._places([one.e[0, : self.pose] for one in modules])[::2])
+            moved = float(np.linalg.norm(row.y[:3] - unloaded[:3]))
+            return moved**2 / self.length + self._error_of_patches(row, parts)
+        V, C = -np.tensordot(self._forces, row.H, 1), block_diag(*(one.C for one in parts))
         carried = (row.B[:3] @ np.linalg.inv(np.eye(len(V)) + C @ V)).reshape(3, len(parts), -1)
-        wrenches, total = self.softer[:, None] * (self.wrench @ row.B).reshape(len(parts), -1), 0.0
+        wrenches, total = self.softer[:, None] * (self._forces @ row.B).reshape(len(parts), -1), 0.0
         for i, (one, w) in enumerate(zip(modules, wrenches, strict=True)):
             first, second = one.C[0] @ w, one.D[0] @ w @ w / 2
             sizes = [np.linalg.norm(each / self._units) for each in (first, second)]
@@ -134,12 +150,21 @@ class LoadedSerialPredictor(SerialPredictor):
             fit = np.sqrt(self.models[self.which[i]].meta.get("errors", {}).get("frame_loss", 0.0))
             for left in (following, turning, fit * first):
                 total += np.linalg.norm(carried[:, i] * left, axis=0).sum()
-        return 2.0 * float(total)
+        return 2.0 * float(total) + self._error_of_patches(row, parts)
+
+    def _error_of_patches(self, row: Row, parts: list[Loaded]) -> float:
+        """mm: as `cfem.predict.loaded.wrench_error` without D, of what a patch moves its own module by."""
+        C = block_diag(*(one.C[:, self.pose :] for one in parts))
+        w = (self._forces @ row.B).reshape(len(parts), -1)[:, self.pose :].ravel()
+        moved = float(np.linalg.norm(row.B[:3] @ (C @ w)))
+        return moved**2 / self.length + LEFT * moved
 
     @property
     def _units(self) -> np.ndarray:
-        """(6 or 9,) of the rows of a module: its length, and radians."""
-        return np.repeat([self.length / len(self.which), 1.0, self.length / len(self.which)], 3)[: self.pose]
+        """Of the rows of a module: its length, and radians."""
+        length = self.length / len(self.which)
+        own = np.repeat([length, 1.0, length], 3)[: self.pose]
+        return np.concatenate([own, np.full(3 * self._patches.places, length)])
 
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
         """As that of the unloaded row; the modules' own surfaces to first order in the wrenches on their rows."""
@@ -149,12 +174,17 @@ class LoadedSerialPredictor(SerialPredictor):
 
     def _shape(self, delta: np.ndarray) -> np.ndarray:
         row, parts = self._settle(self._held(delta))
-        wrenches = (self.wrench @ row.B).reshape(len(parts), -1)
-        rows = []
-        for skin, own, w, softer in zip(self.surface.modules, self.own, wrenches, self.softer, strict=True):
+        wrenches = (self._forces @ row.B).reshape(len(parts), -1)
+        patches, rows = self._patches.each or [()] * len(parts), []
+        modules = zip(self.surface.modules, self.own, wrenches, self.softer, patches, strict=True)
+        for skin, own, w, softer, on in modules:
             at = delta[own], np.zeros(0)
-            rows.append(skin.rows(*at) + softer * w @ skin.compliance(*at)[0][: self.pose])
-        P, R, _ = self._places([one.e for one in parts])
+            C_es, C_ss = skin.compliance(*at)
+            moved = w[: self.pose] @ C_es[: self.pose]
+            if on:
+                moved = moved + C_ss @ on_modes(skin, on) @ w[self.pose :][: 3 * len(on)]
+            rows.append(skin.rows(*at) + softer * moved)
+        P, R, _ = self._places([one.e[: self.pose] for one in parts])
         return self.surface.surface(rows, P[:-1], R)
 
     def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
@@ -170,15 +200,15 @@ class LoadedSerialPredictor(SerialPredictor):
 
     def _one(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         row, parts = self._settle(self._held(delta))
-        V = -np.tensordot(self.wrench, row.H, 1)
+        V, B = -np.tensordot(self._forces, row.H, 1), row.B[: self.rows.n_e]
         C, G, K = (block_diag(*(getattr(one, name) for one in parts)) for name in "CGK")
         S = np.linalg.inv(np.eye(len(V)) + C @ V)
         part = {
             "gradient": np.concatenate([one.lam for one in parts]),
             "hessian": _symmetric(K + G.T @ V @ S @ G),
-            "effector": row.y - self.rest_e,
-            "effector_gradient": row.B @ S @ G,
-            "effector_compliance": _symmetric(row.B @ S @ C @ row.B.T),
+            "effector": row.y[: self.rows.n_e] - self.rest_e,
+            "effector_gradient": B @ S @ G,
+            "effector_compliance": _symmetric(B @ S @ C @ B.T),
         }
         return condense("displacement", self.rows, delta, part, self._sizes)
 
@@ -194,10 +224,10 @@ class LoadedSerialPredictor(SerialPredictor):
         """The row in equilibrium, from the poses of its unloaded modules."""
         e = np.array([one.e[0] for one in modules])
         for _ in range(ITERATIONS):
-            row = row_of(e, self.rests, self.shares if self.heavy else None)
-            w = (self.wrench @ row.B).reshape(e.shape)
+            row = row_of(e, self._all_rests, self.shares if self.heavy else None, self._patches.places)
+            w = (self._forces @ row.B).reshape(e.shape)
             parts = [self._under(*each) for each in zip(modules, w, self.softer, strict=True)]
-            V = -np.tensordot(self.wrench, row.H, 1)
+            V = -np.tensordot(self._forces, row.H, 1)
             missing = (np.array([one.e for one in parts]) - e).ravel()
             C = block_diag(*(one.C for one in parts))
             step = np.linalg.solve(np.eye(len(missing)) + C @ V, missing)

@@ -13,11 +13,16 @@ tells. Without D, r = 0.
 The series of Psi, e, C and D and their first and second derivatives by delta_a are evaluated at once; a wrench then
 only contracts them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
+from cfem.condensed.packing import pack_upper, symmetric3_indices
+from cfem.constraint.patch import PatchLoad
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import unpacking, unpacking3
+from cfem.predict.loaded_rows import rows_of
 from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
@@ -40,28 +45,33 @@ class Loaded:
 
 
 class WrenchSeries:
-    """Of a model of form displacement, without parameters, for wrenches on the first `watched` of its effector rows."""
+    """Of a model of form displacement, without parameters, for wrenches on the first `watched` of its effector rows and
+    on patches of its skin, behind these. D does not know the patches; where there are fewer than `places`, rows follow
+    that do not move."""
 
-    def __init__(self, model: SpectralPredictor, watched: int):
-        n_a, n_e = model.rows.n_a, model.rows.n_e
-        rows, series = layout(n_a, n_e), model.arrays["series"]
-        parts = [series[rows[name]] for name in ("energy", "effector", "effector_compliance")]
-        if THIRD in model.arrays:
-            parts.append(model.arrays[THIRD])
-        parts = np.concatenate(parts).T  # (M, q)
-        by_s = input_derivatives(model.arrays["indices"], model.arrays["to_box"], n_a)
+    def __init__(self, model: SpectralPredictor, watched: int, patches: Sequence[PatchLoad] = (), places: int = 0):
+        n_a, rows, size = model.rows.n_a, rows_of(model, patches), watched + 3 * places
+        own = np.r_[:watched, model.rows.n_e : rows.e.shape[1]]
+        still = (0, size - len(own))
+        e, C = np.pad(rows.e[:, own], ((0, 0), still)), np.pad(rows.C[:, own][:, :, own], ((0, 0), still, still))
+        parts = [rows.psi, e, pack_upper(C)]
+        if rows.D is not None:
+            D = np.pad(rows.D[:, own][:, :, own][:, :, :, own], ((0, 0), still, still, still))
+            parts.append(D[:, *symmetric3_indices(size)])
+        parts = np.concatenate(parts, axis=1)  # (M, q)
+        by_s = input_derivatives(rows.indices, model.arrays["to_box"], n_a)
         first = [D @ parts for D in by_s]
         second = [by_s[j] @ first[i] for i in range(n_a) for j in range(n_a)]
-        self._n_a, self._n_e, self._model = n_a, watched, model
+        self._n_a, self._n_e, self._box, self._basis = n_a, size, model.box, Basis(rows.indices)
         self._coefficients = np.concatenate([parts, *first, *second], axis=1)
-        own, third = slice(0, watched), 1 + n_e + n_e * (n_e + 1) // 2
-        self._unpack = 1 + n_e + unpacking(n_e)[own, own]
-        self._unpack3 = third + unpacking3(n_e)[own, own, own] if THIRD in model.arrays else None
+        self._unpack = 1 + size + unpacking(size)
+        first_of_D = 1 + size + size * (size + 1) // 2
+        self._unpack3 = None if rows.D is None else first_of_D + unpacking3(size)
 
     def at(self, delta_a: np.ndarray) -> "Held":
         """delta_a: (n_a,) mm."""
         n = self._n_a
-        flat = (self._model.basis(delta_a) @ self._coefficients).reshape(1 + n + n * n, -1)
+        flat = (self._basis(self._box(delta_a)) @ self._coefficients).reshape(1 + n + n * n, -1)
         D = None if self._unpack3 is None else flat[:, self._unpack3]
         return Held(flat[:, 0], flat[:, 1 : 1 + self._n_e], flat[:, self._unpack], D, n)
 
