@@ -197,9 +197,9 @@ def test_a_force_on_a_patch_of_either_module_is_what_the_whole_trunk_feels(proje
     here = found.at(at)
     moved = np.linalg.norm((solved.delta_e - model.at(at).delta_e)[:3])
     off = np.linalg.norm((here.delta_e - solved.delta_e)[:3])
-    assert moved > 0.03 and off < 0.05 * moved and off < found.meta["wrench_error"]
+    assert moved > 0.5 and off < 0.005 * moved and off < found.meta["wrench_error"]
     change = np.abs(solved.lambda_a - model.at(at).lam).max()
-    assert np.abs(here.lam - solved.lambda_a).max() < 0.1 * change
+    assert np.abs(here.lam - solved.lambda_a).max() < 1e-4 * change
 
 
 @pytest.mark.parametrize("push", [None, np.array([0.0, 1e-3, 0.0, 0.0, 0.0, -2e-3])])
