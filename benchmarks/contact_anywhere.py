@@ -18,7 +18,7 @@ import numpy as np
 
 from cfem.condensed.patches import Patches
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
-from cfem.contact.several import Several
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.stage import artefact_content
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.patch_compliance import with_patches
@@ -150,12 +150,12 @@ def ten_pads(folder: Path, touchable: Touchable, where: np.ndarray, mu: float) -
         [placed("pad", patches.mean(x)[p], outward(model, patches, x, p), depth, 0.0) for p in where] for depth in IN
     ]
     for pads in ways:
-        found = touch_step(touchable, delta, Several(tuple(pads)), mu=mu, before=before)
+        found = touch_step(touchable, delta, ObstacleSet(tuple(pads)), mu=mu, before=before)
         before = found if found.converged else before
     if not found.converged:
         print(f"ten pads: {found.status.value}")
         return
-    together = Several(tuple(ways[-1]))
+    together = ObstacleSet(tuple(ways[-1]))
     for step in range(200):
         begin = time.process_time()
         before = touch_step(touchable, delta * (1 + 1e-4 * step), together, mu=mu, before=before)

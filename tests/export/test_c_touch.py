@@ -10,8 +10,8 @@ from support.benchmark import benchmark
 import cfem
 from cfem.contact.check import check
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.problem import ContactProblem
-from cfem.contact.several import Several
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_content
@@ -19,7 +19,7 @@ from cfem.export import c_export, c_touch
 from cfem.export.c_touch import write_c_touch
 from cfem.export.compiled import STANDARD, CompiledController, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
-from cfem.predict.among import Among
+from cfem.predict.contact_model import ContactModel
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
@@ -137,7 +137,7 @@ def test_a_tick_plans_with_contact_as_python_does(exported, touchable, mu):
     robot, which yields less than the free one."""
     at = foremost(touchable, np.array([1.0]))
     wall = Plane(R=np.diag([1.0, -1.0, -1.0]), t=at - [0, 0, 0.1])
-    among = Among(touchable, {"wall": wall}, mu=mu)
+    among = ContactModel(touchable, {"wall": wall}, mu=mu)
     planning, model, now = Planning(exported[0] / "c", [wall], mu), touchable.model, np.zeros(1)
     among.settle(now)
     limits = Limits.of(model.reach, np.ones(1, dtype=bool))
@@ -195,7 +195,7 @@ def test_what_the_law_is_said_to_be_obeyed_by_obeys_it(tmp_path):
 
 @needs_compiler
 def test_obstacles_are_those_of_python(tmp_path, touchable):
-    several = Several(
+    several = ObstacleSet(
         (
             Plane(t=np.array([0, 0, 1.0])),
             Sphere(2.0, t=np.ones(3)),

@@ -7,7 +7,7 @@ import pytest
 
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane
-from cfem.contact.several import Several
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError
 from cfem.equilibrium.meet import Meeting as MeetingInFe
 from cfem.equilibrium.meet import Skinned
@@ -156,7 +156,7 @@ def test_the_way_does_not_matter_without_friction(twins):
 
 def test_one_robot_among_obstacles_alone_does_as_a_touched_one(touchable):
     ceiling = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, 8.0]))
-    found = meet([PlacedModel(touchable, itself=False)], [[1.2]], None, Several((ceiling,)))
+    found = meet([PlacedModel(touchable, itself=False)], [[1.2]], None, ObstacleSet((ceiling,)))
     truth = touch_step(touchable, np.array([1.2]), [ceiling], "signorini")
     assert truth.forces.any() and found.between(0, 1) == pytest.approx(truth.pressed(1)[0], rel=1e-6)
     assert found.delta_e[0] == pytest.approx(truth.delta_e, abs=1e-8)

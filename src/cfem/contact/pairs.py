@@ -1,4 +1,5 @@
-"""Pairs of a patch and the surface before it: of another body or its own (`cfem.contact.facing`), or a rigid obstacle.
+"""Pairs of a patch and the surface before it: of another body or its own (`cfem.contact.detection`), or a rigid
+obstacle.
 
 Of the places x_j of all N patches, a pair has a row r of numbers, 1 at its own patch and -w_j at the faces that it
 meets. What pushes the pair by f pushes each patch j by r_j f, so that forces balance. Its slip is counted from where
@@ -16,11 +17,11 @@ from typing import Protocol
 import numpy as np
 
 from cfem.condensed.patches import Patches
-from cfem.contact.course import Course
-from cfem.contact.facing import NEVER, WITHIN, facing, may_meet
+from cfem.contact.detection import NEVER, WITHIN, detect, may_meet
 from cfem.contact.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.contact.round import pressed
-from cfem.contact.several import Several
 
 SETTLING = 0.01  # distances of patches
 ENTERED = 0.1  # distances of patches: what was deeper where a step began has not come in
@@ -121,17 +122,17 @@ class Skin(Protocol):
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Who meets whom. bodies (N,): number of the body of each patch; may_meet (N, N), see `cfem.contact.facing`;
+    """Who meets whom. bodies (N,): number of the body of each patch; may_meet (N, N), see `cfem.contact.detection`;
     spacing: mm of patches; still (N,) bool: patches that meet nothing."""
 
     bodies: np.ndarray
     may_meet: np.ndarray
     spacing: float
     still: np.ndarray
-    obstacles: Several
+    obstacles: ObstacleSet
 
     @classmethod
-    def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float, obstacles: Several) -> "Surroundings":
+    def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float, obstacles: ObstacleSet) -> "Surroundings":
         """itself: which of them may touch themselves, patches APART of `length` mm or more from each other."""
         apart = [APART * length if touches else np.inf for touches in itself]
         still = np.concatenate([one.held_still for one in skins])
@@ -147,14 +148,14 @@ class Surroundings:
     def pairs(
         self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None, moved: float = 0.0
     ) -> Pairs:
-        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `facing`, of
+        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `detect`, of
         what has touched in this step. moved: mm by which patches last moved: as long as that is much, faces are kept
         only by points that would have none."""
         if faces and moved > SETTLING * self.spacing:
             found = self.pairs(places, normals)
             lost = {point: mine for point, mine in faces.items() if point not in found.slots}
             return self.pairs(places, normals, lost) if lost else found
-        points, relative, frames = facing(places, normals, self.may_meet, self.spacing, faces)
+        points, relative, frames = detect(places, normals, self.may_meet, self.spacing, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
         partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
         return self._with_obstacles(Pairs(points, relative, frames, gaps, partners), places)
@@ -226,7 +227,7 @@ class Memory:
                 rows[slot] = pairs.relative[i], places[slot - N] if slot >= N else np.zeros(3)
         return Memory(rows)
 
-    def carried(self, pairs: Pairs, courses: Mapping[int, Course], begin: float, end: float) -> "Memory":
+    def carried(self, pairs: Pairs, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> "Memory":
         """What is held by obstacles goes with those that move, by their number among the partners of pairs."""
         rows = dict(self.rows)
         for slot, partner in zip(pairs.slots.tolist(), pairs.partners.tolist(), strict=True):

@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.coupling import Coupled, State, state_of
 from cfem.contact.sensitivity import sensitivity
-from cfem.control.among import World
+from cfem.control.obstacles import World
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED

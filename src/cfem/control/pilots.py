@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.coupling import Coupled
-from cfem.control.among import World
 from cfem.control.gripping import Gripping
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
+from cfem.control.obstacles import World
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
-from cfem.predict.among import Among
+from cfem.predict.contact_model import ContactModel
 from cfem.predict.protocol import Predictor
 
 
@@ -56,13 +56,13 @@ def pilots_of(
     return pilots
 
 
-def _on_its_own_way(model: Among | Gripping) -> Among | Gripping:
-    return model.standing(0.0) if isinstance(model, Among) else replace(model, before=None, at=None)
+def _on_its_own_way(model: ContactModel | Gripping) -> ContactModel | Gripping:
+    return model.standing(0.0) if isinstance(model, ContactModel) else replace(model, before=None, at=None)
 
 
 def _updated_once(model: Any) -> Any:
     """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
-    if isinstance(model, Among):
+    if isinstance(model, ContactModel):
         return _on_its_own_way(model)
     return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
 

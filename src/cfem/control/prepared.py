@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.among import World, among
 from cfem.control.assembled import assembled, touching
 from cfem.control.design import designed
 from cfem.control.goals import demand_near, goals_of
 from cfem.control.loads import carrying
+from cfem.control.obstacles import World, with_obstacles
 from cfem.control.spec import ControlSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError
@@ -71,7 +71,7 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
         fem, error = FemPlant(robot) if spec.plant == "fem" else None, _load_error(spec, predictors)
         rest_e = robot.rest_e
         if spec.obstacles:
-            world, predictors, touched = among(spec, base, robot, predictors, models)
+            world, predictors, touched = with_obstacles(spec, base, robot, predictors, models)
             rest_e = world.rest(rest_e)
         plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
     goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.condensed.patches import Patches
-from cfem.contact.facing import along, patch_normals
+from cfem.contact.detection import along, patch_normals
 from cfem.contact.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
-from cfem.contact.several import Several
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.pressed_robot import STRICT, PressedRobot
@@ -94,7 +94,7 @@ class Meeting:
     """robots, the obstacles that all of them meet, and one coefficient of friction."""
 
     robots: Sequence[Skinned]
-    obstacles: Several = field(default_factory=lambda: Several(()))
+    obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
 
     @property

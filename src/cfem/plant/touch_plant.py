@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.course import Bending, Course, stops
 from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
-from cfem.contact.several import Several
+from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
 from cfem.equilibrium.meet import SHARE, Meeting, MetRobots, Skinned
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Command, Measurement
-from cfem.predict.among import LONGEST
+from cfem.predict.contact_model import LONGEST
 
 
 class TouchPlant(ContactAccount):
@@ -32,15 +32,15 @@ class TouchPlant(ContactAccount):
         pressed: Sequence[str] = (),
         avoided: Sequence[str] = (),
         mu: float = 0.0,
-        courses: Mapping[str, Course] | None = None,
-        others: Mapping[str, tuple[Skinned, Bending]] | None = None,
+        courses: Mapping[str, PrescribedMotion] | None = None,
+        others: Mapping[str, tuple[Skinned, ActuatedRobot]] | None = None,
         itself: tuple[str, ...] = (),
     ):
         self._robot, self._obstacles, self._pressed, self._avoided = robot, obstacles, pressed, avoided
         self._courses, self._others = courses or {}, others or {}
         self._numbers, self._share, self._blocked = numbers_of(itself, self._others, obstacles), 0.0, CONVERGED
         robots = [replace(robot, itself=bool(itself)), *(one for one, _ in self._others.values())]
-        self._meeting = Meeting(robots, Several(tuple(obstacles.values())), mu)
+        self._meeting = Meeting(robots, ObstacleSet(tuple(obstacles.values())), mu)
         self._at, self.met = np.zeros(robot.robot.rows.n_a), None
         super().__init__()
 
@@ -76,7 +76,8 @@ class TouchPlant(ContactAccount):
         for begin, end in stops(courses, self._share, share, LONGEST * self._meeting.length):
             before = self._obstacles, self._meeting, self.met, self._share
             self._obstacles = dict(self._obstacles) | {name: one.at(end) for name, one in self._courses.items()}
-            self._meeting, self._share = replace(self._meeting, obstacles=Several(tuple(self._obstacles.values()))), end
+            obstacles = ObstacleSet(tuple(self._obstacles.values()))
+            self._meeting, self._share = replace(self._meeting, obstacles=obstacles), end
             if self.met is not None:
                 moving = {self._numbers[name]: one for name, one in self._courses.items()}
                 memory = self.met.memory.carried(self.met.pairs, moving, begin, end)

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cfem.contact.course import Course
-from cfem.contact.facing import NEVER
-from cfem.contact.several import Several
+from cfem.contact.detection import NEVER
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.predict.meeting import Meeting, Met
 from cfem.predict.touchable import Touchable
 from cfem.predict.touching import Touched, touch_step
@@ -27,7 +27,7 @@ class Steps(Protocol):
         """The state `here`, whose friction counts from where that of a step to it does: from `before`."""
         ...
 
-    def carried(self, state: Any, courses: Mapping[int, Course], begin: float, end: float) -> Any:
+    def carried(self, state: Any, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> Any:
         """What sticks to something that moves goes with it."""
         ...
 
@@ -43,7 +43,7 @@ class Steps(Protocol):
 @dataclass(frozen=True)
 class RigidSteps:
     touchable: Touchable
-    obstacles: Several
+    obstacles: ObstacleSet
     mu: float
 
     @property
@@ -56,7 +56,7 @@ class RigidSteps:
     def again(self, here: Touched, before: Touched) -> Touched:
         return replace(here, stuck=before.stuck, everywhere=before.everywhere)
 
-    def carried(self, state: Touched, courses: Mapping[int, Course], begin: float, end: float) -> Touched:
+    def carried(self, state: Touched, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> Touched:
         if not self.mu:
             return state
         stuck = state.stuck.copy()
@@ -92,7 +92,7 @@ class SoftSteps:
     def again(self, here: Met, before: Met) -> Met:
         return replace(here, memory=before.memory)
 
-    def carried(self, state: Met, courses: Mapping[int, Course], begin: float, end: float) -> Met:
+    def carried(self, state: Met, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> Met:
         return replace(state, memory=state.memory.carried(state.pairs, courses, begin, end))
 
     def effectors(self, state: Met) -> tuple[np.ndarray, np.ndarray]:

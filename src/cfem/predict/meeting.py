@@ -12,10 +12,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from cfem.contact.facing import patch_normals
+from cfem.contact.detection import patch_normals
 from cfem.contact.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
-from cfem.contact.several import Several
 from cfem.core.errors import InputError
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.held import Held
@@ -67,7 +67,7 @@ class Meeting:
     """robots, the obstacles that all of them meet, and one coefficient of friction."""
 
     robots: Sequence[PlacedModel]
-    obstacles: Several = field(default_factory=lambda: Several(()))
+    obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
 
     @cached_property
@@ -112,11 +112,11 @@ def meet(
     robots: Sequence[PlacedModel],
     deltas: Sequence[np.ndarray],
     before: Met | None = None,
-    obstacles: Several | None = None,
+    obstacles: ObstacleSet | None = None,
     mu: float = 0.0,
 ) -> Met:
     """`Meeting.go`. One robot meets itself; mu: of friction."""
-    return Meeting(robots, obstacles or Several(()), mu).go(deltas, before)
+    return Meeting(robots, obstacles or ObstacleSet(()), mu).go(deltas, before)
 
 
 class _Step:

@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from cfem.contact.closed_surface import ClosedSurface
-from cfem.contact.course import Bending, Course, Sliding
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere, tangents
+from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, Translation
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import Spec
 from cfem.core.stl import read_stl
@@ -42,9 +42,9 @@ class _Any(Spec):
     def pressed(self) -> bool:
         return self.press is not None or self.largest_force is not None
 
-    def course(self, folder: Path) -> Course:
+    def course(self, folder: Path) -> PrescribedMotion:
         """How it moves; folder: of the control.yaml."""
-        return Sliding(self.made(folder), np.zeros((1, 3)) if self.path is None else np.asarray(self.path, float))
+        return Translation(self.made(folder), np.zeros((1, 3)) if self.path is None else np.asarray(self.path, float))
 
     def made(self, folder: Path) -> Obstacle:
         """Where it stands."""
@@ -168,7 +168,7 @@ class RobotObstacle(_Any):
     def made(self, folder: Path) -> Obstacle:
         raise SpecError("another robot has no C code yet", where="c.obstacles", do="leave it out")
 
-    def course(self, folder: Path) -> Bending:
+    def course(self, folder: Path) -> ActuatedRobot:
         where = str(folder / self.model)
         model = load_model(folder / self.model)
         n_a = model.rows.n_a
@@ -183,7 +183,7 @@ class RobotObstacle(_Any):
             facets = model.facets
         except InputError as error:
             raise InputError(error.what, where=error.where or where, do=error.do) from None
-        return Bending(model, low + shares * (high - low), lambda x: ClosedMesh(ClosedSurface(x, facets)), R, t)
+        return ActuatedRobot(model, low + shares * (high - low), lambda x: ClosedMesh(ClosedSurface(x, facets)), R, t)
 
 
 class ItselfObstacle(_Any):

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from cfem.condensed.patches import Patches, cut
-from cfem.contact.facing import along
+from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.patch_compliance import PatchResponse
 from cfem.predict.chebyshev import Basis, basis

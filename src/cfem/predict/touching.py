@@ -16,9 +16,9 @@ import numpy as np
 
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.problem import Law
 from cfem.contact.round import pressed, turned
-from cfem.contact.several import Several
 from cfem.predict.held import Held
 from cfem.predict.touchable import Touchable
 
@@ -75,7 +75,7 @@ class Touched:
 def touch_step(
     touchable: Touchable,
     delta_a: np.ndarray,
-    obstacles: Sequence[Obstacle] | Several,
+    obstacles: Sequence[Obstacle] | ObstacleSet,
     law: Law = "coulomb",
     mu: float = 0.0,
     before: Touched | None = None,
@@ -83,7 +83,7 @@ def touch_step(
     """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, from where patches
     slide). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
     delta_a = np.asarray(delta_a, float)
-    step = _Step(Held(touchable, delta_a), Several.of(obstacles), mu if law == "coulomb" else 0.0, before)
+    step = _Step(Held(touchable, delta_a), ObstacleSet.of(obstacles), mu if law == "coulomb" else 0.0, before)
     status = None
     while status is None:
         status = step.round() if step.iterations < ITERATIONS else TouchedStatus.ITERATIONS
@@ -95,7 +95,7 @@ class _Step:
     which (N,) obstacle; stuck (N, 3) mm from where they slide. chosen (c,): those that may
     touch, with forces (c, 3) N and modes."""
 
-    def __init__(self, held: Held, around: Several, mu: float, before: Touched | None):
+    def __init__(self, held: Held, around: ObstacleSet, mu: float, before: Touched | None):
         self.held, self.around, self.mu, self.iterations = held, around, mu, 0
         self.length = held.of.model.length
         self.stuck = held.free.copy()  # what did not touch slides from where it was

@@ -1,5 +1,5 @@
-/* The controller of cfem.h, which plans with contact: its model is the robot that obstacles touch, as in cfem.predict.among. For exports
- * of form displacement that command displacements: CFEM_CONTACT says so. */
+/* The controller of cfem.h, which plans with contact: its model is the robot that obstacles touch, as in
+ * cfem.predict.contact_model. For exports of form displacement that command displacements: CFEM_CONTACT says so. */
 #ifndef CFEM_TOUCH_CONTROL_H
 #define CFEM_TOUCH_CONTROL_H
 

@@ -44,8 +44,8 @@ static double cofactor(const double *A, int i, int j) {
     return (i + j) % 2 ? -found : found;
 }
 
-/* q: eigenvector of the largest eigenvalue of N (4, 4), of the matrix M (3, 3) of Horn's method. That is the largest root of a quartic
- * (Theobald, Rapid calculation of RMSDs using a quaternion-based characteristic polynomial, 2005), to which Newton's method comes
+/* q: eigenvector of the largest eigenvalue of N (4, 4), of the matrix M (3, 3) of Horn's method. That is the largest root of a
+ * quartic (Theobald, Rapid calculation of RMSDs using a quaternion-based characteristic polynomial, 2005), to which Newton's method comes
  * down from above; the cofactors of N without it are q q^T. 1 where it is near another one. */
 static int largest_vector(const double M[3][3], const double *N, double *q) {
     double square = 0.0, minors = 0.0, det = 0.0, A[16], most = 0.0, length = 0.0;

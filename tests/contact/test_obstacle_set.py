@@ -9,7 +9,7 @@ from support.closed import octahedral_sphere
 
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
-from cfem.contact.several import Several
+from cfem.contact.obstacle_set import ObstacleSet
 
 MESH = ClosedMesh(ClosedSurface(*octahedral_sphere(1)))
 SHAPES = [Plane(), Sphere(2.0), MESH, Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5), Plane()]
@@ -18,7 +18,7 @@ SHAPES = [Plane(), Sphere(2.0), MESH, Box(np.array([1.0, 2.0, 3.0])), Capsule(1.
 def world(shapes):
     rng = np.random.default_rng(3)
     posed = [replace(one, R=Rotation.random(rng=rng).as_matrix(), t=6 * rng.normal(size=3)) for one in shapes]
-    return Several(tuple(posed)), 8 * rng.normal(size=(200, 3))
+    return ObstacleSet(tuple(posed)), 8 * rng.normal(size=(200, 3))
 
 
 @pytest.mark.parametrize("shapes", [SHAPES, SHAPES[:2], [MESH, MESH], [SHAPES[4]]])

@@ -13,13 +13,13 @@ from cfem.contact.obstacle import Obstacle, Rounded
 
 
 @dataclass(frozen=True, eq=False)
-class Several:
+class ObstacleSet:
     """obstacles (n,): none is a point of two of them."""
 
     obstacles: tuple[Obstacle, ...]
 
     @classmethod
-    def of(cls, obstacles: "Sequence[Obstacle] | Several") -> "Several":
+    def of(cls, obstacles: "Sequence[Obstacle] | ObstacleSet") -> "ObstacleSet":
         return obstacles if isinstance(obstacles, cls) else cls(tuple(obstacles))
 
     def nearest(self, points: np.ndarray, farthest: float = np.inf) -> tuple[np.ndarray, np.ndarray]:

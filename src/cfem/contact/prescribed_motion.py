@@ -16,7 +16,7 @@ from cfem.contact.obstacle import Obstacle
 Stop = tuple[float, float]  # shares of the run from which and to which a step goes
 
 
-class Course(Protocol):
+class PrescribedMotion(Protocol):
     """Share 0 is the first goal, 1 the last."""
 
     def at(self, share: float) -> Obstacle: ...
@@ -31,7 +31,7 @@ class Course(Protocol):
 
 
 @dataclass(frozen=True)
-class Sliding:
+class Translation:
     """A rigid body. places (k, 3) mm: its displacements, evenly spread over the run, straight from one to the next; one
     stands still."""
 
@@ -50,10 +50,10 @@ class Sliding:
         return points + between(self.places, end) - between(self.places, begin)
 
 
-class Bending:
-    """A learned robot with a skin, whose actuators go through deltas (k, n_a) mm as places of `Sliding` do; R (3, 3)
-    and t (3,) mm place it. What it is as an obstacle does not yield. make: an obstacle of its surface (m, 3) mm; it has
-    `surface`, which knows the nearest triangles."""
+class ActuatedRobot:
+    """A learned robot with a skin, whose actuators go through deltas (k, n_a) mm as `Translation` does through places;
+    R (3, 3) and t (3,) mm place it. What it is as an obstacle does not yield. make: an obstacle of its surface (m, 3)
+    mm; it has `surface`, which knows the nearest triangles."""
 
     def __init__(self, model: Any, deltas: np.ndarray, make: Any, R: np.ndarray, t: np.ndarray):
         self.model, self._deltas, self._make, self.R, self.t = model, deltas, make, R, t
@@ -97,7 +97,7 @@ def corners(count: int, begin: float, end: float) -> list[float]:
     return found if begin <= end else found[::-1]
 
 
-def stops(courses: Iterable[Course], begin: float, end: float, longest: float) -> Sequence[Stop]:
+def stops(courses: Iterable[PrescribedMotion], begin: float, end: float, longest: float) -> Sequence[Stop]:
     """Steps from one share to another in which nothing moves more than `longest` mm."""
     way = max((one.way(begin, end) for one in courses), default=0.0)
     if way == 0.0:

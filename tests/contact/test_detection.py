@@ -5,7 +5,7 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.facing import NEVER, OTHER, OWN, along, facing, may_meet, patch_normals
+from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, patch_normals
 from cfem.mechanics.mesh import boundary_facets
 
 UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
@@ -25,7 +25,7 @@ def sheets(gap):
 @pytest.mark.parametrize("gap", [0.7, -0.4])
 def test_the_gap_is_that_to_the_plane_through_the_faces(gap):
     places, normals, may = sheets(gap)
-    points, relative, frames = facing(places, normals, may, 2.0)
+    points, relative, frames = detect(places, normals, may, 2.0)
     assert points.tolist() == [25]
     up = 1 / np.hypot(1, 0.02)  # of the sheet's normal
     assert frames[0] @ (relative[0] @ places) == pytest.approx([gap * up, 0, 0], abs=1e-12)
@@ -39,7 +39,7 @@ def test_faces_come_and_go_without_a_jump():
     places[7, 2] += 0.2  # so that it counts
 
     def gap():
-        _, relative, frames = facing(places, normals, may, 2.0)
+        _, relative, frames = detect(places, normals, may, 2.0)
         return float(frames[0, 0] @ (relative[0] @ places)), int((relative[0] != 0).sum())
 
     found = []
@@ -59,7 +59,7 @@ def test_faces_come_and_go_without_a_jump():
 
 def test_forces_and_moments_balance():
     places, normals, may = sheets(0.3)
-    _, relative, frames = facing(places, normals, may, 2.0)
+    _, relative, frames = detect(places, normals, may, 2.0)
     forces = relative[0][:, None] * frames[0, 0]
     assert forces.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
     assert np.cross(places, forces).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
@@ -69,11 +69,11 @@ def test_beyond_an_edge_and_behind_a_wall_of_its_own_nothing_is_met():
     places, normals, may = sheets(0.3)
     aside = places.copy()
     aside[25, 0] = 10.5
-    assert not len(facing(aside, normals, may, 2.0)[0])
+    assert not len(detect(aside, normals, may, 2.0)[0])
     deep = np.vstack([places[:25], places[25] - [0, 0, 2.0]])
-    _, relative, frames = facing(deep, normals, may, 2.0)
+    _, relative, frames = detect(deep, normals, may, 2.0)
     assert frames[0, 0] @ (relative[0] @ deep) == pytest.approx(-1.7 / np.hypot(1, 0.02))
-    assert not len(facing(deep, normals, np.where(may == OTHER, OWN, NEVER), 2.0)[0])
+    assert not len(detect(deep, normals, np.where(may == OTHER, OWN, NEVER), 2.0)[0])
 
 
 def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():

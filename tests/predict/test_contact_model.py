@@ -9,7 +9,7 @@ from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.patch_compliance import patch_response
-from cfem.predict.among import Among
+from cfem.predict.contact_model import ContactModel
 from cfem.predict.load import load_model
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.robot.build import build_robot
@@ -37,7 +37,7 @@ def table(touchable):
 
 def test_rows_are_the_effectors_then_forces_then_distances(touchable, table):
     far = Sphere(3.0, t=np.array([30.0, 40.0, 0.0]))
-    world = Among(touchable, {"table": table}, ("table",), {"far": far})
+    world = ContactModel(touchable, {"table": table}, ("table",), {"far": far})
     assert world.rows.effectors[-2:] == ("table.force", "far.distance")
     state = world.at_displacement(DELTA)
     skin = touchable.model.skin
@@ -47,7 +47,7 @@ def test_rows_are_the_effectors_then_forces_then_distances(touchable, table):
 
 
 def test_derivatives_are_those_of_whole_contact_states(touchable, table):
-    world = Among(touchable, {"table": table}, ("table",))
+    world = ContactModel(touchable, {"table": table}, ("table",))
     here, h = world.at_displacement(DELTA), 0.01
     ahead, behind = (world.at_displacement(DELTA + step) for step in (h, -h))
     slope = (ahead.delta_e - behind.delta_e) / (2 * h)
@@ -61,14 +61,14 @@ def test_derivatives_are_those_of_whole_contact_states(touchable, table):
 
 def test_the_force_is_continuous_where_contact_begins(touchable, table):
     """Before it a negative one says how far the obstacle is."""
-    world = Among(touchable, {"table": table}, ("table",))
+    world = ContactModel(touchable, {"table": table}, ("table",))
     forces = np.array([world.at_displacement(np.array([s])).delta_e[-1] for s in np.linspace(0.5, 1.5, 41)])
     assert forces[0] < 0 < forces[-1] and (np.diff(forces) > 0).all()
     assert np.diff(forces).max() < 0.2 * np.ptp(forces)
 
 
 def test_a_goal_of_force_is_reached_by_the_inverse_step(touchable, table):
-    world = Among(touchable, {"table": table}, ("table",))
+    world = ContactModel(touchable, {"table": table}, ("table",))
     limits = Limits(np.array([[0.0, np.inf]]), touchable.model.reach)
     wanted = world.at_displacement(DELTA).delta_e[-1]
     weights, places = np.array([0.0, 0, 0, 1 / world.stiffness]), np.array([True, True, True, False])
@@ -81,7 +81,7 @@ def test_a_goal_of_force_is_reached_by_the_inverse_step(touchable, table):
 
 def test_a_distance_to_be_kept_bounds_the_inverse_step(touchable, table):
     """The goal lies beyond: the robot stops at that distance, and comes to the goal without the bound."""
-    world = Among(touchable, {}, (), {"table": table})
+    world = ContactModel(touchable, {}, (), {"table": table})
     goal = np.append(touchable.model.at_displacement(DELTA).delta_e, 0.0)
     aim = Aim(goal, np.array([1.0, 1, 1, 0]), ridge_of(1e-10, touchable.model.reach, 60.0))
     start = Iterate.at(world.at_displacement(np.zeros(1)))
@@ -96,10 +96,10 @@ def test_a_distance_to_be_kept_bounds_the_inverse_step(touchable, table):
 
 def test_friction_remembers_where_the_robot_stands(touchable, table):
     """On the way back from a settled state friction acts against the motion: another force of the cable."""
-    forth, back = (Among(touchable, {"table": table}, mu=0.8) for _ in range(2))
+    forth, back = (ContactModel(touchable, {"table": table}, mu=0.8) for _ in range(2))
     back.settle(DELTA + 0.5)
     assert abs(forth.at_displacement(DELTA).lambda_a[0] - back.at_displacement(DELTA).lambda_a[0]) > 1e-5
-    smooth = Among(touchable, {"table": table})
+    smooth = ContactModel(touchable, {"table": table})
     before = smooth.at_displacement(DELTA).lambda_a[0]
     smooth.settle(DELTA + 0.5)
     assert smooth.at_displacement(DELTA).lambda_a[0] == pytest.approx(before, rel=1e-9)
@@ -108,4 +108,4 @@ def test_friction_remembers_where_the_robot_stands(touchable, table):
 def test_no_contact_state_is_an_error(touchable, table, monkeypatch):
     monkeypatch.setattr("cfem.predict.touching.MOST", 0)
     with pytest.raises(NumericalError, match="patches touch"):
-        Among(touchable, {"table": table}).at_displacement(DELTA)
+        ContactModel(touchable, {"table": table}).at_displacement(DELTA)

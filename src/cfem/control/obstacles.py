@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.contact.course import Bending, Course
 from cfem.contact.obstacle import Obstacle
+from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError, NumericalError, SpecError
@@ -16,7 +16,7 @@ from cfem.core.spec import meaning
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
-from cfem.predict.among import Among
+from cfem.predict.contact_model import ContactModel
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.meeting import PlacedModel
 from cfem.predict.obstacle_spec import RobotObstacle
@@ -78,9 +78,9 @@ class World:
         return figures, lines
 
 
-def among(
+def with_obstacles(
     spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
-) -> tuple[World, dict[str, Among], TouchPlant]:
+) -> tuple[World, dict[str, ContactModel], TouchPlant]:
     """InputError where a model has no skin or its form does not fit, SpecError where the robot starts inside
     something."""
     met = {name: one for name, one in spec.obstacles.items() if one.kind == "robot" and one.avoid is None}
@@ -102,7 +102,9 @@ def among(
             demand_outside(robot, skin.nodes, at_first)
             demand_way(robot, skin.nodes, moving)
             touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
-            one = Among(touchable, solid, pressed, avoided, friction, courses=moving, others=learned, itself=itself)
+            one = ContactModel(
+                touchable, solid, pressed, avoided, friction, courses=moving, others=learned, itself=itself
+            )
         except InputError as error:
             raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
         demand_apart(one)
@@ -121,7 +123,9 @@ def among(
     return World(first.rows, goal, weights, bounds), found, plant
 
 
-def other_robot(spec: ControlSpec, one: RobotObstacle, base: Path, name: str) -> tuple[PlacedModel, Skinned, Bending]:
+def other_robot(
+    spec: ControlSpec, one: RobotObstacle, base: Path, name: str
+) -> tuple[PlacedModel, Skinned, ActuatedRobot]:
     """Learned and by finite elements, and the course of its actuators. InputError where its model is not of its
     scene."""
     course, own = one.course(base), base / (one.scene or spec.scene)
@@ -143,7 +147,7 @@ def other_robot(spec: ControlSpec, one: RobotObstacle, base: Path, name: str) ->
     )
 
 
-def demand_apart(model: Among) -> None:
+def demand_apart(model: ContactModel) -> None:
     """SpecError where robots overlap at rest, InputError where there is no contact state."""
     if not model.others and not model.itself:
         return
@@ -170,7 +174,7 @@ def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obst
             )
 
 
-def demand_way(robot: Robot, nodes: np.ndarray, courses: Mapping[str, Course]) -> None:
+def demand_way(robot: Robot, nodes: np.ndarray, courses: Mapping[str, PrescribedMotion]) -> None:
     """SpecError where an obstacle comes to where the robot is held, which cannot give way."""
     held = robot.X[nodes[np.isin(nodes, robot.fixed)]]
     for name, one in courses.items():

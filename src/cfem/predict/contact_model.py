@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
-from cfem.contact.course import Bending, Course, stops
 from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
-from cfem.contact.several import Several
+from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.predict.clearance import clearance
@@ -35,7 +35,7 @@ SHARE = 0.05  # of its reach: the longest way of an actuator in one quasi-static
 
 
 @dataclass
-class Among:
+class ContactModel:
     """`Model`. solid: rigid obstacles that the robot may touch, by name; others: robots that it may touch, by name,
     each placed and with the course of its actuators; itself: the name under which it touches itself, or none; pressed:
     those of all these whose force is a row, in their order; avoided: obstacles whose distance is a row. It remembers
@@ -50,9 +50,9 @@ class Among:
     mu: float = 0.0
     before: Any = None
     at: np.ndarray | None = None
-    courses: Mapping[str, Course] = field(default_factory=dict)
+    courses: Mapping[str, PrescribedMotion] = field(default_factory=dict)
     share: float = 0.0
-    others: Mapping[str, tuple[PlacedModel, Bending]] = field(default_factory=dict)
+    others: Mapping[str, tuple[PlacedModel, ActuatedRobot]] = field(default_factory=dict)
     itself: tuple[str, ...] = ()
 
     @cached_property
@@ -83,7 +83,7 @@ class Among:
 
     @cached_property
     def contact(self) -> Steps:
-        around = Several(tuple(self.solid.values()))
+        around = ObstacleSet(tuple(self.solid.values()))
         if not self.others and not self.itself:
             return RigidSteps(self.touchable, around, self.mu)
         robots = [PlacedModel(self.touchable, itself=bool(self.itself)), *(one for one, _ in self.others.values())]
@@ -148,7 +148,7 @@ class Among:
                 self._stand(last)
                 raise
 
-    def standing(self, share: float) -> "Among":
+    def standing(self, share: float) -> "ContactModel":
         """A robot at rest, that has touched nothing yet, with what moves where it is at this share of the run."""
         found = replace(self, before=None, at=None)
         found._stand(share)

@@ -1,4 +1,5 @@
-"""Parts of soft surfaces that face each other: of one body that curls onto itself, or of several.
+"""Detection of contact between soft surfaces: which parts face each other, of one body that curls onto itself, or of
+several.
 
 A patch i meets the surface that patches j of the other side span about its foot y:
 
@@ -31,7 +32,7 @@ STEEP = 0.7  # slope of the plane through faces on their own normals: one that i
 RANK = 1e-3  # of the larger extent: faces in a line span no surface
 
 
-def facing(
+def detect(
     places: np.ndarray,
     normals: np.ndarray,
     may_meet: np.ndarray,
