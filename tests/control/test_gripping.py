@@ -1,5 +1,6 @@
 """Plans for two bars that squeeze a block between their ends, on a table: the same equations as finite elements."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -12,17 +13,17 @@ from cfem.constraint.contact import make_contact
 from cfem.contact.obstacle import Box
 from cfem.control.assembled import table_under
 from cfem.control.controller import Controller
-from cfem.control.grasp import from_table, share_that_lifts, taken
-from cfem.control.gripping import Grip, Gripping
+from cfem.control.grasp import from_table, share_that_lifts, squeezed_off_table
+from cfem.control.gripping import STUCK, Grip
 from cfem.control.inverse import Limits
-from cfem.control.loop import Settings
+from cfem.control.loop import ReachStatus, Settings
 from cfem.control.tick import Pilot
-from cfem.core.errors import SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.grip import Free
 from cfem.equilibrium.held_patch import contact_points, patch_of
 from cfem.equilibrium.patch_compliance import within_patch
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.touch import PlacedRobot
+from cfem.equilibrium.touch import PlacedRobot, Touch, TouchStatus
 from cfem.plant.fem_patch import FemPatch
 from cfem.plant.grip_plant import GripPlant
 from cfem.predict.finger import LearnedFinger, WithinPatch
@@ -78,10 +79,7 @@ def scene(robot):
 @pytest.fixture(scope="module")
 def plans(scene):
     learned, glued, table, _ = scene
-    share = share_that_lifts(grip(learned), GRASP, 1.2)
-    air = grip(learned)
-    model = Gripping(air, glued, MU, 1.2, GRASP, taken(air, WEIGHT))
-    return from_table(model, grip(learned, table), GRASP, 4e-3 * share)
+    return from_table(grip(learned, table), glued, MU, 1.2, GRASP, 4e-3)
 
 
 def lifting(up):
@@ -133,23 +131,61 @@ def test_plans_stand_lift_and_put_down_and_finite_elements_follow(plans, scene):
 
 
 def test_the_least_squeeze_that_lifts_just_holds(scene):
-    def hold(share=None):
-        one = grip(scene[0], first=GRASP if share is None else share * GRASP)
+    learned, _, table, _ = scene
+
+    def stands():
+        one = grip(learned, table)
         one._mu = 0.3
         return one
 
-    least = share_that_lifts(hold(), GRASP, 1.2)
+    least = share_that_lifts(stands(), GRASP, 1.2)
     assert 0.1 < least < 1
     for factor, holds in ((1.0, True), (0.7, False)):
-        one = hold(factor * least)
-        assert one.squeeze() == "converged"
-        assert (one.bears() and one.slip_margin() >= 1.2) == holds
+        air = squeezed_off_table(stands(), factor * least * GRASP)
+        assert (air is not None and air.slip_margin() >= 1.2) == holds
+        assert air is None or air.forces()[:, 2].sum() == pytest.approx(WEIGHT, rel=1e-6)
 
 
 def test_what_no_squeeze_lifts_is_refused(scene):
-    heavy = grip(scene[0])
+    heavy = grip(scene[0], scene[2])
     heavy._mu = 0.0
     with pytest.raises(SpecError, match="the robots cannot lift the object: no preload up to 3 times this one"):
         share_that_lifts(heavy, GRASP, 1.2)
     with pytest.raises(SpecError, match="nothing squeezes the object on its table"):
         share_that_lifts(heavy, 0 * GRASP, 1.2)
+
+
+def test_an_object_is_put_down_where_it_should_stand_and_let_go(plans, scene):
+    """The plan of the learned bars, and finite elements: the block falls from 0.05 mm above its table, and stands."""
+    fe = copy(scene[3])
+    fe.reset()
+    model = replace(plans, before=None, at=None, margins=[], borne=[])
+    controller = Controller(pilot(model, fe), np.array([*CENTRE, 0.0, 0.0]))
+    above = controller.tick(np.array([65, 5, 5.05, 0, 0])).plan
+    assert fe.step(above.delta_a).status == "converged" and fe.holds
+    plan = controller.tick(np.array([*CENTRE, 0, 0]), let_go=True).plan
+    assert plan.distance < 2e-3 and not plan.delta_a.any() and len(plan.via) == 1
+    assert model.borne[-1] == pytest.approx(WEIGHT, rel=1e-3) and len(model.margins) == 1
+    measured = fe.step(plan.delta_a, via=plan.via)
+    assert measured.status == "converged" and not fe.holds
+    np.testing.assert_allclose(measured.x_e[:3], CENTRE, atol=5e-3)
+    assert fe.borne[-1] == pytest.approx(WEIGHT, rel=1e-2) and fe.pushes()[0].max() < 1e-2 * WEIGHT
+    ended, moves = fe.alone()
+    assert ended == "converged" and moves < 1e-4
+
+
+def test_a_search_ends_after_so_many_steps_without_a_solution(plans, monkeypatch):
+    """And the plan says that it stays where it is."""
+    model, tried = replace(plans, before=None, at=None, margins=[], borne=[]), []
+    model.settle(lifting(0.02))
+    controller = Controller(pilot(model, model.grip), np.array([*CENTRE, 0.0, 0.0]), start=lifting(0.02))
+    none = Touch(TouchStatus.NO_MODE, (), (), None, np.zeros((0, 3)), None, 1, 0)
+    monkeypatch.setattr("cfem.plant.grip_plant.grip", lambda *rest: tried.append(1) or none)
+    monkeypatch.setattr(type(model), "settle", lambda *rest: None)
+    plan = controller.tick(np.array([65, 5, 5.3, 0, 0])).plan
+    assert STUCK <= len(tried) < STUCK + 10 and plan.distance > 0.1 and plan.status is not ReachStatus.CONVERGED
+    np.testing.assert_array_equal(plan.delta_a, lifting(0.02))
+    tried.clear()
+    with pytest.raises(NumericalError, match="steps had no solution"):
+        model.at_displacement(lifting(0.03))
+    assert not tried

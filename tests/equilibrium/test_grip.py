@@ -1,5 +1,7 @@
 """Two bars that squeeze a block between them: it is carried, slides and is let go."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.blocks import bar
@@ -8,6 +10,7 @@ from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.grip import Free, grip
+from cfem.equilibrium.ground import Pads
 from cfem.equilibrium.press import press
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.touch import PlacedRobot, TouchStatus
@@ -99,3 +102,18 @@ def test_a_block_that_turns_balances_its_moments(fingers, turns):
         np.testing.assert_allclose(found.around.R @ found.around.R.T, np.eye(3), atol=1e-12)
     else:
         assert found.converged and np.array_equal(found.around.R, np.eye(3))
+
+
+@pytest.mark.parametrize("mobility", [0.5, 50.0])
+def test_a_block_that_nothing_holds_sinks_by_its_drag_until_its_table_bears_it(mobility):
+    """One step: (load - 4 force) mobility, and 1 mm above the table no force; closed form."""
+    weight, gap, soft = 0.1, 1.0, 0.01
+    corners = CENTRE + np.array([[x, y, -3.0 - gap] for x in (-3, 3) for y in (-3, 3)])
+    held = replace(block((0, 0, -weight), turns=True), mobility=np.array([mobility] * 3 + [mobility / 20] * 3))
+    found = grip([Pads(corners, soft)], [displacement(np.zeros(0))], held, "coulomb", 0.5)
+    assert found.converged
+    free = mobility * weight
+    force = max(0.0, (free - gap) / (4 * mobility + soft))  # gap = free - 4 force mobility - soft force
+    np.testing.assert_allclose(found.around.x, [0, 0, -(free - 4 * mobility * force)], atol=1e-9)
+    np.testing.assert_allclose(found.around.R, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(found.posed.force[::3], force, atol=1e-9)

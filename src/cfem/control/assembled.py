@@ -11,7 +11,7 @@ from cfem.condensed import Rows
 from cfem.condensed.coupling import Coupled, Hold, RigidObject
 from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
-from cfem.control.grasp import from_table, share_that_lifts, taken
+from cfem.control.grasp import from_table, taken
 from cfem.control.gripping import Grip, Gripping
 from cfem.control.spec import ControlSpec, RobotSpec
 from cfem.core.errors import InputError, NumericalError
@@ -119,7 +119,7 @@ def touching(
     ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
     handed = grasp if spec.search.preload else None
 
-    def grip(robots: Sequence[Touching], first: np.ndarray | None = handed, table: Pads | None = None) -> GripPlant:
+    def grip(robots: Sequence[Touching], first: np.ndarray | None, table: Pads | None) -> GripPlant:
         return GripPlant(robots, ends, held, law, mu, points, first, about.margin, table)
 
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
@@ -128,16 +128,15 @@ def touching(
             "points that open one by one turn their patch, and the model was sampled with one that cannot", do=do
         )
     patch = patch_of(contact_points(problem), turns=True)
-    within, found, load = WithinPatch(*within_patch(robot, patch)), {}, float(np.linalg.norm(force))
+    within, found = WithinPatch(*within_patch(robot, patch)), {}
     table = table_under(about.centre, about.half_size, force) if about.table else None
     for name, glued in models.items():
         learned = [LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds]
-        share = share_that_lifts(grip(learned), grasp, about.margin) if table else 0.0
-        home = max(share, 1.0) * grasp
-        air = grip(learned, home if home.any() else None)
-        plans = Gripping(air, glued, mu, about.margin, home, taken(air, load))
+        robots = grip(learned, handed, table)
         if table:
-            plans = from_table(plans, grip(learned, handed, table), grasp, share * spec.search.preload)
+            plans = from_table(robots, glued, mu, about.margin, grasp, spec.search.preload)
+        else:
+            plans = Gripping(robots, glued, mu, about.margin, grasp, taken(robots))
         found[name] = plans
     fe = grip(fingers, handed, table)
     return Grip.of(next(iter(found.values())), fe), found, fe
@@ -152,13 +151,13 @@ def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) ->
 
 
 def _demand_touch(spec: ControlSpec, robot: Robot, shape: Box, fingers: Sequence[PlacedRobot]) -> None:
-    """InputError where a contact point stands within the object or away from it."""
+    """InputError where a contact point stands within the object, or away from one that nothing but the robots holds."""
     gaps = np.array([shape.distance(finger.points) for finger in fingers])
     do = "choose object.centre and object.half_size so that all contact points touch it"
     for wrong, what in (
         (-gaps, "is {0:.3g} mm inside the object"),
         (gaps, "does not reach the object: {0:.3g} mm are missing"),
-    ):
+    )[: 1 if spec.object.table else 2]:
         number, point = np.unravel_index(wrong.argmax(), gaps.shape)
         if wrong.max() > TOUCHES:
             name = robot.rows.contacts[3 * point].rsplit(".", 1)[0]

@@ -71,10 +71,16 @@ class Controller:
             condensed = model.at_displacement(at.condensed.delta_a)
             self.belief = replace(self.belief, iterate=replace(at, condensed=condensed))
 
-    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:
+    def tick(
+        self,
+        goal: ArrayLike,
+        measured: Measurement | None = None,
+        ahead: ArrayLike | None = None,
+        let_go: bool = False,
+    ) -> Belief:
         """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the
-        command that it followed, 1 for the first; ahead: goals to come, which this controller does not use. The command
-        is `u` of the answer: (n_a,), mm (mm^3) or N (MPa)."""
+        command that it followed, 1 for the first; ahead: goals to come, which this controller does not use; let_go: the
+        robots put their object down there and open. The command is `u` of the answer: (n_a,), mm (mm^3) or N (MPa)."""
         goal = np.asarray(goal, float)
         if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")
@@ -92,7 +98,7 @@ class Controller:
         pilot = self._pilot
         if self._tick == 1 and pilot.approach is not None:
             pilot = replace(pilot, settings=pilot.approach)
-        self.belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured)
+        self.belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured, let_go)
         if hasattr(pilot.model, "settle"):  # contact depends on the way
             pilot.model.settle(self.belief.iterate.condensed.delta_a)
         if self._correction:

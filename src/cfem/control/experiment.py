@@ -40,23 +40,25 @@ def follow(
     rest_e: np.ndarray,
     reference: str | None = None,
     after: Callable[[int], None] = lambda index: None,
+    let_go: bool = False,
 ) -> list[Tracked]:
     """Every goal (m, n_e) mm by every pilot, whose command is a displacement; each plan in the plant as it is.
 
     reference: name of the pilot whose model is the plant itself (FE-based control); it goes first at each goal, so
     that the plant stands near where the learned models send it. Learned ones plan all goals beforehand, undisturbed,
-    as their step is timed. after(index): called when the plant has carried out the first plan for that goal."""
+    as their step is timed. let_go: robots let their object go at
+    the last goal. after(index): called when the plant has carried out the first plan for that goal."""
     order = sorted(pilots, key=lambda name: name != reference)
     controllers = {name: Controller(pilots[name], rest_e) for name in order}
     shares = np.linspace(0.0, 1.0, len(goals)) if len(goals) > 1 else np.zeros(1)
-    plans = {name: _planned(controllers[name], goals, shares) for name in order if name != reference}
+    plans = {name: _planned(controllers[name], goals, shares, let_go) for name in order if name != reference}
     tracked = []
     for index, (goal, share) in enumerate(zip(goals, shares, strict=True)):
         if hasattr(plant, "pass_to"):
             plant.pass_to(share)
         for place, name in enumerate(order):
             plan = controllers[name].tick(goal).plan if name == reference else plans[name][index]
-            measured = plant.step(plan.delta_a)
+            measured = plant.step(plan.delta_a, via=plan.via) if plan.via else plant.step(plan.delta_a)
             model, inside, distance = pilots[name].model, True, np.nan
             if hasattr(model, "inside"):
                 found = plan.iterate.condensed
@@ -70,10 +72,10 @@ def follow(
     return tracked
 
 
-def _planned(controller: Controller, goals: np.ndarray, shares: np.ndarray) -> list[Reach]:
+def _planned(controller: Controller, goals: np.ndarray, shares: np.ndarray, let_go: bool) -> list[Reach]:
     """Every goal, with what moves in the model's world where it is at that share of the run."""
     plans = []
-    for goal, share in zip(goals, shares, strict=True):
+    for index, (goal, share) in enumerate(zip(goals, shares, strict=True)):
         controller.pass_to(share)
-        plans.append(controller.tick(goal).plan)
+        plans.append(controller.tick(goal, let_go=let_go and index == len(goals) - 1).plan)
     return plans

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cfem.condensed.coupling import Coupled
 from cfem.control.gripping import MOST, Gripping
 from cfem.core.errors import SpecError
 from cfem.equilibrium.quasi_static import CONVERGED
@@ -14,10 +15,10 @@ SHARES = (0.25, 0.5, 1.0, 2.0, 3.0)  # of a squeeze that are tried
 HALVINGS = 3  # between the last that fails and the first that holds
 
 
-def taken(grip: GripPlant, load: float) -> float | None:
-    """The learned grip takes the object, of weight `load` N; how many times that it would hold, at most MOST, None
-    without load. SpecError
-    where it cannot hold the object: the reason, before anything is carried out."""
+def taken(grip: GripPlant) -> float | None:
+    """The learned grip takes the object; how many times its load it would hold, at most MOST, None without load.
+    SpecError where it cannot hold the object: the reason, before anything is carried out."""
+    load = float(np.linalg.norm(grip.load_of_object))
     status, cannot = grip.squeeze(), "the grip cannot hold the object"
     do = "squeeze harder (search.preload), raise object.friction, or take a lighter object"
     if status != CONVERGED:
@@ -33,11 +34,11 @@ def taken(grip: GripPlant, load: float) -> float | None:
 
 def least_squeeze(grip: GripPlant, grasp: np.ndarray, margin: float) -> float | None:
     """The least share of `grasp` (n_a,) mm at which robots carry the object's load in the air, with `margin` to slip;
-    None up to the largest of SHARES. grip: at rest, without load or table."""
+    None up to the largest of SHARES. grip: at rest, the object on its table."""
 
     def holds(share: float) -> bool:
-        stands = copy(grip)
-        return stands.towards(share * grasp) == CONVERGED and stands.bears() and stands.slip_margin() >= margin
+        air = squeezed_off_table(grip, share * grasp)
+        return air is not None and air.slip_margin() >= margin
 
     high = next((share for share in SHARES if holds(share)), None)
     if high is None:
@@ -47,6 +48,13 @@ def least_squeeze(grip: GripPlant, grasp: np.ndarray, margin: float) -> float | 
         middle = (low + high) / 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
+
+
+def squeezed_off_table(grip: GripPlant, grasp: np.ndarray) -> GripPlant | None:
+    """The robots that have squeezed the object on its table by `grasp` (n_a,) mm, and carry it without the table; None
+    where they cannot. grip: at rest."""
+    stands = copy(grip)
+    return stands.off_table() if stands.towards(grasp) == CONVERGED else None
 
 
 def share_that_lifts(grip: GripPlant, grasp: np.ndarray, margin: float | None) -> float:
@@ -61,10 +69,16 @@ def share_that_lifts(grip: GripPlant, grasp: np.ndarray, margin: float | None) -
     return share
 
 
-def from_table(air: Gripping, stands: GripPlant, grasp: np.ndarray, needs: float) -> Gripping:
-    """Plans of robots that find the object on a table. stands: these robots with the table; needs: mm, the least
-    preload that lifts."""
-    status = stands.squeeze()
+def from_table(
+    stands: GripPlant, glued: Coupled, mu: float, margin: float | None, grasp: np.ndarray, preload: float
+) -> Gripping:
+    """Plans of robots that find the object on a table. stands: these robots at rest; grasp: (n_a,) mm, how they squeeze
+    it there, `preload` mm each; the others: see `Gripping`."""
+    share, wrong = share_that_lifts(stands, grasp, margin), "the robots cannot squeeze the object on its table"
+    home = max(share, 1.0) * grasp
+    air = squeezed_off_table(stands, home)
+    status = stands.squeeze() if air is not None else "they do not hold it"
     if status != CONVERGED:
-        raise SpecError(f"the robots cannot squeeze the object on its table: {status}", where="search.preload")
-    return replace(air, grip=stands, home=grasp, air=air, needs=needs)
+        raise SpecError(f"{wrong}: {status}", where="search.preload")
+    above = Gripping(air, glued, mu, margin, home, taken(air))
+    return replace(above, grip=stands, home=grasp, air=above, needs=share * preload)

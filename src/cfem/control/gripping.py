@@ -10,7 +10,7 @@ the points open, sticking and slipping as they are (`cfem.contact.sensitivity`).
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -25,6 +25,7 @@ from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.plant.grip_plant import GripPlant
 
 MOST = 8.0  # times its load: further is not looked how much a grip holds
+STUCK = 50  # quasi-static steps without a solution after which the search for a goal ends
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Gripping:
     glued, which knows names and domains; mu, margin: see above, None without rows for the grip; holds: how many times
     its load the grip would hold at home; air: the same without a table, where there is one (`cfem.control.lifting`);
     needs: mm, the least preload that lifts. before, at: nothing remembered unless given (`settle`); margins: to slip,
-    and borne: N by the table, where it has settled so far."""
+    and borne: N by the table, where it has settled so far; stuck: steps without a solution since it has settled."""
 
     grip: GripPlant
     glued: Coupled
@@ -56,6 +57,12 @@ class Gripping:
     at: np.ndarray | None = None
     margins: list[float] = field(default_factory=list)
     borne: list[float] = field(default_factory=list)
+    stuck: int = 0
+
+    @property
+    def upwards(self) -> int:
+        """The axis of the object's load."""
+        return int(np.abs(self.grip.load_of_object).argmax())
 
     @property
     def rows(self) -> Rows:
@@ -64,18 +71,40 @@ class Gripping:
         return Rows((*own.effectors, *more), own.actuators)
 
     def _walked(self, delta_a: np.ndarray) -> GripPlant:
-        stands = copy(self.grip if self.before is None else self.before)
+        if self.stuck >= STUCK:
+            raise NumericalError(f"learned contact: {STUCK} steps had no solution")
+        before = self.grip if self.before is None else self.before
+        stands = copy(before)
         status = stands.towards(delta_a)
+        self.stuck += stands.stuck - before.stuck
         if status != CONVERGED:
             raise NumericalError(f"learned contact: {status}")
         return stands
 
     def settle(self, delta_a: np.ndarray) -> None:
         """The robots stand at delta_a (n_a,) mm now: further steps begin there."""
+        self.begin_search()
         self.at = np.asarray(delta_a, float)
         self.before = self._walked(self.at)
-        self.margins.append(self.before.slip_margin())
+        if self.before.holds:
+            self.margins.append(self.before.slip_margin())
         self.borne.append(self.before.on_table())
+        self.begin_search()
+
+    def begin_search(self) -> None:
+        """The next search may fail as often as any."""
+        self.stuck = 0
+        if self.air is not None:
+            self.air.stuck = 0
+
+    def let_go(self, above: np.ndarray) -> Gripped:
+        """Where the object stands when the robots have held it at `above` (n_a,) mm and gone back to rest from there.
+        NumericalError where there is no contact state."""
+        return replace(self, before=self._walked(above)).at_displacement(np.zeros_like(above))
+
+    def pass_by(self, above: np.ndarray) -> None:
+        """Further steps begin where the actuators stand at `above` (n_a,) mm."""
+        self.before = self._walked(above)
 
     def at_displacement(self, delta_a: np.ndarray) -> Gripped:
         """NumericalError where there is no contact state."""
@@ -161,6 +190,16 @@ class Grip(World):
                 f"table: the object stands on it {_at_goals(self.fe.borne)}, planned {_at_goals(model.borne)}; "
                 f"a preload of {model.needs:.2g} mm is enough to lift it"
             )
+        if not self.fe.holds:
+            ended, moves = self.fe.alone()
+            figures["alone"] = {"status": ended, "moves": moves, "clearance": self.fe.clearance()}
+            lines.append(_opened(self.fe, ended, moves))
+        lines += [
+            f"{row['trajectory']}, goal {row['goal_index']}: no plan reaches it, the nearest ends "
+            f"{row['predicted_distance']:.2g} mm away ({row['status']})"
+            for row in records
+            if not row["reachable"]
+        ]
         return figures, lines
 
 
@@ -168,3 +207,12 @@ def _at_goals(borne: Sequence[float]) -> str:
     """borne: N by the table at each goal."""
     stands = [str(goal) for goal, force in enumerate(borne) if force > 0]
     return f"at goals {', '.join(stands)} of 0 to {len(borne) - 1}" if stands else "at no goal"
+
+
+def _opened(plant: GripPlant, ended: str, moves: float) -> str:
+    """Whether the robots have let the object go, and it stands by itself."""
+    if ended != CONVERGED:
+        return f"let go: the object does NOT stand without the robots: {ended}"
+    clear, pressed = plant.clearance(), plant.pushes()[0].max()
+    apart = f"{clear:.2g} mm away from it" if pressed == 0 else f"still against it with up to {1e3 * pressed:.2g} mN"
+    return f"let go: the object stands on its table, the robots are {apart}; without them it moves by {moves:.1g} mm"

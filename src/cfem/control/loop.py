@@ -44,6 +44,7 @@ class ReachStatus(Enum):
 
     CONVERGED = "converged"
     ITERATIONS = "the iterations allowed were used up"
+    NO_ANSWER = "the model has no answer on the way there"
     NO_DESCENT = "no shorter step brings the effectors closer"
     QP_FAILED = "the inverse step has no trustworthy answer"
 
@@ -100,7 +101,8 @@ class Reach:
 
     delta_a, lambda_a: (n_a,) mm, N; delta_e: (n_e,) mm from rest; distance: mm from the goal; status;
     iterations: inverse steps; queries: of the model; softened: whether a step had to widen the course; kkt: mm,
-    residual of the last program; seconds: of it all; iterate: to start the next goal from."""
+    residual of the last program; seconds: of it all; iterate: to start the next goal from; via: displacements to go by
+    on the way there."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -113,6 +115,14 @@ class Reach:
     kkt: float
     seconds: float
     iterate: Iterate
+    via: tuple[np.ndarray, ...] = ()
+
+    @classmethod
+    def stays(cls, aim: Aim, at: Iterate) -> "Reach":
+        """Where the model has no answer."""
+        now = at.condensed
+        state = now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e)
+        return cls(*state, ReachStatus.NO_ANSWER, 0, 0, False, np.nan, 0.0, at)
 
 
 def reach(

@@ -173,6 +173,9 @@ class ControlSpec(Spec):
             raise ValueError(f"object.law: {self.object.law} takes one model, fe_based: false, and no fewer_iterations")
         if self.object and self.object.margin is not None and self.object.law != "coulomb":
             raise ValueError("object.margin needs object.law: coulomb")
+        opens = [name for name, one in self.trajectories.items() if getattr(one, "let_go", False)]
+        if opens and not (self.object and self.object.table):
+            raise ValueError(f"trajectories.{opens[0]}.let_go: robots let an object go on its table: give object.table")
         names = [one.name for one in self.robots]
         if len(set(names)) < len(names):
             raise ValueError(f"names of robots must differ, got {names}")

@@ -159,7 +159,8 @@ def _follow(
             shapes[index] = at.plant.x[surface].astype(np.float32)
         done(index)
 
-    tracked = follow(goals, pilots, at.plant, at.rest_e, FE_BASED, after)
+    let_go = getattr(spec.trajectories[name], "let_go", False)
+    tracked = follow(goals, pilots, at.plant, at.rest_e, FE_BASED, after, let_go)
     fe = {one.index: one for one in tracked if one.controller == FE_BASED}
     rows = [record(name, one, spec.reached, fe.get(one.index)) for one in tracked]
     pictures = {f"{name}/index": np.array(sorted(shapes)), f"{name}/x": np.array([shapes[i] for i in sorted(shapes)])}

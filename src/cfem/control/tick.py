@@ -16,6 +16,7 @@ from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.lifting import lifted
 from cfem.control.loop import Iterate, Reach, ReachStatus, Settings, by_displacement, by_force, reach
 from cfem.control.multistart import multistart
+from cfem.control.putting_down import put_down
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command, Measurement
 
@@ -68,9 +69,12 @@ class Belief:
         return cls(Iterate.at(condensed), u, ReachStatus.CONVERGED.value)
 
 
-def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None) -> Belief:
-    """One tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it. Where the model
-    has no answer the command stays, and the status says why. InputError where that observer's sensor is missing."""
+def drive(
+    pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None, let_go: bool = False
+) -> Belief:
+    """One tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it; let_go: robots
+    put their object down there and open. Where the model has no answer the command stays, and the status says why.
+    InputError where that observer's sensor is missing."""
     aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping, pilot.places)
     limits = _this_tick(pilot, belief.u)
     try:
@@ -79,6 +83,8 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
             at = _seen(pilot, at, measured)
         if pilot.command == "force" and pilot.observer == "previous_step":
             return _as_published(pilot, at, aim, limits)
+        if let_go:
+            return _within(pilot, put_down(pilot.model, aim, limits, at, pilot.settings), limits)
         # Steps in what the model is a function of: it then gives the other half of a state for nothing.
         forces = pilot.command == "force" and getattr(pilot.model, "form", "displacement") == "force"
         search = lifted if getattr(pilot.model, "air", None) else reach
@@ -89,7 +95,7 @@ def drive(pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement 
             found = multistart(pilot.model, aim, limits, found, pilot.settings, by_displacement)
         return _within(pilot, found, limits)
     except NumericalError as error:
-        return replace(belief, status=str(error), plan=None)
+        return replace(belief, status=str(error), plan=Reach.stays(aim, belief.iterate))
 
 
 def _within(pilot: Pilot, found: Reach, limits: Limits) -> Belief:

@@ -52,6 +52,9 @@ class GoalsSpec(Spec):
     """Stated goals."""
     points: LengthMatrix
     """Goals of the effectors, one row per goal."""
+    let_go: bool = False
+    """Whether the last goal is a place of the table, where robots put their object down and let it go: all actuators go
+    back to rest. It needs object.table."""
 
 
 class ImageSpec(Spec):

@@ -16,7 +16,9 @@ from cfem.equilibrium.touch import PlacedRobot, Touch, touch
 @dataclass(frozen=True)
 class Free:
     """`Around`: the object. shape: placed as at rest; centre (3,) mm then; load (6,) N and N mm about the centre,
-    constant; turns: whether it can turn, else it is guided; R (3, 3), x (3,) mm: rotation and displacement since."""
+    constant; turns: whether it can turn, else it is guided; R (3, 3), x (3,) mm: rotation and displacement since.
+    mobility: (k,) mm and rad for each N and N mm that nothing balances, by which a viscous drag lets it go on from
+    `begin` in one step; None: in balance."""
 
     shape: Obstacle
     centre: np.ndarray
@@ -24,6 +26,14 @@ class Free:
     turns: bool = True
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
     x: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    mobility: np.ndarray | None = None
+    begin: "Free | None" = None
+
+    @property
+    def gone(self) -> np.ndarray:
+        """(k,) mm and rad since `begin`."""
+        turned = Rotation.from_matrix(self.R @ self.begin.R.T).as_rotvec()
+        return np.concatenate([self.x - self.begin.x, turned])[: len(self.wrench)]
 
     @property
     def wrench(self) -> np.ndarray:
@@ -63,4 +73,6 @@ def grip(
     failure."""
     if before is not None:
         held = replace(held, R=before.around.R, x=before.around.x)
+    if held.mobility is not None:
+        held = replace(held, begin=held)
     return touch(fingers, actuators, held, before, law, mu)

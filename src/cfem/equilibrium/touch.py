@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from cfem.contact.check import Check, check
 from cfem.contact.modes import Mode
 from cfem.contact.problem import ContactProblem, Law
-from cfem.contact.solve import FEW, ContactStatus, solve_contact
+from cfem.contact.solve import FEW, ContactSolution, ContactStatus, solve_contact
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.held_patch import contact_points, held
 from cfem.equilibrium.newton import Settings
@@ -85,6 +85,9 @@ class Around(Protocol):
     wrench: np.ndarray
     """(k,) N and N mm that it carries."""
 
+    mobility: np.ndarray | None
+    """(k,) None, or by how much what nothing balances moves it in this step, so far `gone` (k,)."""
+
     def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of points at (m, 3) mm: distances (m,) mm, and frames (m, 3, 3) with rows n, t1, t2."""
         ...
@@ -131,12 +134,21 @@ class Touch:
 @dataclass(frozen=True)
 class Posed:
     """The contact problem of one state. compliance (3m, 3m) mm/N of the points in the scene's axes; into (3m, 3m):
-    from those to the surface's; force (3m,) N on the points, in the latter."""
+    from those to the surface's; force (3m,) N on the points, in the latter. dragged: of what moves with a drag, how it
+    goes without contact (k,), and by how much forces on the points hold it back (k, 3m); None in balance."""
 
     problem: ContactProblem
     compliance: np.ndarray
     into: np.ndarray
     force: np.ndarray
+    dragged: tuple[np.ndarray, np.ndarray] | None = None
+
+    def motion(self, answer: ContactSolution) -> np.ndarray:
+        """(k,) of what the points meet."""
+        if self.dragged is None:
+            return answer.xi
+        free, yields = self.dragged
+        return free - yields @ answer.lam
 
 
 def touch(
@@ -189,7 +201,7 @@ def touch(
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
             return ended(TouchStatus.NO_MODE, iteration)
-        modes, around = answer.modes, around.moved(answer.xi)
+        modes, around = answer.modes, around.moved(posed.motion(answer))
         at = at + (compliance @ posed.into.T @ (answer.lam - posed.force)).reshape(-1, 3)
     return ended(TouchStatus.ITERATIONS, iterations)
 
@@ -215,5 +227,9 @@ def _posed(
     W, force = into @ compliance @ into.T, into @ push
     motion = around.motion(at)
     G, wrench = (into @ motion, around.wrench) if motion.shape[1] else (None, None)
-    problem = ContactProblem((W + W.T) / 2, gap.ravel() - W @ force, G, wrench, mu, cone)
-    return Posed(problem, compliance, into, force)
+    W, free = (W + W.T) / 2, gap.ravel() - W @ force
+    if G is None or around.mobility is None:
+        return Posed(ContactProblem(W, free, G, wrench, mu, cone), compliance, into, force)
+    goes, yields = around.mobility * wrench - around.gone, around.mobility[:, None] * G.T
+    problem = ContactProblem(W + G @ yields, free - G @ goes, None, None, mu, cone)
+    return Posed(problem, compliance, into, force, (goes, yields))

@@ -2,6 +2,7 @@
 elements, or learned (`cfem.predict.finger`): what plans ask of a model is this plant of learned robots."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,6 +20,9 @@ from cfem.plant.protocol import Command, Measurement
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
 HANDED = 0.25  # of the load: what the robots take over in one step
+OPENING = 0.1  # mm that an actuator goes in one step while the robots let go
+SLIDES = 0.05  # mm that an object which nothing holds slides down in a first step
+FASTER, SLOWER, LASTS = 2.0, 0.25, 60  # how that changes from step to step, and where a step fails; steps
 LEVERAGE = 10.0  # mm that an object goes for each of an actuator: more is another contact state, not a step of this one
 
 
@@ -27,10 +31,10 @@ class GripPlant(ContactAccount):
     `x` shows behind the robots' nodes; grasp: (n_a,) mm, how the first command begins, so that something is held: the
     object is carried until then, and handed over there. margin: None, or the answer x_e has behind the object's place
     what each robot's grip has left (`effectors`). table: what the object stands on, and which carries its load, until
-    the robots lift it; None: nothing does.
+    the robots lift it; None: nothing does. Robots that go back to rest over a table let the object go (`let_go`).
 
-    at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip, and borne: N by the table,
-    after each command"""
+    at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip while the robots hold the
+    object, and borne: N by the table, after each command; stuck: quasi-static steps without a solution so far"""
 
     def __init__(
         self,
@@ -46,7 +50,7 @@ class GripPlant(ContactAccount):
     ):
         self.fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
         self._object_points, self._grasp, self._margin = object_points, grasp, margin
-        self._table = table
+        self.table, self.stuck = table, 0
         self.reset()
         self.margins: list[float] = []
         self.borne: list[float] = []
@@ -63,12 +67,14 @@ class GripPlant(ContactAccount):
         nodes = [one.state.x @ finger.turn.T + finger.shift for finger, one in solved]
         return np.concatenate([*nodes, last.around.now(self._object_points)])
 
-    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        """Displacements (n_a,) mm, in quasi-static steps; where a step fails it is halved, and where the shortest fails
-        the state is the last one that was found, and the status says why."""
+    def step(self, u: np.ndarray, kind: Command = "displacement", via: Sequence[np.ndarray] = ()) -> Measurement:
+        """Displacements (n_a,) mm, by way of those in `via`, in quasi-static steps; where a step fails it is halved,
+        and where the shortest fails the state is the last one that was found, and the status says why."""
         self.commands += 1
         status = self.grasp()
-        status = self.towards(np.asarray(u, float)) if status == CONVERGED else f"grasp: {status}"
+        status = CONVERGED if status == CONVERGED else f"grasp: {status}"
+        for there in (*via, u):
+            status = self.towards(np.asarray(there, float)) if status == CONVERGED else status
         if status != CONVERGED:
             self.failures += 1
         last = self.last
@@ -76,12 +82,27 @@ class GripPlant(ContactAccount):
             n_e = 3 if self._margin is None else 3 + len(self.fingers)
             return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last.modes, last.check.largest if last.check else 0.0)
-        self.margins.append(self.slip_margin())
-        self.borne.append(self.on_table())
+        self.account_of_grip()
         delta_a, lambda_a = (
             np.concatenate([getattr(one, key) for one in self.solved]) for key in ("delta_a", "lambda_a")
         )
         return Measurement(self.effectors(), delta_a, lambda_a, self.commands, status)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robots have not let go."""
+        return self.table is None or bool(self.at.any())
+
+    @property
+    def load_of_object(self) -> np.ndarray:
+        """(3,) N, all of it."""
+        return self._held.load[:3]
+
+    def account_of_grip(self) -> None:
+        """Margin to slip, where the robots hold the object, and what the table bears, as it stands."""
+        if self.holds:
+            self.margins.append(self.slip_margin())
+        self.borne.append(self.on_table())
 
     def effectors(self) -> np.ndarray:
         """(n_e,) mm and N: the object's place, and what each grip has left, mu N - margin |T|, where that is asked
@@ -133,7 +154,7 @@ class GripPlant(ContactAccount):
     def reset(self) -> None:
         """Back to rest, nothing held."""
         self.at, self.last = np.zeros(int(self._ends[-1])), None
-        self.load = 0.0 if self._grasp is not None and self._table is None else 1.0
+        self.load = 0.0 if self._grasp is not None and self.table is None else 1.0
 
     def squeeze(self) -> str:
         """The grasp, without load where the object is handed over: how that ended."""
@@ -151,26 +172,88 @@ class GripPlant(ContactAccount):
         begin, wanted = np.array([self.load]), np.array([load])
         return carried_out(begin, wanted, HANDED, lambda share: self._go(self.at, float(share[0])))
 
-    def bears(self) -> bool:
-        """Whether the robots take the whole load over as they stand, in whole steps."""
-        return all(self._go(self.at, share) == CONVERGED for share in np.arange(HANDED, 1 + HANDED / 2, HANDED))
+    def off_table(self) -> "GripPlant | None":
+        """These robots as they stand, and the object without its table, whose load they take over in whole steps; None
+        where they cannot."""
+        air, own = copy(self), self.parts[-1][1]
+        air.table, air._grasp = None, self.at
+        air.last = replace(self.last, solved=self.solved, modes=self.last.modes[:own], stuck=self.last.stuck[:own])
+        begin = max(0.0, 1 - self.on_table() / float(np.linalg.norm(self._held.load[:3])))
+        shares = np.linspace(begin, 1.0, 1 + int(np.ceil((1 - begin) / HANDED)))
+        return air if all(air._go(self.at, share) == CONVERGED for share in shares) else None
 
     def towards(self, u: np.ndarray) -> str:
         """How the way to u (n_a,) mm ended."""
+        if self.table is not None and self.at.any() and not u.any():
+            return self.let_go()
         return carried_out(self.at, u, LONGEST, lambda there: self._go(there, self.load))
 
+    def let_go(self) -> str:
+        """Back to rest: how that ended. Where the robots do not hold the object any more and the table does not bear it
+        yet, it slides down (`_slide`)."""
+        begin, status = self.at, CONVERGED
+        steps = int(np.ceil(float(np.abs(begin).max()) / OPENING))
+        for share in np.linspace(1.0, 0.0, 1 + steps)[1:]:
+            status = self._go(share * begin, self.load)
+            if status != CONVERGED:
+                status = self._slide(share * begin)
+            if status != CONVERGED:
+                break
+        return status
+
+    def _slide(self, u: np.ndarray) -> str:
+        """To a balance at u (n_a,) mm that no step leads to: how that ended. The object goes as a viscous drag has it,
+        faster and faster, until it stays; inertia is left out."""
+        before = self.last, self.at
+        size = float(np.linalg.norm(self.table.points - self._held.centre, axis=1).max())
+        mobility = SLIDES / float(np.linalg.norm(self.load_of_object))
+        for _ in range(LASTS):
+            way = mobility * np.array([1.0] * 3 + [1 / size**2] * 3)[: len(self._held.wrench)]
+            found = self._found(u, self.load, way)
+            if not found.converged:
+                mobility *= SLOWER
+                continue
+            moved = float(np.linalg.norm(found.around.gone * np.array([1.0] * 3 + [size] * 3)[: len(way)]))
+            self.last, self.at, mobility = found, u, mobility * FASTER
+            if moved < SLIDES and self._go(u, self.load) == CONVERGED:
+                return CONVERGED
+        self.last, self.at = before
+        return "the object slides off and finds no balance"
+
+    def clearance(self) -> float:
+        """mm between the object and the contact point nearest to it."""
+        delta = zip(self.fingers, self.solved, strict=True)
+        at = np.concatenate([one.points + now.delta_c.reshape(-1, 3) @ one.turn.T for one, now in delta])
+        return float(self.last.around.surface(at)[0].min())
+
+    def alone(self) -> tuple[str, float]:
+        """Whether the object stays on its table when the robots are taken away as they stand: how that balance ended,
+        and how far the object goes, mm."""
+        last, own = self.last, self.parts[-1][1]
+        before = replace(last, solved=last.solved[-1:], modes=last.modes[own:], stuck=last.stuck[own:])
+        held = replace(self._held, load=self.load * self._held.load)
+        found = grip([self.table], [displacement(np.zeros(0))], held, self._law, self._mu, before)
+        return found.status.value, float(np.linalg.norm(found.around.x - last.around.x))
+
     def _go(self, u: np.ndarray, load: float) -> str:
-        parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
-        held, all_of_them = replace(self._held, load=load * self._held.load), list(self.fingers)
-        if self._table is not None:
-            parts, all_of_them = [*parts, displacement(np.zeros(0))], [*all_of_them, self._table]
-        found = grip(all_of_them, parts, held, self._law, self._mu, self.last)
-        self.steps += 1
-        self.iterations += found.iterations
+        found = self._found(u, load)
         status = found.status.value if not found.converged else self._lost(found, u)
         if status == CONVERGED:
             self.last, self.at, self.load = found, u, load
+        else:
+            self.stuck += 1
         return status
+
+    def _found(self, u: np.ndarray, load: float, mobility: np.ndarray | None = None) -> Touch:
+        """One step from where the plant stands."""
+        parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
+        held, all_of_them = replace(self._held, load=load * self._held.load, mobility=mobility), list(self.fingers)
+        if self.table is not None:
+            parts, all_of_them = [*parts, displacement(np.zeros(0))], [*all_of_them, self.table]
+        found = grip(all_of_them, parts, held, self._law, self._mu, self.last)
+        self.steps += 1
+        self.iterations += found.iterations
+        return found
 
     def _lost(self, found: Touch, u: np.ndarray) -> str:
         """Whether what solves the equations is a step from `last`: an object without load may be anywhere once nothing
