@@ -189,3 +189,16 @@ def test_a_search_ends_after_so_many_steps_without_a_solution(plans, monkeypatch
     with pytest.raises(NumericalError, match="steps had no solution"):
         model.at_displacement(lifting(0.03))
     assert not tried
+
+
+def test_robots_that_find_no_way_to_put_down_stay_and_say_so(plans, monkeypatch):
+    def nowhere(*rest):
+        raise NumericalError("the object slides off and finds no balance")
+
+    model = replace(plans, before=None, at=None, margins=[], borne=[])
+    controller = Controller(pilot(model, model.grip), np.array([*CENTRE, 0.0, 0.0]))
+    monkeypatch.setattr("cfem.control.tick.put_down", nowhere)
+    belief = controller.tick(np.array([*CENTRE, 0, 0]), let_go=True)
+    assert belief.status == "the object slides off and finds no balance"
+    assert belief.plan.status is ReachStatus.NO_ANSWER
+    np.testing.assert_array_equal(belief.plan.delta_a, GRASP)

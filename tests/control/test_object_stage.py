@@ -163,6 +163,10 @@ def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
             "object={centre: {mm: [65, 0, 0]}, half_size: {mm: [5, 5, 5]}, table: true}",
             r"table: robots lift a box from it by friction: give law: coulomb and force",
         ),
+        (
+            "trajectories={up: {kind: goals, points: {mm: [[65, 0, 0.05]]}, let_go: true}}",
+            r"trajectories.up.let_go: robots let an object go on its table: give object.table",
+        ),
         ("fe_based=true", r"object.law: coulomb takes one model, fe_based: false"),
     ],
 )
