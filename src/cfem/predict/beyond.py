@@ -47,11 +47,19 @@ def beyond(load, first, second):
         B = (g * TRUSTED) ** 2 / 3
         A = 0.5 + TRUSTED * g / 3 + TRUSTED * g * g / 3
         a, b, bend = 2 * A - 4 * B / r, 3 * B / r**2, -2 * B / r**3
-    across, rank = 1.5 * second - 2 * r * first, bend / size if size > 0 else 0.0
-    return Beyond(a * first + b / 2 * second, a, b, across, rank)
+    motion, across = np.empty(len(load)), np.empty(len(load))  # by loops: whole arrays take seconds to compile
+    for i in range(len(load)):
+        motion[i] = a * first[i] + b / 2 * second[i]
+        across[i] = 1.5 * second[i] - 2 * r * first[i]
+    return Beyond(motion, a, b, across, bend / size if size > 0 else 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def slope(of, C, change):
     """(n, n) mm/N: derivative of the motion `of` a load by it; change: D[w]."""
-    return of.first * C + of.second * change + of.rank * np.outer(of.across, of.across)
+    n = len(C)
+    found = np.empty((n, n))
+    for i in range(n):
+        for j in range(n):
+            found[i, j] = of.first * C[i, j] + of.second * change[i, j] + of.rank * (of.across[i] * of.across[j])
+    return found

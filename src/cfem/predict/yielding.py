@@ -40,11 +40,17 @@ class Loaded(NamedTuple):
 def parts(chosen, modes, C_ss, R, at, local, dented):
     """U, left, total and dented of `Parts`. chosen (c,) of N patches with modes (N, 3, k); C_ss (k, k) mm/N; at
     (terms,): of the series local (N, N, terms, 3, 3) and dented (terms, N, 3, 3, 3 + n_e)."""
-    c, k, terms = len(chosen), len(C_ss), len(at)
-    U, left, smooth = np.empty((3 * c, k)), np.empty((3 * c, 3 * c)), np.empty((3 * c, 3 * c))
+    c, k, terms = len(chosen), len(C_ss), len(at)  # by loops: whole arrays take seconds to compile
+    U, by = np.empty((3 * c, k)), np.zeros((3 * c, k))
+    left, total = np.empty((3 * c, 3 * c)), np.empty((3 * c, 3 * c))
     for i in range(c):
-        U[3 * i : 3 * i + 3] = modes[chosen[i]]
-    by = U @ C_ss
+        for a in range(3):
+            for d in range(k):
+                U[3 * i + a, d] = modes[chosen[i], a, d]
+    for row in range(3 * c):
+        for other in range(k):
+            for d in range(k):
+                by[row, d] += U[row, other] * C_ss[other, d]
     L, half = np.empty((3, 3)), np.empty((3, 3))
     for i in range(c):
         for j in range(i, c):
@@ -63,15 +69,16 @@ def parts(chosen, modes, C_ss, R, at, local, dented):
                     for d in range(k):
                         modal += by[3 * i + a, d] * U[3 * j + b, d]
                     left[3 * i + a, 3 * j + b] = value
-                    smooth[3 * i + a, 3 * j + b] = modal
+                    total[3 * i + a, 3 * j + b] = modal
         for a in range(3):
             for b in range(a):  # of one patch it is symmetric but for rounding
                 mean = (left[3 * i + a, 3 * i + b] + left[3 * i + b, 3 * i + a]) / 2
                 left[3 * i + a, 3 * i + b], left[3 * i + b, 3 * i + a] = mean, mean
     for a in range(3 * c):
-        for b in range(a):
-            left[a, b], smooth[a, b] = left[b, a], smooth[b, a]
-    return U, left, left + smooth, _dents(chosen, R, at, dented)
+        for b in range(a, 3 * c):
+            total[a, b] += left[a, b]
+            left[b, a], total[b, a] = left[a, b], total[a, b]
+    return U, left, total, _dents(chosen, R, at, dented)
 
 
 @njit(cache=True, error_model="numpy")
@@ -89,11 +96,15 @@ def _dents(chosen, R, at, dented):
     for i in range(len(chosen)):
         E[:] = 0.0
         for term in range(len(at)):
-            E += at[term] * dented[term, chosen[i]]
-        for d in range(3, last):
-            half[:, :, d] = E[:, :, d]
+            of = dented[term, chosen[i]]
+            for a in range(3):
+                for b in range(3):
+                    for d in range(last):
+                        E[a, b, d] += at[term] * of[a, b, d]
         for a in range(3):
             for b in range(3):
+                for d in range(3, last):
+                    half[a, b, d] = E[a, b, d]
                 for d in range(3):
                     half[a, b, d] = E[a, b, 0] * R[i, d, 0] + E[a, b, 1] * R[i, d, 1] + E[a, b, 2] * R[i, d, 2]
         for a in range(3):
@@ -114,16 +125,30 @@ def loaded(forces, C_ss, D, U, yields, dented):
         for a in range(3):
             for d in range(k):
                 w[d] += U[3 * i + a, d] * forces[i, a]
-    for d in range(k):
-        change += w[d] * D[d]
-    modes = beyond(w, C_ss @ w, change[seen - k :] @ w)
-    places, slopes, seconds, bent = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c), np.empty((3, 3))
+    for row in range(seen):
+        for column in range(k):
+            for d in range(k):
+                change[row, column] += w[d] * D[d, row, column]
+    first, second = np.zeros(k), np.zeros(k)
+    for row in range(k):
+        for d in range(k):
+            first[row] += C_ss[row, d] * w[d]
+            second[row] += change[seen - k + row, d] * w[d]
+    modes = beyond(w, first, second)
+    places, slopes, seconds = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c)
+    bent, own, by_bent, stiff = np.empty((3, 3)), np.empty(3), np.empty(3), np.zeros((3, 3))
     for i in range(c):
         f = forces[i]
         for a in range(3):
             for b in range(3):
                 bent[a, b] = dented[i, a, b, 0] * f[0] + dented[i, a, b, 1] * f[1] + dented[i, a, b, 2] * f[2]
-        own, stiff = yields[i] * f, yields[i] * np.eye(3)
-        of = beyond(f, own, bent @ f)
-        places[i], slopes[i], seconds[i] = of.motion - own, slope(of, stiff, bent) - stiff, of.second
+            own[a], stiff[a, a] = yields[i] * f[a], yields[i]
+            by_bent[a] = bent[a, 0] * f[0] + bent[a, 1] * f[1] + bent[a, 2] * f[2]
+        of = beyond(f, own, by_bent)
+        inclined = slope(of, stiff, bent)
+        for a in range(3):
+            places[i, a] = of.motion[a] - own[a]
+            for b in range(3):
+                slopes[i, a, b] = inclined[a, b] - stiff[a, b]
+        seconds[i] = of.second
     return Loaded(w, change, modes, places, slopes, seconds)
