@@ -93,6 +93,12 @@ def test_pushes_on_an_object_are_drawn(robots):
     found = tracking(columns=found.columns, rows=["tip.x", "tip.y", "tip.z", "tip.rx", "a.left", "b.top"])
     contact = tracking_section(found, UNITS).parts[-1]
     assert contact.name == "contact-my-curve" and ("a x" in contact.legend) == (robots == 2)
+    assert contact.legend.count('stroke-dasharray="5 3"') == robots  # y of each robot, in the robot's own colour
+
+
+def test_the_page_says_what_the_command_said_of_the_object():
+    section = tracking_section(tracking(said=["let go: the object stands on its table"]), UNITS)
+    assert section.text.endswith("Let go: the object stands on its table. ")
 
 
 def test_a_second_plane_is_drawn_only_of_curves_that_leave_the_first():

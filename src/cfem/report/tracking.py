@@ -19,6 +19,7 @@ from cfem.report.tables import Table, milliseconds, number, spread, tabulate
 FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
 FEW = 3  # goals or controllers: of fewer the table says as much
 MARKS = "osv^Dp"
+SHOWN = ("goals reached", "discretisation error")  # lines of the command whose numbers the page shows elsewhere
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,8 @@ class Tracking:
     """A run of `cfem control` goal by goal. columns: of `trajectories.parquet`, (m, ...) each; rows: names of the
     effector rows, then of the actuators; summaries: results by trajectory and controller; spec: of the run; nodes: of
     the robot that judges, plant: 'fem' or 'model'; fe_seconds: CPU seconds of one FE solve, None without any;
-    discretisation: what `cfem control` found of the error of the mesh itself, None where it did not look."""
+    discretisation: what `cfem control` found of the error of the mesh itself, None where it did not look; said: what it
+    printed of objects, obstacles and contact."""
 
     columns: Mapping[str, np.ndarray]
     rows: Sequence[str]
@@ -36,6 +38,7 @@ class Tracking:
     nodes: int
     fe_seconds: float | None
     discretisation: Mapping[str, Any] | None = None
+    said: Sequence[str] = ()
 
     @property
     def actuators(self) -> Sequence[str]:
@@ -72,6 +75,7 @@ def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
         nodes=results["nodes"],
         fe_seconds=cost["seconds"] / cost["solves"] if cost.get("solves") else None,
         discretisation=results.get("discretisation"),
+        said=[line for line in results.get("headline", []) if not any(part in line for part in SHOWN)],
     )
 
 
@@ -95,6 +99,7 @@ def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> S
     cut = next((who for one in found.summaries.values() for who in one if "@" in who), None)
     if cut:
         text += f"{cut} is {cut.partition('@')[0]} with no more steps per goal than the number behind the @. "
+    text += "".join(f"{line[0].upper()}{line[1:]}. " for line in found.said)
     table = [mesh_error_table(found.discretisation)] if "tip_mm" in (found.discretisation or {}) else []
     shown = [name for name in found.summaries if len(set(found.of(name)["goal_index"])) >= FEW]
     charts = [one for name in shown for one in trajectory_charts(found, name, units)]
@@ -215,7 +220,7 @@ def carried(found: Tracking, name: str, rows: Mapping, names: Sequence[str], uni
         robots = dict.fromkeys(one.split(".")[0] for one in found.actuators) if contact.shape[1] > 3 else [""]
         parts = [f"{robot} {axis}".strip() for robot in robots for axis in "xyz"]
         axis = panel("force on the object (mN)", "goal", count=True)
-        _lines(axis, rows, names, 1e3 * contact, parts)
+        _lines(axis, rows, names, 1e3 * contact, parts, 3)
         text = (
             f"{name.replace('-', ' ')}: the force by which each robot pushes the object, as each controller plans it."
         )
@@ -229,14 +234,18 @@ def unit_of(actuator: str, units: Mapping[str, tuple[str, str]]) -> tuple[str, s
     return units.get(own, ("mm", "N"))
 
 
-def _lines(axis, rows: Mapping, names: Sequence[str], values: np.ndarray, labels: Sequence[str]) -> None:
-    """A colour a component; a line for the first controller, marks for the others."""
+def _lines(
+    axis, rows: Mapping, names: Sequence[str], values: np.ndarray, labels: Sequence[str], grouped: int = 1
+) -> None:
+    """A colour a component, or so many of them, which differ in their dashes then; a line for the first controller,
+    marks for the others."""
     looks = [{"lw": 1.8}] + [{"lw": 0, "marker": "o+x"[i % 3], "ms": 4, "mfc": "none"} for i in range(len(names) - 1)]
     for index, label in enumerate(labels):
-        axis.plot([], [], color=f"C{index % 8}", lw=1.8, label=label)
+        style = {"color": f"C{index // grouped % 8}", "ls": ("-", "--", ":")[index % grouped]}
+        axis.plot([], [], lw=1.8, label=label, **style)
         for name, look in zip(names, looks, strict=True):
             mine = rows["controller"] == name
-            axis.plot(rows["goal_index"][mine], values[mine, index], color=f"C{index % 8}", **look)
+            axis.plot(rows["goal_index"][mine], values[mine, index], **style, **look)
     for name, look in zip(names, looks, strict=True):
         if len(names) > 1:
             axis.plot([], [], color=INK, label=name, **look)
