@@ -88,7 +88,7 @@ def test_test_states_choose_nothing(tmp_path):
 
 def test_parameters_and_forces_too(tmp_path):
     factory = replace(Factory(), parameters=(POISSON, YOUNG), third_order=True)
-    until = {**SPEC["until"], "error": "0.1 mm", "first": 30, "batch": 10, "form": "force", "largest": 120}
+    until = {**SPEC["until"], "error": "0.1 mm", "first": 30, "batch": 30, "form": "force", "largest": 120}
     tables, _, found = explore(tmp_path, factory, until=until)
     assert found["reached"] and found["test_error"] < 0.2
     assert np.ptp(as_dataset(tables["train"]).p) > 0.1
