@@ -97,19 +97,17 @@ class Gripping:
         if self.air is not None:
             self.air.stuck = 0
 
-    def let_go(self, above: np.ndarray) -> Gripped:
+    def let_go(self, above: np.ndarray) -> tuple[Gripped, GripPlant]:
         """Where the object stands when the robots have held it at `above` (n_a,) mm and gone back to rest from there.
         NumericalError where there is no contact state."""
-        return replace(self, before=self._walked(above)).at_displacement(np.zeros_like(above))
-
-    def pass_by(self, above: np.ndarray) -> None:
-        """Further steps begin where the actuators stand at `above` (n_a,) mm."""
-        self.before = self._walked(above)
+        stands = replace(self, before=self._walked(above))._walked(np.zeros_like(above))
+        return self._seen(stands), stands
 
     def at_displacement(self, delta_a: np.ndarray) -> Gripped:
         """NumericalError where there is no contact state."""
-        delta_a = np.asarray(delta_a, float)
-        stands = self._walked(delta_a)
+        return self._seen(self._walked(np.asarray(delta_a, float)))
+
+    def _seen(self, stands: GripPlant) -> Gripped:
         J, K = self._slopes(stands)
         lam = np.concatenate([one.lambda_a for one in stands.solved])
         e, rows = stands.effectors(), self.rows
@@ -117,7 +115,7 @@ class Gripping:
         W_aa = np.linalg.inv((K + K.T) / 2)
         W_ea = J @ W_aa
         W = np.block([[W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
-        delta = np.concatenate([e, delta_a])
+        delta = np.concatenate([e, stands.at])
         parts = [
             state_of(hold.model, np.concatenate([one.delta_a, one.X]))
             for hold, one in zip(self.glued.holds, stands.solved, strict=True)

@@ -21,26 +21,26 @@ def put_down(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings) -
     NumericalError where there is none. model: a `Gripping` with a table."""
     flat = aim.weights.copy()
     flat[model.upwards] = 0.0
-    shift, best = np.zeros(len(flat)), None
+    shift, best, opened = np.zeros(len(flat)), None, None
     cost = {"iterations": 0, "queries": 0, "seconds": 0.0}
     for _ in range(ROUNDS):
         above = reach(model, replace(aim, goal=aim.goal + shift, weights=flat), limits, at, settings)
         cost = {key: value + getattr(above, key) for key, value in cost.items()}
         try:
-            stands = model.let_go(above.delta_a)
+            now, stands = model.let_go(above.delta_a)
         except NumericalError:
             if best is None:
                 raise
             break
-        distance = aim.distance(stands.delta_e)
+        distance = aim.distance(now.delta_e)
         if best is not None and distance >= best.distance:
             break
-        state = stands.delta_a, stands.lambda_a, stands.delta_e, distance
-        rest = above.softened, above.kkt, 0.0, Iterate.at(stands), (above.delta_a,)
-        best = Reach(*state, above.status, 0, 0, *rest)
+        state = now.delta_a, now.lambda_a, now.delta_e, distance
+        rest = above.softened, above.kkt, 0.0, Iterate.at(now), (above.delta_a,)
+        best, opened = Reach(*state, above.status, 0, 0, *rest), stands
         if distance <= NEAR:
             break
-        shift = shift + np.where(flat > 0, aim.goal - stands.delta_e, 0.0)
+        shift = shift + np.where(flat > 0, aim.goal - now.delta_e, 0.0)
         at = above.iterate
-    model.pass_by(best.via[0])
+    model.before = opened
     return replace(best, **cost)
