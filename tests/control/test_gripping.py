@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from cfem.contact.obstacle import Box
 from cfem.control.assembled import table_under
 from cfem.control.controller import Controller
 from cfem.control.grasp import from_table, share_that_lifts, squeezed_off_table
-from cfem.control.gripping import STUCK, Grip
+from cfem.control.gripping import STUCK, Grip, _opened
 from cfem.control.inverse import Limits
 from cfem.control.loop import ReachStatus, Settings
 from cfem.control.tick import Pilot
@@ -202,3 +203,13 @@ def test_robots_that_find_no_way_to_put_down_stay_and_say_so(plans, monkeypatch)
     assert belief.status == "the object slides off and finds no balance"
     assert belief.plan.status is ReachStatus.NO_ANSWER
     np.testing.assert_array_equal(belief.plan.delta_a, GRASP)
+
+
+@pytest.mark.parametrize(
+    ("clear", "said"), [(0.29, "the robots are 0.29 mm away from it"), (0.0, "still against it with up to 2 mN")]
+)
+def test_the_command_says_whether_the_robots_have_let_go(clear, said):
+    plant = SimpleNamespace(clearance=lambda: clear, pushes=lambda: (np.array([0.0, 2e-3]), None))
+    line = _opened(plant, "converged", 1e-5)
+    assert said in line and "without them it moves by 1e-05 mm" in line
+    assert "does NOT stand" in _opened(plant, "no balance", 0.0)

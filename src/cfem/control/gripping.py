@@ -25,6 +25,7 @@ from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.plant.grip_plant import GripPlant
 
 MOST = 8.0  # times its load: further is not looked how much a grip holds
+APART = 1e-6  # mm between robots and an object that they have let go: less is rounding
 STUCK = 50  # quasi-static steps without a solution after which the search for a goal ends
 
 
@@ -212,5 +213,5 @@ def _opened(plant: GripPlant, ended: str, moves: float) -> str:
     if ended != CONVERGED:
         return f"let go: the object does NOT stand without the robots: {ended}"
     clear, pressed = plant.clearance(), plant.pushes()[0].max()
-    apart = f"{clear:.2g} mm away from it" if pressed == 0 else f"still against it with up to {1e3 * pressed:.2g} mN"
+    apart = f"{clear:.2g} mm away from it" if clear > APART else f"still against it with up to {1e3 * pressed:.2g} mN"
     return f"let go: the object stands on its table, the robots are {apart}; without them it moves by {moves:.1g} mm"
