@@ -25,6 +25,8 @@ class ModelPlant:
             state = self._model.at_displacement(u) if kind == "displacement" else self._under(u)
         except NumericalError as error:
             return Measurement.failed(len(self._rest_e), len(u), self._t, str(error))
+        if hasattr(self._model, "settle"):  # contact depends on the way
+            self._model.settle(state.delta_a)
         self._last = state
         delta_e, delta_a, lambda_a = state.delta_e, state.delta_a, state.lambda_a
         if self._push is not None:

@@ -90,7 +90,7 @@ class SoftSteps:
         return self.meeting.start(deltas) if before is None else self.meeting.step(deltas, before)
 
     def again(self, here: Met, before: Met) -> Met:
-        return replace(here, memory=before.memory)
+        return replace(here, memory=before.memory, places=before.places)
 
     def carried(self, state: Met, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> Met:
         return replace(state, memory=state.memory.carried(state.pairs, courses, begin, end))
