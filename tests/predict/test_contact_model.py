@@ -5,12 +5,14 @@ import pytest
 
 from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.obstacle import Plane, Sphere
+from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.patch_compliance import patch_response
 from cfem.predict.contact_model import ContactModel
 from cfem.predict.load import load_model
+from cfem.predict.meeting import PlacedModel
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
@@ -57,6 +59,19 @@ def test_derivatives_are_those_of_whole_contact_states(touchable, table):
     free = touchable.model.at_displacement(DELTA)
     assert 1 / here.W_aa[0, 0] > 1.01 / free.W_aa[0, 0]  # the ceiling stiffens the cable
     assert here.delta_a == pytest.approx(DELTA) and here.lambda_a > free.lambda_a
+
+
+def test_derivatives_among_soft_robots_are_those_of_ways_from_rest(touchable):
+    """What has come to touch within the last step slips from where it touched, in the differences too."""
+    over = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])
+    bent = 0.1 * np.abs(touchable.model.reach).max() * np.ones((2, 1))
+    twin = PlacedModel(touchable, *over), ActuatedRobot(touchable.model, bent, None, *over)
+    world = ContactModel(touchable, {}, ("twin",), mu=0.3, others={"twin": twin})
+    at, h = np.array([1.25]), 0.01
+    here, ahead, behind = (world.at_displacement(at + step) for step in (0.0, h, -h))
+    assert here.delta_e[-1] > 0.005
+    slope = (ahead.delta_e - behind.delta_e) / (2 * h)
+    assert here.effector_jacobian[-1, 0] == pytest.approx(slope[-1], rel=1e-2)
 
 
 def test_the_force_is_continuous_where_contact_begins(touchable, table):
