@@ -13,7 +13,7 @@ from cfem.report.tracking import Tracking
 from cfem.report.viewer import BODY, OBJECT, Line, Take, Viewer, flat_triangles
 from cfem.robot.spec import SceneSpec
 
-CAPTION = "The {} at its goals (circles); red: the way that it went. Shapes between goals are interpolated. Drag to turn."
+CAPTION = "The {} at its goals (circles); red: its way. Shapes between goals are interpolated. Drag to turn."
 WHO = {FE: "finite-element robot", LEARNED: "robot by its learned skin, without finite elements,"}
 
 
