@@ -8,7 +8,6 @@ export OPENBLAS_NUM_THREADS ?= 1
 .PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper finger-shapes regenerate pages wasm $(SCENES)
 
 # The soft finger through all its stages, three numbers and a page.
-demo: export CFEM_STEP := 1/8
 demo: .venv/all
 	@$(CFEM) demo soft-finger
 

@@ -32,6 +32,7 @@ from cfem.export.spec import CSpec
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.predict.protocol import Predictor
+from cfem.predict.slack import touch_step_slack
 from cfem.predict.touchable import Touchable
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
@@ -112,7 +113,7 @@ def main() -> None:
         for share in steps:
             here = moved(obstacle, (1 - share) * depth * normal)
             begin = time.process_time()
-            found = touch_step(touchable, delta, [here], mu=given.mu, before=found)
+            found = touch_step_slack(touchable, delta, [here], robot.unilateral, mu=given.mu, before=found)
             seconds.append(time.process_time() - begin)
             truth = press(problem, displacement(delta), [here] * len(near), mu=given.mu, before=truth)
         if not (found.converged and truth.converged):

@@ -30,6 +30,7 @@ import pyarrow.parquet as pq
 
 from cfem.condensed import entries
 from cfem.condensed.parameters import shares
+from cfem.control.controller import Controller
 from cfem.control.design import designed
 from cfem.control.experiment import follow
 from cfem.control.inverse import Limits, ridge_of
@@ -81,7 +82,8 @@ def track(kind: str, values: tuple[float, ...], goals: int) -> dict:
         name: Pilot(one, "displacement", "equilibrium", limits, weights, ridge, Settings(20, tolerance, 5.0))
         for name, one, tolerance in (("fe-based", plant, 1e-4), ("spectral", bound["spectral"], 1e-5))
     }
-    done = follow(points, pilots, plant, robot.rest_e, "fe-based")
+    judge = "fe-based", Controller(pilots["fe-based"], robot.rest_e)
+    done = [one for goal in follow(points, pilots, plant, robot.rest_e, judge) for one in goal]
     x = {
         name: np.array([one.measured.x_e for one in done if one.controller == name])
         for name in ("fe-based", "spectral")

@@ -6,7 +6,7 @@ python benchmarks/rows.py --modules 5                      five
 python benchmarks/rows.py --element hex8-full --size 11    hexahedra between rigid sections
 python benchmarks/rows.py --element hex8 --size 11         a solid
 python benchmarks/rows.py --mixed                          the second module has two actuators instead of three
-python benchmarks/rows.py --orders                         what a further order in the load would leave of the error
+python benchmarks/rows.py --order 2                         samples with `loads: true` instead of `loads: 2`
 python benchmarks/rows.py --c                              the C code of the row under a tenth of its weight and 1 mN
 
 Modules are sampled without any load, 50 states each. Loads at three random states, actuators held: shares of the weight
@@ -72,7 +72,7 @@ def trained(folder: Path, given: argparse.Namespace) -> tuple:
     base["mesh"] = {"size": f"{given.size} mm", "element": given.element}
     base["material"]["density"] = DENSITY
     centre = {"name": "body", "at": "centre-of-mass"}
-    sample = read(PIPELINES / "stiff-flop-module" / "sample.yaml")
+    sample = read(PIPELINES / "stiff-flop-module" / "sample.yaml") | {"loads": 2 if given.order == 3 else True}
     kinds = ["three", "two"] if given.mixed else ["three"]
     for kind in kinds:
         scene = {**base, "actuators": actuators(1, SIDES[kind], 334.0), "effectors": [*base["effectors"], centre]}
@@ -137,34 +137,6 @@ def table(model, robot, shares: list[float]) -> None:
             )
 
 
-def orders(model, robot) -> None:
-    """The largest errors by the weight alone, now and without what grows with the third power of the load, which
-    finite elements tell at a tenth of it: what the next order of the series could do at best."""
-    shares = np.array([0.1, 0.2, 0.4, 0.6, 0.8, 1.0])
-    rng, rows, low, high = np.random.default_rng(3), model.rows, *robot.forces.T
-    (mass,) = robot.masses.values()
-    states = [force(low + share * (high - low)) for share in rng.random((STATES, rows.n_a))]
-    states = [solve(Problem(robot), one).condensed.delta_a for one in states]
-    found = []
-    for side in (*np.eye(3), *-np.eye(3)):
-        for at in states:
-            moved, off = np.full((2, len(shares), 3), np.nan)
-            for number, share in enumerate(shares):
-                wrench = wrench_of(rows, {"body": share * 9810 * mass * side, "tip": np.zeros(3)})
-                carrying = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
-                solved = solve(Problem(pushed(robot, wrench)), displacement(at), slack=False)
-                if solved.converged and solved.lambda_a.min() >= 0:
-                    moved[number] = solved.delta_e[:3] - model.at(at).delta_e[:3]
-                    off[number] = carrying.at(at).delta_e[:3] - solved.delta_e[:3]
-            third = np.outer((shares / shares[0]) ** 3, off[0])
-            found.append([np.linalg.norm(one, axis=1) / np.linalg.norm(moved, axis=1) for one in (off, off - third)])
-    print("weight | error of the motion | with the third order | cases")
-    for number, share in enumerate(shares):
-        now, then = np.array(found)[:, :, number].T
-        most, least = (f"{100 * np.nanmax(one):.2g} %" for one in (now, then))
-        print(f"{share:g} of it | {most} | {least} | {np.isfinite(now).sum()}")
-
-
 def compiled(model, robot) -> None:
     """What the C code of the loaded row costs, beside Python's."""
     (mass,) = robot.masses.values()
@@ -208,14 +180,12 @@ def main() -> None:
     parser.add_argument("--size", type=float, default=5.5, help="mm of the cells")
     parser.add_argument("--mixed", action="store_true")
     parser.add_argument("--shares", type=float, nargs="+", default=[0.1, 0.2, 0.4], help="of the weight")
-    parser.add_argument("--orders", action="store_true")
+    parser.add_argument("--order", type=int, choices=(2, 3), default=3, help="of the motion in the load, in samples")
     parser.add_argument("--c", action="store_true")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         made_of = trained(Path(folder), given)
-        if given.orders:
-            orders(*made_of)
-        elif given.c:
+        if given.c:
             compiled(*made_of)
         else:
             table(*made_of, given.shares)

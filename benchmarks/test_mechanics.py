@@ -19,21 +19,26 @@ from cfem.mechanics.factorization import SOLVERS, analyze
 from cfem.mechanics.material import LAWS
 
 INSTALLED = [name for name in SOLVERS if name != "pardiso" or find_spec("pymklpardiso")]
-DIVISIONS = (24, 5, 5)
+
+
+@pytest.fixture
+def divisions(benchmark):
+    """A mesh whose times mean something, or a small one where nothing is timed."""
+    return (24, 5, 5) if benchmark.enabled else (6, 2, 2)
 
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.benchmark(group="internal force, tet10p0")
-def test_law(benchmark, law):
-    body = box_body((60, 10, 10), DIVISIONS, law=law)
+def test_law(benchmark, divisions, law):
+    body = box_body((60, 10, 10), divisions, law=law)
     x = body.mesh.X * [1.01, 1.0, 0.99]
     assert benchmark(response, body, x).min_J > 0
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.benchmark(group="stiffness assembly, one mesh of cubes")
-def test_assembly(benchmark, element):
-    problem = Problem(bar(element, divisions=DIVISIONS))
+def test_assembly(benchmark, divisions, element):
+    problem = Problem(bar(element, divisions=divisions))
     at = problem.evaluate(problem.rest, np.empty(0))
     data, _ = benchmark(problem.stiffness, at, np.zeros(2))
     assert np.isfinite(data).all()
@@ -41,8 +46,8 @@ def test_assembly(benchmark, element):
 
 @pytest.mark.parametrize("solver", INSTALLED)
 @pytest.mark.benchmark(group="numeric factorisation, tet10p0")
-def test_factorisation(benchmark, solver):
-    problem = Problem(bar(divisions=DIVISIONS))
+def test_factorisation(benchmark, divisions, solver):
+    problem = Problem(bar(divisions=divisions))
     data, _ = problem.stiffness(problem.evaluate(problem.rest, np.empty(0)), np.zeros(2))
     assert benchmark(analyze(problem.pattern, solver), data).negative == 0
 
@@ -50,7 +55,7 @@ def test_factorisation(benchmark, solver):
 @pytest.mark.parametrize("start", ["cold", "predicted", "factorisation alone"])
 @pytest.mark.benchmark(group="one sample, tet10p0")
 def test_sample(benchmark, start):
-    problem = Problem(bar(divisions=(16, 3, 3)))
+    problem = Problem(bar(divisions=(16, 3, 3) if benchmark.enabled else (6, 2, 2)))
     target = np.array([4.0, 3.0])
     near = solve(problem, actuation.displacement(0.95 * target))
     knots = [knot(0.95 * target, near)]

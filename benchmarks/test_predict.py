@@ -21,7 +21,7 @@ QUERY = np.array([8.0, 9.0])  # mm
 @pytest.fixture(scope="module", params=MODELS)
 def exported(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
-    train_folder(folder, MODELS[request.param], train=150)
+    train_folder(folder, MODELS[request.param], train=40)
     (folder / "export.yaml").write_text("model: model\nout: export\nformats: [arrays, onnx]\n")
     run(folder / "export.yaml", [], None, Options())
     return request.param, folder / "export"

@@ -74,6 +74,8 @@ def _command(command: Any) -> Iterator[str]:
     options = [one for one in command.params if one.param_type_name == "option" and not one.hidden]
     usage = " ".join(one.name.upper() if one.required else f"[{one.name.upper()}]" for one in arguments)
     yield from (f"## cfem {command.name}", "", command.help or "", "", f"    cfem {command.name} [OPTIONS] {usage}", "")
+    if command.epilog:
+        yield from (re.sub(r"(cfem \S+ pipelines/.*)", r"`\1`", command.epilog), "")
     yield from ("| argument or option | what it is |", "|---|---|")
     for one in (*arguments, *options):
         name = ", ".join(f"`{flag}`" for flag in one.opts) if one in options else f"`{one.name.upper()}`"

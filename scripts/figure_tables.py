@@ -3,14 +3,16 @@
 from markdown_table import markdown
 from mechanics_tables import convergence_table, mechanics_table, meshes_table, profile_table
 
+from cfem.core.shown import length
+
 
 def readme_table(f: dict) -> str:
     """The five figures that a newcomer asks for."""
     loop, process, curve = f["closed_curve"], f["process"], f["learning_curve"]
     paper = f["mlp"]
     rows = [
-        ("closed curve in the FE robot: largest tracking error", f"{loop['spectral']['max']:.0e} mm"),
-        ("the same with the paper's network", f"{loop['mlp']['max']:.2g} mm"),
+        ("closed curve in the FE robot: largest tracking error", length(loop["spectral"]["max"], digits=2)),
+        ("the same with the paper's network", length(loop["mlp"]["max"], digits=2)),
         ("samples for the paper's loss of 3.8e-6", f"30 (loss {curve['30']:.0e}); the paper used 6500"),
         ("training time; the paper's network", f"{f['spectral']['seconds']:.1g} s; {paper['seconds'] / 60:.1f} min"),
         ("control step (model and QP), one core, median", f"{process['median_us']:.0f} µs"),
@@ -56,34 +58,34 @@ def finger_table(f: dict) -> str:
         (
             "its largest errors on the test states: tip, cable force",
             "",
-            f"{spectral['tip_mm']:.1e} mm, {spectral['force_N']:.1e} N",
+            f"{length(spectral['tip_mm'], digits=2)}, {spectral['force_N']:.1e} N",
             "same",
         ),
         (
             f"the paper's network, {mlp['samples']} samples: loss; largest tip error; training",
             "3.8e-6",
-            f"{mlp['loss']:.1e}; {mlp['tip_mm']:.2f} mm; {mlp['seconds'] / 60:.1f} min",
+            f"{mlp['loss']:.1e}; {length(mlp['tip_mm'], digits=2)}; {mlp['seconds'] / 60:.1f} min",
             "`cfem train train-mlp.yaml`",
         ),
         (
             "closed curve in the FE plant, energy model: tracking error, mean / max",
-            "0.02 / 0.1 mm",
-            f"{loop['spectral']['mean']:.1e} / {loop['spectral']['max']:.1e} mm",
+            "20 / 100 µm",
+            spread(loop["spectral"]),
             "`cfem control control-large.yaml`",
         ),
-        ("the same with the paper's network", "", f"{loop['mlp']['mean']:.2g} / {loop['mlp']['max']:.2g} mm", "same"),
+        ("the same with the paper's network", "", spread(loop["mlp"]), "same"),
         (
             f"the paper's quarter circle, {f['reachable'][0]} of {f['reachable'][1]} goals reachable: "
             "distance to FE-based control",
-            "0.02 / 0.1 mm",
-            f"{arc['spectral']['mean']:.1e} / {arc['spectral']['max']:.1e} mm",
+            "20 / 100 µm",
+            spread(arc["spectral"]),
             "same",
         ),
-        ("the same with the paper's network", "", f"{arc['mlp']['mean']:.2g} / {arc['mlp']['max']:.2g} mm", "same"),
+        ("the same with the paper's network", "", spread(arc["mlp"]), "same"),
         (
             "control step (query + QP), one core, median / p99",
-            "150 us",
-            f"{process['median_us']:.0f} / {process['p99_us']:.0f} us",
+            "150 µs",
+            f"{process['median_us']:.0f} / {process['p99_us']:.0f} µs",
             "`benchmarks/control_process.py`",
         ),
         ("memory of that process, no PyTorch", "60 MiB", f"{process['peak_rss_mib']:.0f} MiB", "same"),
@@ -120,7 +122,7 @@ def surrogates_table(f: dict) -> str:
         "force error, max (N)",
         "sampling (s, one core)",
         "fit (s)",
-        "query (us)",
+        "query (µs)",
         "W definite",
     )
     return markdown(head, rows)
@@ -135,7 +137,13 @@ def contact_table(f: dict) -> str:
         losses = " / ".join(f"{point['loss']:.1e}" for point in one["curve"])
         samples = " / ".join(str(point["samples"]) for point in one["curve"])
         rows.append((f"{scene}: loss from {samples} samples", target, losses))
-        rows.append((f"{scene}: largest error of tip, force", "", f"{last['tip_mm']:.1e} mm, {last['force_N']:.1e} N"))
+        rows.append(
+            (
+                f"{scene}: largest error of tip, force",
+                "",
+                f"{length(last['tip_mm'], digits=2)}, {last['force_N']:.1e} N",
+            )
+        )
         rows.append((f"{scene}: W definite at 1e5 random states", "100 %", f"{100 * one['definite']:.3f} %"))
         for name, controllers in one["trajectories"].items():
             learned, fe = controllers["spectral"], controllers.get("fe-based")
@@ -145,7 +153,7 @@ def contact_table(f: dict) -> str:
                     f"{name}, plans reach {learned['reachable']} of {learned['goals']} goals; FE plant: "
                     "tracking error, mean / max",
                     {"finger-button": "0.01 mm", "soft-gripper": "0.02 mm"}.get(scene, ""),
-                    f"{near['mean']:.1e} / {near['max']:.1e} mm" if near else "",
+                    spread(near),
                 )
             )
             if fe:
@@ -167,7 +175,7 @@ def contact_table(f: dict) -> str:
 
 
 def spread(distance: dict | None) -> str:
-    return f"{distance['mean']:.1e} / {distance['max']:.1e} mm" if distance else ""
+    return length(distance["mean"], distance["max"], digits=2) if distance else ""
 
 
 def paper_meshes_table(f: dict) -> str:

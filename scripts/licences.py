@@ -12,9 +12,10 @@ from packaging.requirements import Requirement
 PAGE = Path("docs/licences.md")
 HEAD = """# Dependencies and their licences
 
-Made by `scripts/licences.py` from what is installed. cfem itself is Apache-2.0 and holds no code of these; each is
-installed from its own package. gmsh is GPL-2.0-or-later; `cfem/robot/mesh/gmsh_process.py` runs it in its own process.
-py-mkl-pardiso contains Intel's MKL, free to use and redistribute under the Intel Simplified Software License.
+Every package that cfem uses, with its licence, as `scripts/licences.py` finds them installed. cfem itself is
+Apache-2.0 and holds no code of these; each is installed from its own package. gmsh is GPL-2.0-or-later;
+`cfem/robot/mesh/gmsh_process.py` runs it in its own process. py-mkl-pardiso contains Intel's MKL, free to use and
+redistribute under the Intel Simplified Software License.
 
 | package | version | licence | needed by |
 |---|---|---|---|

@@ -25,6 +25,7 @@ def executed(path: Path) -> nbformat.NotebookNode:
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
         printed = "".join(one.text for one in cell.get("outputs", []) if one.get("name") == "stdout")
+        printed = printed.replace(f"{folder}/", "")
         if cell.cell_type == "code":
             cell.outputs = [nbformat.v4.new_output("stream", name="stdout", text=printed)] if printed else []
     notebook.metadata.language_info = {"name": "python"}

@@ -7,8 +7,8 @@ set -eu
 extra=$1
 venv=.venv
 packages="libglu1-mesa libgomp1 libgl1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
-case $extra in dev) size=2400 ;; *) size=1700 ;; esac # MB on disk, with the CPU's PyTorch
-step=${CFEM_STEP:+step $CFEM_STEP: }                  # "1/8" where this is a step of something larger
+case $extra in dev) size=2400 ;; *) size=1700 ;; esac # MB on disk, with PyTorch for the CPU
+cuda=3900                                             # MB that PyPI's PyTorch for Linux adds to that
 
 say() { printf '%s\n' "$*" >&2; }
 
@@ -47,7 +47,7 @@ get_packages() {
 
 install_packages() {
     if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
-        say "${step}installing system packages: $*"
+        say "installing system packages: $*"
         watch "system packages" get_packages "$@"
     else
         say "cfem: missing system packages; install them first: apt-get install $*"
@@ -73,11 +73,14 @@ lacks_libraries() {
     return 1
 }
 
-# PyPI's PyTorch for Linux brings 4 GB of CUDA with it: without a GPU, that for the CPU, where its index answers
-wants_cpu_torch() {
-    [ "$(uname -sm)" = "Linux x86_64" ] && ! command -v nvidia-smi > /dev/null || return 1
-    "$venv/bin/python" -m pip config list | grep -E 'index-url|find-links' > /dev/null && return 1
-    "$venv/bin/python" -c 'from urllib.request import urlopen; urlopen("https://download.pytorch.org/whl/cpu/torch/", timeout=3)' \
+# PyPI's PyTorch for Linux brings CUDA with it. A pip with other sources may hold that for the CPU
+may_bring_cuda() {
+    [ "$(uname -sm)" = "Linux x86_64" ] && [ ! -d "$(echo "$venv"/lib/python3*/site-packages/torch)" ] || return 1
+    ! "$venv/bin/python" -m pip config list | grep -E 'index-url|find-links' > /dev/null
+}
+
+has_cpu_torch() {
+    ! command -v nvidia-smi > /dev/null && "$venv/bin/python" -c 'from urllib.request import urlopen; urlopen("https://download.pytorch.org/whl/cpu/torch/", timeout=3)' \
         2> /dev/null
 }
 
@@ -91,9 +94,11 @@ if [ -n "$missing" ]; then install_packages $missing; fi
 python=$(find_python)
 [ -n "$python" ] || { say "cfem: needs Python 3.11 or newer, and this system has none"; exit 1; }
 
-say "${step}installing cfem and its packages into $venv (about $size MB on disk, 2-5 minutes)"
 [ -x "$venv/bin/python" ] || watch "making $venv" "$python" -m venv "$venv"
-if wants_cpu_torch; then export PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu; fi
+if may_bring_cuda; then
+    if has_cpu_torch; then export PIP_EXTRA_INDEX_URL=https://download.pytorch.org/whl/cpu; else size=$((size + cuda)); fi
+fi
+say "installing cfem and its packages into $venv (about $size MB on disk, 2-5 minutes)"
 watch installing "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off --no-compile -c constraints.txt -e ".[$extra]"
 
 if [ "$(uname -sm)" != "Linux aarch64" ]; then
@@ -102,5 +107,3 @@ fi
 
 # The first import of a package writes its bytecode: here rather than in the user's first command
 watch "compiling what is imported" "$venv/bin/python" -c 'import onnx, onnxruntime, matplotlib.pyplot, numba, pyarrow.parquet, scipy.optimize, torch.onnx'
-say "${step}compiling the solver (about 20 s)"
-"$venv/bin/python" -m cfem.stability.warm_up

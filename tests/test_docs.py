@@ -34,3 +34,20 @@ def test_the_map_of_the_tree_names_every_package_and_no_other():
 def test_every_page_is_in_the_navigation():
     named = set(re.findall(r"([\w/-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
     assert {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")} <= named
+
+
+def test_every_page_that_quotes_a_file_does_so_in_the_form_that_the_site_reads():
+    quoting = [
+        line for path in (ROOT / "docs").rglob("*.md") for line in path.read_text().splitlines() if "--8" in line
+    ]
+    assert quoting
+    for line in quoting:
+        found = re.fullmatch(r'--8<-- "([^"]+)"', line.strip())
+        assert found and (ROOT / found[1]).exists(), line
+
+
+def test_every_page_says_first_what_it_is_for():
+    for path in (ROOT / "docs").rglob("*.md"):
+        lines = [line for line in path.read_text().splitlines() if line.strip()]
+        first = lines[lines.index(next(line for line in lines if line.startswith("# "))) + 1]
+        assert (first[0] not in "#|!-<" and not first.startswith("```")) or path.stem == "index", path.name

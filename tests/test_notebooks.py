@@ -19,7 +19,7 @@ def executed():
 def words(notebook):
     """What a notebook prints, without its numbers and paths."""
     printed = "".join(one.get("text", "") for cell in notebook.cells for one in cell.get("outputs", []))
-    return re.sub(r"[-+]?\d[\d.e+-]*( (us|ms|s)\b)?", "#", re.sub(r"/\S*/", "", printed)).split()
+    return re.sub(r"[-+]?\d[\d.e+-]*( (µs|ms|s|nm|µm|mm)\b)?", "#", re.sub(r"/\S*/", "", printed)).split()
 
 
 @pytest.mark.slow

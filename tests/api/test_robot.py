@@ -39,7 +39,7 @@ def test_without_actuation_it_rests(robot):
         ({"displacement": [1.0, 2.0]}, "displacement: expected 1 finite numbers"),
         ({"force": [np.nan]}, "force: expected 1 finite numbers"),
         ({"force": "much"}, "force: expected 1 numbers"),
-        ({"force": [1.0], "displacement": [1.0]}, "not both"),
+        ({"force": [1.0], "displacement": [1.0]}, "give one of the two"),
     ],
 )
 def test_what_is_no_actuation_is_refused(robot, asked, says):

@@ -17,6 +17,7 @@ from cfem.cli.schemas import schema_of
 from cfem.core.judgement import poor
 from cfem.core.kinds import KINDS
 from cfem.core.yaml import read_yaml
+from cfem.robot.stage import COMMAND
 
 ROOT = Path(__file__).parents[2]
 BAR = (ROOT / "pipelines" / "bar" / "scene.yaml").read_text()
@@ -74,7 +75,7 @@ def test_missing_spec_duplicate_key_and_stale_check(bar):
 
 
 def test_a_defect_of_ours_asks_to_be_reported(bar, monkeypatch):
-    monkeypatch.setattr("cfem.robot.stage._work", lambda *_: 1 / 0)
+    monkeypatch.setitem(vars(COMMAND), "work", lambda *_: 1 / 0)
     result = cfem("mesh", bar)
     assert result.exit_code == 1 and "please report" in result.stderr and "Traceback" not in result.stderr
 
@@ -89,7 +90,7 @@ def test_what_is_no_artefact_is_called_so(bar):
 
 
 def test_a_poor_result_is_said_first_and_fails_when_strict(bar, monkeypatch):
-    monkeypatch.setattr("cfem.robot.stage._work", lambda *_: {"judgement": [poor("12 of 24 states failed")]})
+    monkeypatch.setitem(vars(COMMAND), "work", lambda *_: {"judgement": [poor("12 of 24 states failed")]})
     done = cfem("mesh", bar)
     assert done.exit_code == 0 and done.stdout.splitlines()[0] == "POOR: 12 of 24 states failed"
     strict = cfem("mesh", bar, "--strict")
@@ -102,7 +103,7 @@ def test_interruption_is_130(bar, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cfem.robot.stage._work", interrupt)
+    monkeypatch.setitem(vars(COMMAND), "work", interrupt)
     assert cfem("mesh", bar).exit_code == 130
 
 

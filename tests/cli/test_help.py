@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 from cfem.cli.app import app
 from cfem.cli.help import GROUPS
 
+ROOT = Path(__file__).parents[2]
 COMMANDS = typer.main.get_command(app).commands
 SHOWN = [name for name, command in COMMANDS.items() if not command.hidden]
 
@@ -49,3 +51,13 @@ def test_the_shell_can_complete():
     named = f"import sys; sys.argv = ['cfem']; {code}"
     found = subprocess.run([sys.executable, "-c", named], capture_output=True, text=True, env=asked)
     assert "optimize-design" in found.stdout
+
+
+@pytest.mark.parametrize("name", [name for name in SHOWN if COMMANDS[name].epilog])
+def test_a_stage_says_what_it_reads_and_its_example_is_there(name):
+    said = COMMANDS[name].epilog
+    assert said.startswith("Reads ") and " ".join(said.split()) in " ".join(help_of(name).split())
+    _, _, example = said.partition("Example: cfem ")
+    if example:
+        command, path, *_ = example.split()
+        assert command == name and (ROOT / path).is_file()

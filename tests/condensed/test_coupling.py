@@ -40,11 +40,13 @@ class Energy:
         return onto_patch(points, patch, t[2:])
 
 
-def two_robots(turns=True, cubic=0.02, stiff=1.0, wrench=(0.1, -0.2, 0.05), updates=None, places=None, scale=1.0):
+def two_robots(
+    turns=True, cubic=0.02, stiff=1.0, wrench=(0.1, -0.2, 0.05), updates=None, places=None, scale=1.0, oriented=False
+):
     n = 6 if turns else 3
     places = places or [(np.eye(3), np.zeros(3)), (HALF_TURN, np.array([1.0, 9.0, 0.5]))]
     centre = places[0][0] @ np.array([0.2, 4.0, 0.1]) + places[0][1]
-    held = RigidObject(centre, turns, np.concatenate([places[0][0] @ np.array(wrench), np.zeros(n - 3)]))
+    held = RigidObject(centre, turns, np.concatenate([places[0][0] @ np.array(wrench), np.zeros(n - 3)]), oriented)
     origin = POINTS.mean(axis=0)
     holds = [
         Hold(f"r{i}", Energy(i, cubic, stiff, scale), 2, n, turn, shift, origin)
@@ -65,6 +67,16 @@ def test_the_whole_is_a_condensed_energy(turns):
     hessian = np.stack([(p.lambda_a - m.lambda_a) / (2 * h) for p, m in steps], axis=1)
     np.testing.assert_allclose(np.linalg.inv(at.W_aa), hessian, atol=1e-7)
     gradient = np.stack([(p.delta_e - m.delta_e) / (2 * h) for p, m in steps], axis=1)
+    np.testing.assert_allclose(at.effector_jacobian, gradient, atol=1e-7)
+
+
+def test_an_oriented_object_has_its_rotation_vector_for_an_effector_too():
+    coupled, h = two_robots(oriented=True), 1e-5
+    assert coupled.rows.effectors[3:] == ("object.rx", "object.ry", "object.rz")
+    at = coupled.at_displacement(DELTA)
+    np.testing.assert_allclose(at.delta_e, at.X, atol=1e-15)
+    steps = [[coupled.at_displacement(DELTA + s * step).X for s in (1, -1)] for step in h * np.eye(4)]
+    gradient = np.stack([(p - m) / (2 * h) for p, m in steps], axis=1)
     np.testing.assert_allclose(at.effector_jacobian, gradient, atol=1e-7)
 
 

@@ -90,6 +90,8 @@ def test_the_model_takes_gravity_that_its_samples_did_not_have(bar):
 
 def test_weights_and_goals_are_of_the_other_effectors(robot):
     class Spec:
+        object = None
+
         class search:
             weights = None
 

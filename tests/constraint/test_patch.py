@@ -42,7 +42,7 @@ def test_a_point_off_the_surface_gets_the_nearest_one_that_is_on_it():
 
 def test_too_small_a_radius_says_which_one_is_enough():
     surface = plate()
-    with pytest.raises(SpecError, match=r"radius of 0.01 mm .* catches 1 nodes .*more than ([0-9.]+) mm") as caught:
+    with pytest.raises(SpecError, match=r"radius of 0.01 mm .* holds 1 nodes .*more than ([0-9.]+) mm") as caught:
         PatchLoad([0.5, 0.5, 0.0], 0.01, UP, "push").shares(*surface)
     enough = float(str(caught.value).rsplit("more than ", 1)[1].split()[0])
     PatchLoad([0.5, 0.5, 0.0], enough * 1.0001, UP).shares(*surface)
@@ -51,10 +51,10 @@ def test_too_small_a_radius_says_which_one_is_enough():
 @pytest.mark.parametrize(
     ("at", "radius", "force", "said"),
     [
-        ([0, 0], 1.0, UP, "at of the load on 'patch' has three finite numbers"),
-        ([0, 0, 0], 1.0, [0, np.nan, 1], "force of the load on 'patch' has three finite numbers"),
-        ([0, 0, 0], 0.0, UP, "radius of the load on 'patch' is a length above 0 mm"),
-        ([0, 0, 0], np.nan, UP, "radius of the load on 'patch' is a length above 0 mm"),
+        ([0, 0], 1.0, UP, "at of the load on 'patch' must have three finite numbers"),
+        ([0, 0, 0], 1.0, [0, np.nan, 1], "force of the load on 'patch' must have three finite numbers"),
+        ([0, 0, 0], 0.0, UP, "radius of the load on 'patch' must be above 0 mm"),
+        ([0, 0, 0], np.nan, UP, "radius of the load on 'patch' must be above 0 mm"),
     ],
 )
 def test_numbers_that_are_none_are_refused(at, radius, force, said):

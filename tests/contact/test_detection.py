@@ -5,7 +5,7 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, patch_normals
+from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, patch_normals, separation
 from cfem.mechanics.mesh import boundary_facets
 
 UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
@@ -55,6 +55,28 @@ def test_faces_come_and_go_without_a_jump():
         found.append(gap())
     gaps, counts = np.array(found).T
     assert counts[-1] < counts[0] and np.abs(np.diff(gaps)).max() < 0.1 * (gaps.max() - gaps.min())
+
+
+def test_the_distance_of_bodies_goes_on_where_pairs_are_dropped():
+    """A point goes over the edge of a sheet and far away, and its faces fold into a line."""
+    places, normals, may = sheets(0.7)
+    found, seen = [], []
+    for x in np.arange(3.0, 16.0, 0.02):
+        places[25] = x, 3.6, 0.02 * x + 0.7
+        pairs = detect(places, normals, may, 2.0)
+        found.append(separation(places, normals, may, 2.0))
+        seen.append(len(pairs[0]))
+        if seen[-1]:
+            assert found[-1] == pytest.approx(pairs[2][0, 0] @ (pairs[1][0] @ places), abs=1e-12)
+    assert 0 < sum(seen) < len(seen)
+    assert np.abs(np.diff(found)).max() < 0.2 and found[-1] == pytest.approx(8.04, abs=0.05)
+    places, normals, may = sheets(0.7)
+    shape, found, seen = places.copy(), [], []
+    for narrow in np.geomspace(1.0, 1e-3, 400):
+        places[:25, 0] = 4.3 + narrow * (shape[:25, 0] - 4.3)
+        found.append(separation(places, normals, may, 2.0))
+        seen.append(len(detect(places, normals, may, 2.0)[0]))
+    assert 0 < sum(seen) < len(seen) and np.abs(np.diff(found)).max() < 0.2
 
 
 def test_forces_and_moments_balance():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from support.cut_short import cut_short, demand_equal
 
 import cfem
 from cfem.core.errors import CfemError, InputError
@@ -178,3 +179,12 @@ def test_what_cannot_be_gripped_is_refused_before_anything_moves(turning, change
 def test_an_object_that_turns_needs_samples_that_turn(held):
     with pytest.raises(InputError, match=r"patch that cannot turn, but the object can turn.*set object.turns: false"):
         cfem.run_stage("control", held / "control.yaml", overrides=["object.turns=true"], out=held / "turned")
+
+
+@pytest.mark.parametrize("asked", [[], TOUCHED], ids=["glued", "by friction"])
+def test_an_interrupted_run_goes_on_with_the_object_as_it_was_held(turning, tmp_path, asked):
+    for out in ("whole", "cut"):
+        if out == "cut":
+            cut_short(turning / "control.yaml", 1, overrides=asked, out=tmp_path / out)
+        cfem.run_stage("control", turning / "control.yaml", overrides=asked, out=tmp_path / out)
+    demand_equal(tmp_path / "whole", tmp_path / "cut")

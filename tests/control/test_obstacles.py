@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from pyarrow.parquet import read_table
+from support.cut_short import cut_short, demand_equal
 
 import cfem
 from cfem.control.spec import ControlSpec
@@ -39,8 +40,19 @@ def test_a_stated_force_is_what_finite_elements_feel(bar):
     met = found["obstacles"]["ceiling"]
     assert met["unit"] == "N" and met["wanted"] == pytest.approx(0.03)
     assert met["error_max"] < 0.05 * 0.03
+    assert found["trajectories"]["there"]["spectral"]["reached"] == 2
     assert found["headline"][0].startswith("ceiling: pressed with 0.0")
     assert "2 of 2 commands carried out" in found["headline"][-1]
+
+
+def test_a_goal_without_the_force_that_is_wanted_is_not_reached(bar):
+    """Its cable may not pull enough to press by 2 N; the tip may be anywhere."""
+    obstacles = {"ceiling": {**CEILING, "press": "2 N"}}
+    search = {"step": "0.5 mm", "weights": [0, 0, 0], "largest_force": "0.1 N"}
+    found = cfem.run_stage("control", control(bar, "hard", obstacles, search=search, plant="model"))["results"]
+    assert found["obstacles"]["ceiling"]["largest"] < 1.9
+    row = found["trajectories"]["there"]["spectral"]
+    assert row["reached"] == row["reachable"] == 0 and row["goals"] == 2
 
 
 def test_a_distance_is_kept(bar):
@@ -201,12 +213,13 @@ def test_another_robot_yields_and_is_pressed_with_friction(bar):
 
 
 @pytest.mark.slow
-def test_plans_alone_press_another_robot_and_keep_a_force(bar):
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_plans_alone_press_another_robot_and_keep_a_force(bar, mu):
     """The plant goes straight to where the search went by trials, which friction remembers."""
-    search, contact = {"step": "0.2 mm", "weights": [0, 0, 0]}, {"patches": "8 mm", "friction": 0.3}
+    search, contact = {"step": "0.2 mm", "weights": [0, 0, 0]}, {"patches": "8 mm", "friction": mu}
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
     more = {"search": search, "contact": contact, "plant": "model"}
-    found = cfem.run_stage("control", control(bar, "twins-model", twin, **more))["results"]
+    found = cfem.run_stage("control", control(bar, f"twins-model-{mu}", twin, **more))["results"]
     assert found["obstacles"]["twin"]["error_max"] < 1e-2 * 0.015
 
 
@@ -242,3 +255,15 @@ def test_a_payload_and_another_robot_go_together(bar):
     found = cfem.run_stage("control", spec)["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015 and found["load_error"] > 0
     assert "2 of 2 commands carried out" in found["headline"][-1]
+
+
+def test_an_interrupted_run_goes_on_in_contact(bar, tmp_path):
+    """A ceiling that comes down, with friction: what has stuck and slipped is not forgotten."""
+    way = {"mm": [[0, 0, 0], [0.2, 0, -0.5]]}
+    told = {"there": {"kind": "goals", "points": {"mm": [[58.9, 0, 1.5]] * 2}}}
+    how = {"contact": {"patches": "8 mm", "friction": 0.3}, "search": {"step": "0.5 mm", "weights": [0, 0, 0]}}
+    spec = control(bar, "comes-down", {"ceiling": {**CEILING, "press": "30 mN", "path": way}}, trajectories=told, **how)
+    cfem.run_stage("control", spec, out=tmp_path / "whole")
+    cut_short(spec, 1, out=tmp_path / "cut")
+    cfem.run_stage("control", spec, out=tmp_path / "cut")
+    demand_equal(tmp_path / "whole", tmp_path / "cut")

@@ -15,6 +15,26 @@ def test_pipelines_are_valid(scene):
 
 
 @pytest.mark.parametrize(
+    "overrides, words",
+    [
+        (["trajectories.lift.rotation={deg: [[0, 0, 1]]}"], "6 points, but 1 rows of rotation: give one per goal"),
+        (["trajectories.lift.rotation={deg: [[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1]]}",
+          "object.turns=false"], "rotation: only an object has one, with object.turns: true"),
+    ],
+)  # fmt: skip
+def test_mistakes_of_orientations_are_named(overrides, words):
+    with pytest.raises(SpecError, match=words):
+        load_spec(PIPELINES / "soft-gripper" / "control-lift.yaml", ControlSpec, overrides)
+
+
+def test_an_orientation_is_controlled_where_a_goal_states_it_or_a_weight_asks_for_it():
+    gripper = PIPELINES / "soft-gripper"
+    assert load_spec(gripper / "control-place.yaml", ControlSpec).oriented
+    assert not load_spec(gripper / "control-lift.yaml", ControlSpec).oriented
+    assert load_spec(gripper / "control-lift.yaml", ControlSpec, ["search.weights=[1, 1, 1, 0, 0, 1]"]).oriented
+
+
+@pytest.mark.parametrize(
     "override, words",
     [
         ("trajectories.swing.radii=[0.6]", "leaves the range"),

@@ -1,8 +1,14 @@
 """The headline says what a reader must not miss."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
-from cfem.control.summary import headline, summarise
+from cfem.control.experiment import Tracked
+from cfem.control.loop import Reach, ReachStatus
+from cfem.control.summary import headline, record, summarise
+from cfem.plant.protocol import Measurement
 
 
 def rows(controller: str, inside: bool, error: float) -> list[dict]:
@@ -19,9 +25,36 @@ def test_plans_outside_the_training_states_are_flagged(inside):
     found = summarise(rows("spectral", inside, 0.2), length=100.0)
     (line,) = headline({"circle": found})
     assert ("4 plans OUTSIDE" in line) is not inside
-    assert "2 of 4 goals reached" in line and "0.09 ms per control step" in line
+    assert "2 of 4 goals reached" in line and "90 µs per control step" in line
     assert "tracking error mean 0.2 mm, max 0.2 mm" in line
     assert "1 goal is out of reach: the robot ended 0.2 mm away on average" in line
+
+
+def test_the_headline_has_orientation_errors_in_degrees():
+    turned = [
+        row | {"rotation_error": error}
+        for row, error in zip(rows("spectral", True, 0.2), (0.1, 0.3, 0.2, 0.2), strict=True)
+    ]
+    (line,) = headline({"place": summarise(turned, length=100.0)})
+    assert "orientation error mean 0.2 deg, max 0.3 deg" in line
+    (line,) = headline({"place": summarise(rows("spectral", True, 0.2), length=100.0)})
+    assert "orientation" not in line
+
+
+@pytest.mark.parametrize("yaw, reached", [(0.05, True), (0.2, False)])
+def test_a_goal_is_reached_where_the_orientation_that_it_states_is(yaw, reached):
+    goal, there = np.zeros(6), np.array([1e-3, 0, 0, 0.5, 0.5, np.radians(yaw)])
+    condensed = SimpleNamespace()
+    plan = Reach(
+        *(np.zeros(2),) * 3, 0.0, ReachStatus.CONVERGED, 1, 1, False, 0.0, 0.0, SimpleNamespace(condensed=condensed)
+    )
+    measured = Measurement(there, np.zeros(2), np.zeros(2), 1, "converged")
+    places, yaw_alone = np.arange(6) < 3, np.arange(6) == 5
+    row = record(
+        "t", Tracked("m", 0, goal, plan, measured, True, 0.0, places, yaw_alone), 0.05, None, None, np.radians(0.1)
+    )
+    assert row["rotation_error"] == pytest.approx(yaw) and row["error"] == pytest.approx(1e-3)
+    assert bool(row["reached"]) is reached
 
 
 DISCRETISATION = {
@@ -60,7 +93,7 @@ def test_a_discretisation_error_that_is_not_known_is_said_to_be_so():
 def test_the_time_of_a_step_stands_beside_that_of_an_fe_solve():
     cost = {"solves": 4, "seconds": 2.0}
     (line,) = headline({"circle": summarise(rows("spectral", True, 0.2), 100.0)}, fe_cost=cost)
-    assert "0.09 ms per control step (an FE solve takes 500 ms)" in line
+    assert "90 µs per control step (an FE solve takes 500 ms)" in line
 
 
 def test_distances_are_also_shares_of_the_length():

@@ -5,7 +5,7 @@ from cfem.core.shown import duration, folded, length, size
 
 @pytest.mark.parametrize(
     "seconds, text",
-    [(1.5e-4, "150 us"), (1.500779, "1.5 s"), (0.0203, "20.3 ms"), (0.0, "0 s"), (600, "10 min"), (9294, "2.58 h")],
+    [(1.5e-4, "150 µs"), (1.500779, "1.5 s"), (0.0203, "20.3 ms"), (0.0, "0 s"), (600, "10 min"), (9294, "2.58 h")],
 )
 def test_a_time_has_the_unit_that_suits_it(seconds, text):
     assert duration(seconds) == text
@@ -13,9 +13,9 @@ def test_a_time_has_the_unit_that_suits_it(seconds, text):
 
 @pytest.mark.parametrize(
     "mm, text",
-    [(0.00044, "0.44 um"), (1.5e-6, "1.5 nm"), (0.35, "0.35 mm"), (12.345, "12.3 mm"), (0.0, "0 mm"), (2e4, "20 m"),
+    [(0.00044, "0.44 µm"), (1.5e-6, "1.5 nm"), (0.35, "0.35 mm"), (12.345, "12.3 mm"), (0.0, "0 mm"), (2e4, "20 m"),
      (120.0, "120 mm"),
-     (0.02, "20 um"), (-7.25, "-7.25 mm"), (2e-8, "0.02 nm")],
+     (0.02, "20 µm"), (-7.25, "-7.25 mm"), (2e-8, "0.02 nm")],
 )  # fmt: skip
 def test_a_length_has_the_unit_that_suits_it(mm, text):
     assert length(mm) == text

@@ -17,7 +17,7 @@ from cfem.core.verify import judge, verify
 def test_what_is_no_file_has_no_hash(tmp_path):
     write_whole(tmp_path / "file", b"1")
     assert file_sha256(tmp_path / "file") == hashlib.sha256(b"1").hexdigest()
-    for path, why in (("", "is no file"), ("none", "no such file"), ("file/below", "cannot be read")):
+    for path, why in (("", "is not a file"), ("none", "no such file"), ("file/below", "cannot be read")):
         with pytest.raises(InputError, match=why):
             file_sha256(tmp_path / path)
 
@@ -87,6 +87,6 @@ def test_a_folder_in_the_place_of_a_file_is_damage(tmp_path):
     (tmp_path / "numbers.bin").mkdir()
     write_manifest(tmp_path, {"content": "x", "files": {"numbers.bin": "0"}})
     (sentence,) = judge(tmp_path).damage
-    assert "numbers.bin: is no file" in sentence
+    assert "numbers.bin: is not a file" in sentence
     with pytest.raises(InputError, match="no such folder"):
         verify([tmp_path / "none"])

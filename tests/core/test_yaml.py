@@ -67,7 +67,7 @@ def test_missing_and_unreadable_files(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_yaml(tmp_path / "none.yaml")
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="is no text"):
+    with pytest.raises(InputError, match="is not text"):
         read_yaml(tmp_path / "bytes.yaml")
 
 

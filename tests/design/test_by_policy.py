@@ -159,5 +159,5 @@ def test_what_a_policy_does_not_know_is_refused(family, folder):
         judge_of(family, folder, goals, weights=np.array([0.0, 1.0, 1.0]))
     judge = judge_of(family, folder, goals)
     object.__setattr__(judge.policy, "parameters", ())
-    with pytest.raises(InputError, match="not told the parameters"):
+    with pytest.raises(InputError, match="does not observe the parameters"):
         ByPolicy(family, judge.task, judge.policy, judge.p0, [0])

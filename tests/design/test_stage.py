@@ -9,7 +9,7 @@ import pytest
 from design.bars import QUIET, learn
 
 from cfem.core.errors import SpecError
-from cfem.design.answer import contradictions
+from cfem.design.answer import contradictions, parameters
 from cfem.design.stage import run
 from cfem.robot.cad import File
 from cfem.robot.mesh.meshing import measure
@@ -88,14 +88,26 @@ def test_best_designs_keep_their_constraints_and_finite_elements_agree(folder, d
     assert done["slopes_checked"] < 1e-5 and done["grid"]["feasible"] < 30
 
 
+def test_the_headline_states_units_and_no_long_list_of_parameters(done):
+    (line,) = (one for one in done["headline"] if one.startswith("best strength: "))
+    entry = done["designs"]["strength"]
+    assert f"best strength: {entry['objectives']['strength']:.5g} N; by finite elements" in line
+    assert f"length {entry['p']['length']:.4g} mm" in line
+    assert " rad; by finite elements" in next(one for one in done["headline"] if one.startswith("best dexterity: "))
+    many = {f"p{i}": 1.0 for i in range(12)}
+    assert parameters(many, {}) == "a design whose 12 parameters are in design.json"
+
+
 def test_a_design_that_finite_elements_contradict_is_said(done):
     assert "judgement" not in done
     designs = deepcopy(done["designs"])
     fe = designs["effort"]["fe"]
     fe["objectives"]["effort"] *= 3
+    fe["said"]["effort"] = "3 N^2"
     fe["gap_share_of_spread"]["effort"] = 2.0
     judged = contradictions(designs)
     assert [one["what"].split(":")[0] for one in judged] == ["design effort"] and judged[0]["contradicted"]
+    assert "effort 3 N^2, the model" in judged[0]["what"]
     assert "200 % of its spread" in judged[0]["what"]
 
 

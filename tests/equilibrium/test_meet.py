@@ -1,6 +1,7 @@
 """FE robots that touch each other, and one whose parts do."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from scipy.spatial import cKDTree
 import cfem
 from cfem.condensed.patches import Patches, cut
 from cfem.constraint.surface import outer_surface
-from cfem.equilibrium.meet import Meeting, Skinned
+from cfem.equilibrium.meet import SHORT, Meeting, Skinned
+from cfem.equilibrium.touch import TouchStatus
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -74,6 +76,21 @@ def test_steps_of_any_length_lead_to_the_same_state(pincer):
     at_once = pincer.step([np.array([1.1, 1.0])], touching)
     assert at_once.converged and in_four.pressed == pytest.approx(at_once.pressed, rel=1e-4)
     assert at_once.factorizations < 12
+
+
+def test_a_long_step_in_which_one_patch_takes_the_place_of_another_is_halved(pincer, pressed, monkeypatch):
+    assert len(pressed.push) > 1
+    first, second, both = (np.array(on, float)[:, None] * np.ones((len(on), 3)) for on in np.eye(2).tolist() + [[1, 1]])
+    rest = np.zeros((len(pressed.push) - 2, 3))
+    before, other, more = (replace(pressed, push=np.vstack([one, rest])) for one in (first, second, both))
+    (at,), (longest,) = [one.delta_a for one in pressed.solved], pincer.longest
+    for found, share, status in (
+        (other, 1.0, TouchStatus.SWAPPED),
+        (other, SHORT, TouchStatus.CONVERGED),
+        (more, 1.0, TouchStatus.CONVERGED),
+    ):
+        monkeypatch.setattr(Meeting, "step", lambda *_, found=found: found)
+        assert pincer.short_step([at + share * longest], before).status is status
 
 
 def test_a_step_that_finds_no_state_says_so_and_keeps_the_last_one(pincer, pressed, monkeypatch):

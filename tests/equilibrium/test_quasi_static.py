@@ -31,3 +31,18 @@ def test_each_actuator_has_its_own_longest_way():
     went = []
     carried_out(np.zeros(2), np.array([1.0, 100.0]), np.array([1.0, 50.0]), lambda u: went.append(u) or "converged")
     assert len(went) == 2
+
+
+def test_a_long_command_is_halved_as_often_as_a_short_one():
+    """Each of a hundred steps may be cut into eight, and what is left of a step is what is halved."""
+    went = []
+
+    def go(u):
+        step = u[0] - (went[-1] if went else 0.0)
+        if step > 1 / 8 + 1e-6 and u[0] > 50.0:
+            return "no"
+        went.append(u[0])
+        return "converged"
+
+    assert carried_out(np.zeros(1), np.array([100.0]), 1.0, go) == "converged"
+    assert len(went) >= 50 + 8 * 49

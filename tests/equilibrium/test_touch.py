@@ -10,6 +10,7 @@ from support.blocks import bar
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.grip import Free
 from cfem.equilibrium.press import Obstacles
 from cfem.equilibrium.problem import Problem
@@ -41,6 +42,28 @@ def test_the_rounds_allowed_are_counted_and_said(problem):
     longer = touch([PlacedRobot(problem, np.eye(3), np.zeros(3))], [LIFT], Obstacles((CEILING,)), mu=0.3)
     assert longer.converged and longer.iterations > 1 and longer.factorizations > found.factorizations
     assert longer.modes[0] is not Mode.OPEN and longer.check.largest <= 1e-8
+
+
+def test_a_robot_with_a_problem_of_its_own_goes_on_with_the_factor_of_the_last_step(problem):
+    """And comes to the state of one that has to factorise at every round: another robot has used its factorisation."""
+
+    def go(robot, disturb):
+        found, cost = None, 0
+        for share in (0.8, 0.9, 1.0):
+            if disturb:
+                robot.problem.factor(robot.problem.evaluate(problem.rest, np.empty(0)), np.zeros(5), Cost())
+            asked = displacement(share * LIFT.target)
+            found = touch([robot], [asked], Obstacles((CEILING,)), before=found, mu=0.3)
+            assert found.converged and found.check.largest <= 1e-9
+            cost += found.factorizations
+        return found, cost
+
+    (own, few), (disturbed, more) = (
+        go(PlacedRobot(Problem(problem.robot), np.eye(3), np.zeros(3)), one) for one in (False, True)
+    )
+    assert few < more
+    np.testing.assert_allclose(own.solved[0].lambda_c, disturbed.solved[0].lambda_c, rtol=1e-7)
+    np.testing.assert_allclose(own.solved[0].state.x, disturbed.solved[0].state.x, atol=1e-7)
 
 
 def test_places_of_an_object_go_with_it():

@@ -27,17 +27,18 @@ def compiled(folder, row, **spec) -> CompiledController:
 
 @pytest.mark.parametrize("scalar", ["double", "float"])
 @pytest.mark.parametrize(
-    ("wrench", "heavy", "mixed"),
+    ("wrench", "heavy", "mixed", "curved"),
     [
-        (WRENCH, True, True),
-        (WRENCH, False, False),
-        (3 * WRENCH, True, True),
-        (0 * WRENCH, True, False),
-        (None, False, True),
+        (WRENCH, True, True, False),
+        (WRENCH, True, True, True),
+        (WRENCH, False, False, True),
+        (3 * WRENCH, True, True, True),
+        (0 * WRENCH, True, False, False),
+        (None, False, True, False),
     ],
 )
-def test_it_is_the_row_of_python(tmp_path, wrench, heavy, mixed, scalar):
-    row = chain(wrench, heavy=heavy, mixed=mixed)
+def test_it_is_the_row_of_python(tmp_path, wrench, heavy, mixed, curved, scalar):
+    row = chain(wrench, heavy=heavy, mixed=mixed, curved=curved)
     controller, e, a = compiled(tmp_path, row, scalar=scalar), row.rows.e, row.rows.a
     for s in states(row):
         found, here = controller.model(s), row.at(s)

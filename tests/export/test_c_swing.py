@@ -140,7 +140,7 @@ def test_what_has_no_c_code_gets_one_sentence(folder):
     def refused(spec):
         return moving_filter_of(filter_of(spec.estimate, load_model(folder), None), spec, load_motion(folder))
 
-    with pytest.raises(InputError, match="loads of a filter of what moves act on effectors"):
+    with pytest.raises(InputError, match="has loads on effectors only"):
         refused(asked(folder, loads=("skin.1",)))
     with pytest.raises(SpecError, match="double precision"):
         refused(asked(folder, scalar="float"))

@@ -1,6 +1,7 @@
 """Contact anywhere in C against Python's: obstacles, the law, and whole steps."""
 
 import ctypes
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,11 @@ from support.benchmark import benchmark
 
 import cfem
 from cfem.contact.check import check
+from cfem.contact.newton import newton
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.problem import ContactProblem
+from cfem.contact.round import pressed
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_content
@@ -191,6 +194,25 @@ def test_what_the_law_is_said_to_be_obeyed_by_obeys_it(tmp_path):
     assert solved == 60
     W[0, 0] = np.nan
     assert library.cfem_law(m, W.ctypes, free.ctypes, ctypes.c_double(mu), lam.ctypes, room.ctypes) == 1
+
+
+@needs_compiler
+def test_of_several_states_c_and_python_choose_the_same(tmp_path):
+    """The one that Newton's method leads to from the forces of the last round; else from none, or along friction. The
+    first problem has several, and Newton's method from the last forces finds none."""
+    library, alone = built(tmp_path, "cfem_law.c"), []
+    for seed in (3002, *range(30)):
+        problem = replace(a_problem(seed), mu=4.0 if seed == 3002 else (0.5, 1.5)[seed % 2])
+        m, size = problem.m, np.abs(problem.free).max() / np.diag(problem.W).max()
+        known = size * np.abs(np.random.default_rng(seed).normal(size=(m, 3))) * [1, 0.3, 0.3]
+        lam, room = known.copy(), np.zeros(18 * m**2 + 48 * m + 8)
+        given = problem.W.ctypes, problem.free.ctypes, ctypes.c_double(problem.mu)
+        assert library.cfem_law(m, *given, lam.ctypes, room.ctypes) == 0
+        gap = (problem.free + problem.W @ known.ravel()).reshape(-1, 3)
+        found = pressed(problem.W, gap, np.tile(np.eye(3), (m, 1, 1)), known, problem.mu)
+        np.testing.assert_allclose(lam, found[1], atol=1e-8 * np.abs(found[1]).max(), rtol=0)
+        alone.append(newton(problem.W, problem.free, problem.mu, known)[0] is None)
+    assert alone[0]
 
 
 @needs_compiler

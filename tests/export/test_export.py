@@ -9,6 +9,7 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+from support.blocked import cfem_without
 from surrogate.stored import train_folder
 
 import cfem
@@ -79,6 +80,18 @@ def test_only_the_formats_asked_for(tmp_path):
     (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [arrays]\n")
     manifest = run(tmp_path / "export.yaml", [], None, Options())
     assert set(manifest["files"]) == {"weights.npz", "model.json", "test_vectors.npz"}
+
+
+def test_without_pytorch_the_arrays_are_written_and_the_rest_is_named(tmp_path):
+    train_folder(tmp_path, MODELS["spectral"])
+    (tmp_path / "export.yaml").write_text("model: model\nout: export\n")
+    ended = cfem_without({"torch", "onnx", "onnxruntime"}, ["export", "export.yaml"], tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    assert "onnx and torchscript: left out, they need PyTorch (pip install 'cfem[train]')" in ended.stdout
+    assert {path.name for path in (tmp_path / "export").iterdir()} >= {"weights.npz", "model.json"}
+    assert not (tmp_path / "export" / "model.onnx").exists()
+    manifest = run(tmp_path / "export.yaml", [], None, Options())  # PyTorch has come: they are written now
+    assert {"model.onnx", "model.ts"} <= set(manifest["files"])
 
 
 def test_an_unknown_format_is_a_spec_error(tmp_path):

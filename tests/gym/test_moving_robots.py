@@ -123,5 +123,5 @@ def test_a_cable_goes_slack_instead_of_pushing(model):
 
 
 def test_what_relaxes_is_refused(static):
-    with pytest.raises(InputError, match="no Prony terms"):
+    with pytest.raises(InputError, match="do not support Prony terms"):
         MovingRobots(moving(static, ((0.2, 0.05),)))

@@ -27,7 +27,7 @@ def test_covariance_is_the_scatter_of_repeated_registrations():
 @pytest.mark.parametrize(
     ("seen", "message"),
     [
-        (SEEN / 1000, "as if recorded in metres: another unit"),
+        (SEEN / 1000, "as if recorded in metres: the unit is another"),
         (SEEN * [1, 1, -1], "left-handed"),
         (SEEN + 30 * np.random.default_rng(1).standard_normal(SEEN.shape), "miss their places"),
         (SEEN[:2], "three are needed"),

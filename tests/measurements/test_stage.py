@@ -92,4 +92,4 @@ def test_a_recording_that_never_settles_is_told(tmp_path):
 
 
 def test_a_recording_without_rest_is_told(tmp_path):
-    bad(tmp_path, motion()[1][300:], "settles once only", motion()[0][300:])
+    bad(tmp_path, motion()[1][300:], "settles only once", motion()[0][300:])

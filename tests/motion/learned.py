@@ -70,7 +70,7 @@ def dataset():
     own = {name: np.array([getattr(one.inertia, name) for one in found]) for name in ("V", "V2", "V3", "loss")}
     viscosity = [{"relaxation": TAU, "prony": []}]
     moving = SimpleNamespace(rows=robot.rows, W=W, dV=None, viscosity=viscosity, inner_M=None, **own)
-    none = dict.fromkeys(("dW", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
+    none = dict.fromkeys(("dW", "d2C", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
     none["dC"] = np.array([pack_symmetric3(one.dC) for one in found])
     p = np.zeros((len(found), 0))
     return States(rows=robot.rows, W=W, moving=moving, p=p, n_c=0, meta={"parameters": []}, **stacked, **none)

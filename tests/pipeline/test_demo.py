@@ -6,6 +6,7 @@ import pytest
 
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
+from cfem.core.stage import Options
 from cfem.pipeline.demo import demo, numbers
 from cfem.pipeline.plan import own_specs, plan
 from cfem.pipeline.robots import ROBOTS
@@ -29,9 +30,17 @@ def test_the_demo_solves_few_equilibria():
     assert load_spec(FINGER / "report.yaml", ReportSpec).discretisation is None
 
 
-def test_set_up_by_make_counts_as_the_first_of_the_demos_steps():
-    steps = plan(own_specs(FINGER), {})
-    assert f"CFEM_STEP := 1/{len(steps) + 1}\n" in (ROOT / "Makefile").read_text()
+def test_no_two_lines_of_the_demo_have_the_same_number(monkeypatch, tmp_path):
+    steps, said = plan(own_specs(FINGER), {}), []
+
+    def run(places, overrides, options, line):
+        said.extend(line(number, steps, ()) for number in range(len(steps)))
+        return {"results": {"stages": [], "pages": [], "moved": []}}
+
+    monkeypatch.setattr("cfem.pipeline.demo.run", run)
+    demo("soft-finger", tmp_path, Options())
+    assert [line.split(":")[0] for line in said] == [f"step {i + 1}/{len(steps)}" for i in range(len(steps))]
+    assert "step " not in (ROOT / "scripts" / "setup.sh").read_text()
 
 
 def test_scenes_of_the_finger_differ_in_their_mesh_alone():
@@ -60,20 +69,24 @@ RESULTS = {
 
 def test_three_numbers_are_said_once():
     goals, error, time = numbers(RESULTS)
-    assert "23 of 24 on curve" in goals
-    assert "2 nm on average; the mesh itself leaves 1.4 mm (1.2 % of the length) uncertain" in error
-    assert "500 us; one FE solve takes 300 ms, 600 times as long" in time
+    assert "23 of 24 of the curve 'curve'" in goals
+    assert (
+        "2 nm on average on this mesh; "
+        "a much finer mesh would move the tip by about 1.4 mm (1.2 % of the robot's length)" in error
+    )
+    assert "500 µs with the learned model; one FE solve takes 300 ms, 600 times as long" in time
 
 
 def test_what_is_not_known_is_said_to_be_so():
     changed = RESULTS | {"discretisation": {"left_out": "mesh_error is null"}, "fe_cost": None}
     _, error, time = numbers(changed)
-    assert "the discretisation error is not known: mesh_error is null" in error and time.endswith("500 us")
+    assert "the discretisation error is not known: mesh_error is null" in error and time.endswith(
+        "500 µs with the learned model"
+    )
 
 
 def test_a_robot_without_a_curve_is_refused(tmp_path):
     from cfem.core.errors import SpecError
-    from cfem.core.stage import Options
 
-    with pytest.raises(SpecError, match=r"soft-finger-tet4 follows no curve .* soft-finger"):
+    with pytest.raises(SpecError, match=r"soft-finger-tet4 comes without a curve .* soft-finger"):
         demo("soft-finger-tet4", tmp_path, Options(quiet=True))

@@ -1,5 +1,7 @@
 """Modules in a row made by hand: polynomials that bend, of two or three actuators, without finite elements."""
 
+from math import comb
+
 import numpy as np
 
 from cfem.predict.load import build
@@ -12,7 +14,7 @@ REST = np.array([0.0, 0.0, 40.0])
 CENTRE = np.array([1.0, 0.0, 21.0])
 
 
-def series(heavy, seed=0, n_a=2):
+def series(heavy, seed=0, n_a=2, curved=False):
     """Coefficients of a module that bends about x and y as its actuators go, positive definite all over."""
     indices, _ = index_set(np.ones(n_a), 1000, 3)
     rng, n_e = np.random.default_rng(seed), 9 if heavy else 6
@@ -25,7 +27,10 @@ def series(heavy, seed=0, n_a=2):
     e[degree == 1] += bends[np.arange(n_a) % 2, :n_e]
     to_box = np.eye(n_a) / 4
     D = 1e-4 * rng.normal(size=(n_e * (n_e + 1) * (n_e + 2) // 6, len(indices)))
-    return {
+    fourth, _ = index_set(np.ones(n_a), 1000, 4)  # of a basis of its own
+    E = 1e-6 * np.random.default_rng(seed + 1).normal(size=(comb(n_e + 3, 4), len(fourth)))
+    more = {"fourth_indices": fourth, "fourth": E} if curved else {}
+    return more | {
         "indices": indices,
         "to_box": to_box,
         "offset": np.zeros(n_a),
@@ -55,8 +60,9 @@ def card(effectors, n_a, rest, **more):
     }
 
 
-def chain(wrench=None, softer=(1.0, 1.5, 0.8), heavy=True, mixed=True):
-    """Three modules: the middle one is another, of three actuators and another mass, where they are mixed."""
+def chain(wrench=None, softer=(1.0, 1.5, 0.8), heavy=True, mixed=True, curved=False):
+    """Three modules: the middle one is another, of three actuators and another mass, where they are mixed. curved:
+    they know the second derivative of their compliance."""
     axes = [f"end.{axis}" for axis in AXES] + [f"body.{axis}" for axis in "xyz"] * heavy
     rest = [*REST, 0, 0, 0, *CENTRE][: len(axes)]
     modules = [card(axes, 2, rest, masses={"body": 2e-6}), card(axes, 3, rest, masses={"body": 1e-6})][: 1 + mixed]
@@ -68,7 +74,7 @@ def chain(wrench=None, softer=(1.0, 1.5, 0.8), heavy=True, mixed=True):
     row = [{"model": one, "softer": soft} for one, soft in zip(which, softer, strict=True)]
     meta = card(tip, n_a, [*(k * REST), *centre][: len(tip)], modules=modules, row=row)
     meta |= {"kind": "serial"} | ({} if wrench is None else {"wrench": np.asarray(wrench)[: len(tip)].tolist()})
-    return build(meta, joined([series(heavy), series(heavy, 7, 3)][: 1 + mixed]))
+    return build(meta, joined([series(heavy, curved=curved), series(heavy, 7, 3, curved)][: 1 + mixed]))
 
 
 WRENCH = np.array([0.05, -0.04, 0.06, 0.02, -0.03, -0.05])

@@ -108,6 +108,21 @@ def test_places_beyond_what_the_series_knows_are_reached_with_forces_that_are_fi
     assert np.linalg.eigvalsh(yields)[0] > 0
 
 
+def test_a_load_behind_the_points_moves_them_and_the_actuators_carry_it():
+    """Six rows, of a point and of a centre of mass: the linear law of all of them."""
+    a, load, more = np.array([0.4, -0.3]), np.array([0.1, -0.2, 0.3]), np.vstack([J, J[::-1] / 2])
+    whole = np.kron([[1.0, 0.5], [0.5, 1.0]], C)
+    psi = np.array([a @ K @ a / 2, *(K @ a), *K.ravel()])
+    e, C6 = np.array([more @ a, *more.T, *np.zeros((4, 6))]), np.array([whole, *np.zeros((6, 6, 6))])
+    one = replace(leg(), held=lambda _: Held(psi, e, C6, None, 2), load=load)
+    x = J @ a + np.array([0.2, 0.1, -0.1])
+    found, yields = one.respond(at(a), x, None)
+    wrench = np.concatenate([found.lambda_c, load])
+    np.testing.assert_allclose(more @ a + whole @ wrench, np.concatenate([x, found.delta_e]), atol=1e-12)
+    np.testing.assert_allclose(found.lambda_a, K @ a - more.T @ wrench, atol=1e-12)
+    np.testing.assert_allclose(yields, C, atol=1e-12)
+
+
 def test_a_model_without_the_series_is_refused():
     with pytest.raises(InputError, match="a leg needs a model of kind spectral and form displacement"):
         held_by(SimpleNamespace(form="force"))

@@ -15,6 +15,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.predict.held import Held
 from cfem.predict.load import load_model
+from cfem.predict.slack import touch_step_slack
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.predict.touching import TouchedStatus, touch_step
 from cfem.robot.build import build_robot
@@ -70,6 +71,31 @@ def test_a_wall_pushes_it_as_it_pushes_finite_elements(touchable, robot, depth):
     assert np.linalg.norm(found.delta_e - solved.delta_e) < 0.06 * moved
     change = np.abs(solved.lambda_a - free.lambda_a).max()
     assert np.abs(found.lambda_a - solved.lambda_a).max() < 0.1 * change
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_a_cable_that_would_have_to_push_goes_slack_as_in_finite_elements(touchable, robot, mu):
+    """A ball lifts the bar farther than its cable bends it, then comes down again."""
+    delta, found, truth = np.array([0.3]), None, None
+    places = touchable.patches.mean(touchable.model.shape(delta))
+    at = places[np.argmin(places[:, 2] - places[:, 0] / 10)]  # below, near the tip
+    near = np.flatnonzero(np.linalg.norm(places - at, axis=1) < 9.0)
+    problem = Problem(with_patches(robot, touchable.model.skin.nodes, touchable.patches, near))
+    slack = []
+    for depth in (0.3, 2.0, 2.5, 0.2):
+        ball = Sphere(8.0, t=at + np.array([0.0, 0.0, depth - 8.0]))
+        held = touch_step(touchable, delta, [ball], mu=mu, before=found)
+        found = touch_step_slack(touchable, delta, [ball], robot.unilateral, mu=mu, before=found)
+        truth = press(problem, displacement(delta), [ball] * len(near), mu=mu, before=truth)
+        (solved,) = truth.solved
+        assert found.converged and truth.converged
+        slack.append(bool(solved.slack[0]))
+        assert slack[-1] == (held.lambda_a[0] < 0) == (found.lambda_a[0] == 0.0)
+        force = solved.lambda_c.reshape(-1, 3).sum(axis=0)
+        assert np.linalg.norm(found.forces.sum(axis=0) - force) < 0.03 * np.linalg.norm(force)
+        assert found.delta_a == pytest.approx(solved.delta_a, abs=0.03 * max(solved.delta_a[0] - delta[0], 1e-9))
+        assert np.linalg.norm(found.delta_e - solved.delta_e) < 0.03 * depth
+    assert slack == [False, True, True, False]
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])

@@ -18,9 +18,9 @@ def result(reached=4, held=True):
     }
 
 
-def test_the_table_tells_times_in_milliseconds():
+def test_the_table_tells_lengths_and_times_with_their_units():
     good, bad = loop_table({"curve": {"tuned": result(), "open": result(0, held=False)}}).rows
-    assert good == ("curve", "tuned", "4 of 4", "5.3", "4 / 7", "0.05 / 0.08", "1 / 30", "0.84 / 12")
+    assert good == ("curve", "tuned", "4 of 4", "5.3", "4 / 7", "50 / 80 µm", "1 / 30 mm", "0.84 / 12 ms")
     assert bad[2] == "0 of 4" and bad[4] == "–"
 
 
@@ -41,7 +41,7 @@ def test_a_loop_is_drawn_whatever_its_errors(error):
 
 def test_a_run_is_summed_up_by_its_best_controller():
     found = loops_summary({"points": {"curve": {"open": result(0), "tuned": result()}}})
-    assert [one.value for one in found.numbers] == ["4 of 4", "0.05 mm", "0.84 ms"] and not found.concerns
+    assert [one.value for one in found.numbers] == ["4 of 4", "50 µm", "840 µs"] and not found.concerns
 
 
 def test_several_runs_name_those_where_goals_are_missed():

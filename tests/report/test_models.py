@@ -45,7 +45,7 @@ def test_no_errors_are_drawn_of_two_points_nor_seconds_of_one_model():
 
 def test_a_published_model_has_dashes_where_nothing_is_known():
     table = model_table({"one": MODELS["one"]}, Published(source="a paper", loss=4e-6, query_us=100.0), force="MPa")
-    assert table.rows[1] == ("a paper", "–", "4.00·10⁻⁶", "–", "–", "–", "–", "100")
+    assert table.rows[1] == ("a paper", "–", "4.00·10⁻⁶", "–", "–", "–", "–", "100 µs")
     assert "force error, mean / max (MPa)" in table.head
 
 

@@ -1,10 +1,11 @@
 import re
 from html.parser import HTMLParser
 
+from export.pages import browser, opened, until
 from report.synthetic import Text
 
 from cfem.report.page import Card, Number, Section, Summary, page
-from cfem.report.tables import Table, milliseconds, number, spread, tabulate
+from cfem.report.tables import Table, durations, lengths, number, spread, tabulate
 
 
 class Balanced(HTMLParser):
@@ -68,8 +69,10 @@ def test_numbers_read_well():
     assert number(114.2, 2) == "114" and number(99.4, 2) == "99"
 
 
-def test_microseconds_are_told_in_milliseconds():
-    assert milliseconds({"median": 1234.0, "p99": 56_000.0}) == "1.23 / 56"
+def test_times_and_lengths_have_the_unit_that_suits_the_largest():
+    assert durations({"median": 1234.0, "p99": 56_000.0}) == "1.23 / 56 ms"
+    assert lengths({"mean": 2.6e-6, "max": 1.17e-5}) == "2.6 / 11.7 nm"
+    assert lengths({"mean": 0.5, "max": None}) == "0.5 mm / –" and lengths(None) == "–"
 
 
 def test_spreads_with_and_without_numbers():
@@ -85,3 +88,14 @@ def test_a_column_without_any_text_is_left_out():
 
 def test_tables_scroll_in_a_box_of_their_own():
     assert Table(("a",), [("1",)]).html().startswith('<div class="scroll"')
+
+
+def test_a_table_wider_than_a_phone_says_that_it_goes_on(tmp_path):
+    wide, narrow = Table(("a long heading",) * 9, [("12345.678",) * 9]), Table(("a", "b"), [("1", "2")])
+    (tmp_path / "page.html").write_text(page("x", Summary("s"), None, None, [Section("t", "", (wide, narrow))]))
+    with browser() as one:
+        tab = opened(one, tmp_path / "page.html", waits=False, viewport={"width": 390, "height": 844})
+        shown = "[...document.querySelectorAll('.hint')].map(hint => getComputedStyle(hint).display).join()"
+        until(tab, f"{shown} === 'block,none'")
+        tab.evaluate("document.querySelector('.scroll').scrollLeft = 9999")
+        until(tab, f"{shown} === 'none,none'")

@@ -41,7 +41,7 @@ def test_steps_a_second_are_the_median_over_trajectories_of_full_effort():
     assert row["missed_learned_mm"] == 0.2 and row["missed_fe_mm"] == 0.1
     first, last, paper = sizes_table([row]).rows
     assert first[:2] == ("coarse, 1600 cells, 500 nodes", "10") and first[5] == ""
-    assert last[1] == "20" and last[4:] == ("10", "5000", "20", "0.2 / 0.1")
+    assert last[1] == "20" and last[4:] == ("10", "5000", "20", "0.2 / 0.1 mm")
     assert paper[:3] == ("coarse, a paper", "–", "4.00·10⁻⁶")
 
 

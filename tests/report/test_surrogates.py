@@ -10,11 +10,12 @@ from surrogate.stored import store_dataset, train_folder
 from surrogate.synthetic import dataset, effector, states
 
 from cfem.core.errors import GateError, InputError, SpecError
-from cfem.core.manifest import write_manifest
+from cfem.core.manifest import read_manifest, write_manifest
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
 from cfem.predict.load import load_model
-from cfem.report.models import choice_table, definite_table, model_table, trained
+from cfem.report.choices import choice_table
+from cfem.report.models import definite_table, model_table, trained
 from cfem.report.spec import ReportSpec
 from cfem.report.stage import run
 from cfem.report.trust import Trust, trust, trust_summary, trust_table
@@ -77,7 +78,7 @@ def test_a_summary_counts_states_without_an_answer_as_flagged():
         "rank_correlation": pytest.approx(1.0),
     }
     (row,) = trust_table({"a": trust_summary(found)}).rows
-    assert row == ("a", "1 of 3", "1 of 1", "1.5 / 2", "8 / 8", "1")
+    assert row == ("a", "1 of 3", "1 of 1", "1.5 / 2 mm", "8 / 8 mm", "1")
 
 
 def test_tables_mark_the_default_and_say_where_W_is_not_definite():
@@ -90,10 +91,31 @@ def test_tables_mark_the_default_and_say_where_W_is_not_definite():
     assert good[1] == "0 of 1000" and good[3] == ""
     assert lacking[1] == "3 of 1000" and lacking[3] == "(1.5, 2) mm, p = (0.45)"
     assert choice_table(models).rows == [
-        ("a", "terms", "potential 6, effector 3"),
-        ("a", "weights", "potential 1 1.2"),
-        ("b", "", "best epoch 7, device cpu"),
+        ("a", "terms of the Chebyshev series", "energy: 6; position of the effectors: 3"),
+        (
+            "a",
+            "weight of each input direction in the degree of the series (2: half the degree along it)",
+            "energy: 1, 1.2",
+        ),
+        ("b", "epoch of the smallest validation loss", "7"),
+        ("b", "device", "cpu"),
     ]
+
+
+def test_the_surface_of_a_model_is_told_with_units():
+    skin = {"modes": 15, "nodes": 2082, "terms": {"rows": 60}, "rms_mm": 4.4e-4, "largest_mm": 2.63e-3}
+    skin |= {"largest_percent_of_length": 0.00219, "front": {"rms_mm": [1.0]}, "seconds_fit": 0.11}
+    ((what, said),) = choice_table({"a": made_up("spectral", skin=skin)}).rows
+    assert what == "surface" and said == (
+        "2082 nodes in 15 modes; error at the test states 0.44 µm rms, 2.63 µm at most (0.0022 % of the length); "
+        "fitted in 110 ms"
+    )
+
+
+def test_no_choice_of_a_model_is_shown_by_a_raw_key(folder):
+    results = {name: read_manifest(folder / name / "model")["results"] for name in ("spectral", "mlp")}
+    for _, what, value in choice_table(results).rows:
+        assert "_" not in what + value and value
 
 
 def test_a_folder_that_measured_less_is_refused():
@@ -142,7 +164,7 @@ def test_one_page_holds_models_and_studies_of_robots_without_a_scene(page):
         "spectral (default)",
         "a paper",
         "0 of 100000",
-        "effector compliance",
+        "compliance of the effectors",
         "grid",
     ):
         assert words in text, words

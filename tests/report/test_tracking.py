@@ -62,7 +62,7 @@ def cells(table, column):
 
 def test_the_table_tells_times_in_milliseconds_and_counts_goals_that_the_robot_reached():
     table = tracking_table(tracking(errors=(0.01, 0.02, 0.2, np.nan)))
-    assert cells(table, "time per step, median / p99 (ms)") == ["50 / 100", "0.2 / 0.4"]
+    assert cells(table, "time per step, median / p99") == ["50 / 100 ms", "200 / 400 µs"]
     assert cells(table, "goals reached") == ["2 of 4"] * 2 and cells(table, "goals in reach") == ["4"] * 2
 
 
@@ -70,7 +70,7 @@ def test_a_controller_without_reachable_goals_has_a_dash():
     found = tracking(reachable=(False,) * 4)
     found.summaries["my-curve"]["spectral"]["distance_to_fe_based"] = {"mean": 0.01, "max": 0.02}
     (fe, spectral) = tracking_table(found).rows
-    assert spectral[-4:] == ("0.01 / 0.02", "2", "0.2 / 0.4", "1.0·10⁻¹²") and fe[-4] == "–"
+    assert spectral[-4:] == ("10 / 20 µm", "2", "200 / 400 µs", "1.0·10⁻¹²") and fe[-4] == "–"
 
 
 def test_watched_points_are_those_with_an_x():
@@ -122,7 +122,7 @@ def test_the_looser_tolerance_is_explained_only_where_fe_based_control_is_worse(
     found = tracking()
     assert looser(found) == ""
     found.summaries["my-curve"]["fe-based"]["distance_to_reachable_goals"]["mean"] = 0.5
-    assert "0.001 mm" in looser(found) and "10⁻⁵ mm" in looser(found)
+    assert "1 µm" in looser(found) and "10 nm" in looser(found)
     assert looser(tracking(controllers=("spectral",))) == ""
 
 
@@ -137,18 +137,18 @@ MESH |= {"cells": 1000, "finer_cells": 2500}
 def test_the_first_screen_has_three_numbers_with_their_units():
     found = first()
     assert found.concerns == () and "reaches 4 of 4 goals" in found.sentence
-    assert [one.value for one in found.numbers] == ["4 of 4", "0.025 mm", "0.2 ms"]
-    assert "60 ms: 300 times longer" in found.numbers[2].notes[0]
+    assert [one.value for one in found.numbers] == ["4 of 4", "25 µm", "200 µs"]
+    assert "60 ms, 300 times as long" in found.numbers[2].notes[0]
     assert found.numbers[1].notes[1] == "discretisation error: not estimated"
 
 
 def test_the_discretisation_error_stands_beside_the_tracking_error():
     found = first(discretisation=MESH)
-    assert "discretisation error of the tip: 0.03 mm" in found.numbers[1].notes[1] and "uncertain" not in found.sentence
+    assert "discretisation error of the tip: 30 µm" in found.numbers[1].notes[1] and "uncertain" not in found.sentence
     assert "leaves 0.3 mm uncertain at the tip" in first(discretisation={**MESH, "tip_mm": 0.3}).sentence
     assert "not estimated: too many cells" in first(discretisation={"left_out": "too many cells"}).numbers[1].notes[1]
     table = tracking_section(tracking(discretisation=MESH), UNITS).parts[1]
-    assert table.rows == [("1000 cells against 2500", "3", "0.03", "0.025", "2", "1.5")]
+    assert table.rows == [("1000 cells against 2500", "3", "30 µm", "0.025", "2", "1.5")]
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_goals_that_are_missed_make_a_result_poor(words, found):
 def test_goals_out_of_reach_are_no_failure_but_counted():
     found = first(tracking(errors=(0.01, 0.02, 9.0, 8.0), reachable=(True, True, False, False)))
     assert found.concerns == () and "2 goals lie out of its reach" in found.sentence
-    assert found.numbers[0].value == "2 of 2" and found.numbers[1].value == "0.015 mm"
+    assert found.numbers[0].value == "2 of 2" and found.numbers[1].value == "15 µm"
 
 
 def test_where_no_fe_judges_plans_outside_the_training_are_poor():

@@ -101,7 +101,10 @@ def test_interrupted_it_withdraws_what_waits_and_goes_on(dask, tmp_path):
     run = child(tmp_path, dask.address)
     run.send_signal(signal.SIGINT)
     _, said = run.communicate(timeout=10)
-    assert run.returncode == 130 and said == "cfem: interrupted; run the same command again to go on\n"
+    assert (
+        run.returncode == 130
+        and said == "cfem: interrupted; finished stages, samples and goals are kept: run the same command again\n"
+    )
     with Client(dask.address, set_as_default=False) as client:
         wait_for(lambda: client.run_on_scheduler(lambda dask_scheduler: not dask_scheduler.tasks))
     assert 2 <= len(list((tmp_path / "work").glob("shard-*.parquet"))) < 8

@@ -9,7 +9,7 @@ import pytest
 from support.one_thread import solving_beside
 
 from cfem.condensed.skin import read_skin
-from cfem.core.errors import GateError, OutputError
+from cfem.core.errors import GateError, OutputError, SpecError
 from cfem.core.stage import Options, artefact_file, read_manifest
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
@@ -22,6 +22,7 @@ from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.sample import runner
 from cfem.sample.parameters import with_values
+from cfem.sample.solver import FiniteElements
 from cfem.sample.stage import run
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
@@ -206,7 +207,7 @@ def test_progress_counts_both_solves_of_a_skeleton_with_a_skin(folder, spec, pro
 def test_a_tolerance_that_is_not_reached_says_how_far_it_came(folder, spec):
     lines = run(spec, [*SMALL, "skin.tolerance=1 nm", "skin.largest=2"], folder / "two", QUIET, workers=1)["results"]
     assert lines["skin"]["modes"] == 2 and lines["skin"]["largest_mm"] > 1e-3
-    assert "the tolerance of 1 nm is NOT reached; allow more modes" in lines["headline"][1]
+    assert "the tolerance of 1 nm is NOT reached: allow more modes" in lines["headline"][1]
 
 
 def test_loads_are_recorded_where_asked_for(folder, spec):
@@ -214,7 +215,25 @@ def test_loads_are_recorded_where_asked_for(folder, spec):
     run(spec, [*SMALL, "loads=true"], out, QUIET, workers=1)
     train = read_dataset(artefact_file(out, "train.parquet"))
     assert train.dW is None and train.dC.shape == (6, 10) and np.isfinite(train.dC).all()
-    assert train.take(slice(2)).dC.shape == (2, 10)
+    assert train.take(slice(2)).dC.shape == (2, 10) and train.d2C is None
+    twice = folder / "data" / "twice"
+    run(spec, [*SMALL, "loads=2"], twice, QUIET, workers=1)
+    assert read_dataset(artefact_file(twice, "train.parquet")).d2C.shape == (6, 15)
+
+
+def test_cables_push_where_they_may_not_go_slack(folder):
+    """By a force that is the slope of the energy."""
+    robot = load_scene_and_mesh(folder / "pipelines" / "bar" / "scene.yaml", folder / "data" / "bar" / "mesh")
+    pushing, slack = (FiniteElements(*robot, 1e-11, slack=one)() for one in (False, True))
+    before, there, after = (pushing.solve(displacement(np.array([at])), None, np.zeros(0)) for at in (-1.1, -1.0, -0.9))
+    assert there.lambda_a[0] == pytest.approx((after.energy - before.energy) / 0.2, rel=1e-3) and there.lambda_a[0] < 0
+    let = slack.solve(displacement(np.array([-1.0])), None, np.zeros(0))
+    assert let.slack.all() and let.lambda_a[0] == pytest.approx(0.0, abs=1e-9) and not there.slack.any()
+
+
+def test_cables_that_push_need_the_box_of_displacements(spec, folder):
+    with pytest.raises(SpecError, match="slack: false needs space: displacement"):
+        run(spec, [*SMALL, "slack=false"], folder / "refused", QUIET, workers=1)
 
 
 def test_derivatives_of_the_rows_of_the_skin_are_those_of_their_compliance(folder, spec):

@@ -144,6 +144,7 @@ def dataset(
         p=p,
         dW=compliance_derivatives(delta_a, factor) if third_order else None,
         dC=None,
+        d2C=None,
         dpsi_dp=slope * energy(delta_a)[0][:, None] if parameters else None,
         dlambda_dp=slope[:, None] * energy(delta_a)[1][..., None] if parameters else None,
         ddelta_e_dp=np.zeros((m, 3, 1)) if parameters else None,

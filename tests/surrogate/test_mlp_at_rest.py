@@ -125,7 +125,7 @@ def test_a_stored_pair_is_stale_with_its_model_at_rest_and_exports_whole(tmp_pat
     g, f = tmp_path / "train-g.yaml", tmp_path / "train-f.yaml"
     network = "kind: mlp, width: 8, depth: 2, epochs: 2"
     g.write_text(f"dataset: rest\nout: g\nmodel: {{{network}}}\n")
-    with pytest.raises(InputError, match="its rows are at rest, of which kind spectral learns no energy"):
+    with pytest.raises(InputError, match="its rows are all at rest, and kind spectral cannot learn"):
         run(g, ["model={kind: spectral}"], None, Options())
     f.write_text(f"dataset: samples\nout: f\nmodel: {{{network}, at_rest: g}}\n")
     run(g, [], None, Options())

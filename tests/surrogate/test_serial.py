@@ -165,7 +165,9 @@ def test_its_surface_is_that_of_the_whole_trunk(project):
     np.testing.assert_allclose(model.shape(deltas)[2], model.shape(deltas[2]), atol=1e-12)
     np.testing.assert_allclose(model.shape(np.zeros(6)), model.surface.rest, atol=0.02)
     assert said["skin"]["nodes"] == len(nodes) and said["skin"]["largest_mm"] < 0.001 * model.length
-    assert any(line.startswith(f"skin: {len(nodes)} surface nodes to ") for line in said["headline"])
+    assert any(
+        line.startswith(f"skin: the largest error of {len(nodes)} surface nodes is ") for line in said["headline"]
+    )
     with pytest.raises(InputError, match="no rows of a skin of the whole"):
         model.whole(deltas[0])
 
@@ -219,7 +221,7 @@ def test_the_gradients_of_its_surface_and_clearance_are_those_of_differences(pro
 
 
 def test_the_estimated_error_bounds_that_of_loads(project):
-    """To a factor of three. It counts what the model of a module is off, which is more here than what is left out."""
+    """To a factor of 2.5. It counts what the model of a module is off, which is more here than what is left out."""
     model, problem = load_model(project / "models" / WHOLE / "serial"), problem_of(project, WHOLE)
     push, ratios = np.array([0, 2e-3, 0, 0, 0, 0]), []
     carrying = loaded(model, push)
@@ -229,8 +231,8 @@ def test_the_estimated_error_bounds_that_of_loads(project):
         moved = carrying.at(free.delta_a).delta_e - model.at(free.delta_a).delta_e
         off = np.linalg.norm((moved - truth.delta_e + free.delta_e)[:3])
         ratios.append(off / carrying.error_at(free.delta_a))
-    assert 0.001 < max(ratios) < 3.0, ratios  # what D is off is not counted: a coarse model of 40 samples
-    assert carrying.meta["wrench_error"] < 0.03
+    assert 0.01 < max(ratios) < 2.5, ratios  # a coarse model of 40 samples
+    assert carrying.meta["wrench_error"] < 0.012
     with pytest.raises((InputError, NumericalError), match=r"take (at most|smaller)"):
         loaded(model, np.array([0, 0.06, 0, 0, 0, 0]))
 

@@ -113,7 +113,10 @@ def test_the_front_is_what_fewer_modes_leave(model, states):
 def test_training_says_how_good_the_shape_is_and_leaves_it_out_when_told(bar, model, tmp_path):
     spec = bar / "pipelines" / "bar" / "train.yaml"
     results = read_manifest(bar / "models" / "bar" / "spectral")["results"]
-    assert any(line.startswith(f"skin: {len(model.skin.rest)} surface nodes to ") for line in headline(results, {}))
+    assert any(
+        line.startswith(f"skin: the largest error of {len(model.skin.rest)} surface nodes is ")
+        for line in headline(results, {})
+    )
     cfem.run_stage("train", spec, out=tmp_path / "plain", overrides=["skin=false"])
     assert not (tmp_path / "plain" / "skin.npz").exists()
     with pytest.raises(InputError, match=r"has no skin.*sample it with `skin"):

@@ -33,7 +33,7 @@ def test_its_law_is_chosen_and_a_scene_takes_what_is_written(tmp_path):
     out = tmp_path / "fit"
     done = cfem("material", "fit", CURVE, "--up-to", 3, "--slack", "--out", out)
     assert done.exit_code == 0, done.stderr
-    assert "* yeoh-2" in done.stdout and "was not measured: what the law says of it is a guess" in done.stdout
+    assert "* yeoh-2" in done.stdout and "was not measured: there the law is a guess" in done.stdout
     assert done.stdout.rstrip().splitlines()[-1] == (out / "material.yaml").read_text().splitlines()[-1]
     scene = tmp_path / "scene.yaml"
     bar = (ROOT / "pipelines" / "bar" / "scene.yaml").read_text().splitlines()
@@ -79,7 +79,7 @@ BAD = {
     "slack of a planar test": (
         ["fit", "--planar", CURVE, "--slack"],
         2,
-        "pulled along one axis",
+        "needs a uniaxial test",
     ),
 }
 

@@ -92,7 +92,11 @@ def task_states(task: Path, known: Dataset) -> np.ndarray:
         raise InputError("is of a robot with another number of actuators", where=str(task), do="name a run of this one")
     states = np.unique(states[np.isfinite(states).all(axis=1)].round(9), axis=0)
     if not len(states):
-        raise InputError("has no tick at which the actuators' displacements are known", where=str(task))
+        raise InputError(
+            "has no tick at which the actuators' displacements are known",
+            where=str(task),
+            do="name a run with an observer, or with a sensor of the displacements",
+        )
     return states[np.linspace(0, len(states) - 1, min(MOST, len(states))).astype(int)]
 
 
@@ -105,7 +109,9 @@ def places(known: Dataset, delta_a: np.ndarray, form: str) -> tuple[np.ndarray, 
     own = shares(learned, references(learned))
     u = np.hstack([u, np.tile(own, (n, 1))])
     if form != "displacement":
-        raise InputError("sampling around a task needs a model of form displacement")
+        raise InputError(
+            "sampling around a task needs a model of form displacement", do="train with form: displacement"
+        )
     return delta_a, np.tile(every, (n, 1)), u
 
 

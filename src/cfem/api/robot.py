@@ -83,7 +83,7 @@ def solve(
     from cfem.equilibrium.solve import solve as solve_problem
 
     if displacement is not None and force is not None:
-        raise SpecError("give a displacement or a force, not both")
+        raise SpecError("got a displacement and a force", do="give one of the two")
     n_a = robot.rows.n_a
     if displacement is not None:
         asked = actuation.displacement(vector("displacement", displacement, n_a))
@@ -91,5 +91,5 @@ def solve(
         asked = actuation.force(np.zeros(n_a) if force is None else vector("force", force, n_a))
     found = solve_problem(Problem(robot), asked, None if start is None else start.state)
     if not found.converged:
-        raise NumericalError(f"no equilibrium: {found.status.value}", where=robot.name)
+        raise NumericalError(f"no equilibrium: {found.status.value}", where=robot.name, do="take a smaller actuation")
     return found

@@ -101,7 +101,7 @@ def _of_dataset(path: Path, rows: Rows, kind: str) -> tuple[Measurements, list[i
 def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path) -> Measurements:
     count = len(next(iter(columns.values()), ()))
     if not count:
-        raise InputError("holds no measurements", where=str(path))
+        raise InputError("holds no measurements", where=str(path), do="add one row per measured state")
     other = "force" if kind == "displacement" else "displacement"
     names = {
         "u": [f"{name}.{kind}" for name in rows.actuators],

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacement, Effort
@@ -69,8 +69,7 @@ class CalibrateSpec(Spec):
     figure: bool = True
     """Whether to draw a figure."""
 
-    @model_validator(mode="after")
-    def _has_a_robot(self) -> "CalibrateSpec":
+    def check(self) -> None:
         if self.model is None and not self.fe:
             raise ValueError("needs a model, or fe: true with scene and mesh")
         if self.fe and (self.scene is None or self.mesh is None):
@@ -83,4 +82,3 @@ class CalibrateSpec(Spec):
             raise ValueError("repeats need a noise: state `noise`")
         if self.starts == []:
             raise ValueError("starts: needs at least one")
-        return self

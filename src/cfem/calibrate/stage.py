@@ -1,7 +1,5 @@
 """`cfem calibrate`: measurements to parameters, with their intervals, fit, and what cannot be found."""
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,36 +11,13 @@ from cfem.core.actuator_units import demand_units
 from cfem.core.errors import SpecError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import NOISE_RATIO, poor
+from cfem.core.optional import installed
 from cfem.core.shown import duration
-from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.robot.spec import scene_meaning
 
 _PATHS = ("measurements", "model", "scene", "mesh")
 TABLE, RESULT, FIGURE = "predicted.parquet", "calibration.json", "calibration.png"
-
-
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: value and interval by parameter, what cannot be found, the fit."""
-    made = stage(spec_path, overrides, out)
-    return run_stage(made, partial(_work, spec=made.spec, paths=_paths(made.spec, spec_path.parent)), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, CalibrateSpec, overrides), spec_path.parent
-    paths = _paths(spec, base)
-    scene = paths.pop("scene", None)
-    return Stage(
-        name="calibrate",
-        version=2,
-        spec=spec,
-        inputs=paths,
-        out=out or base / spec.out,
-        paths=(*_PATHS, "out"),
-        extra={"scene": scene_meaning(scene)} if scene else {},
-        spec_path=spec_path,
-        overrides=overrides,
-    )
 
 
 def _paths(spec: CalibrateSpec, base: Path) -> dict[str, Path]:
@@ -54,12 +29,14 @@ def _used(spec: CalibrateSpec, name: str) -> bool:
     return getattr(spec, name) is not None and (spec.fe or name != "mesh")
 
 
-def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str, Any]:
+def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
+    """Results: value and interval by parameter, what cannot be found, the fit."""
     from cfem.calibrate.calibration import calibrate, coverage
     from cfem.calibrate.measurements import read_measurements
     from cfem.calibrate.residuals import Noise
     from cfem.condensed.given import demand_known, vector
 
+    paths = _paths(spec, base)
     family = family_of(spec, paths)
     demand_units(spec, family.actuator_units)
     parameters = family.parameters
@@ -72,9 +49,15 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
     demand_known(parameters, spec.truth, "truth")
     both = set(wanted) & set(spec.fixed)
     if both:
-        raise SpecError(f"parameters {sorted(both)} are both to be found and fixed", where="fixed")
+        raise SpecError(
+            f"parameters {sorted(both)} are both to be found and fixed",
+            where="fixed",
+            do="take them out of `find` or out of `fixed`",
+        )
     if not wanted:
-        raise SpecError("all parameters are fixed, so there is nothing to find", where="find")
+        raise SpecError(
+            "all parameters are fixed, so there is nothing to find", where="find", do="take one out of `fixed`"
+        )
     find = [names.index(name) for name in wanted]
     p0 = vector(parameters, spec.fixed, "fixed")
     noise = None
@@ -82,7 +65,11 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
         dual = spec.noise.forces if spec.driven == "displacement" else spec.noise.actuator_displacements
         if dual is None and np.isfinite(measured.dual).any():
             what = "forces" if spec.driven == "displacement" else "actuator_displacements"
-            raise SpecError(f"the noise of the actuators' {what} is missing", where=f"noise.{what}")
+            raise SpecError(
+                f"the noise of the actuators' {what} is missing",
+                where=f"noise.{what}",
+                do="state its standard deviation, or leave `noise` out",
+            )
         noise = Noise(spec.noise.effectors, dual or 1.0, known=True)
     with_profile = spec.profile if spec.profile is not None else not spec.fe
     found = calibrate(
@@ -102,8 +89,11 @@ def _work(folder: Path, spec: CalibrateSpec, paths: dict[str, Path]) -> dict[str
         results["solves"] = family.solves
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     _write_table(folder / TABLE, found)
-    if spec.figure:
-        results["figure"] = _draw(folder, found)
+    if spec.figure and installed("matplotlib"):
+        from cfem.calibrate.figure import calibration_figure
+
+        write_whole(folder / FIGURE, calibration_figure(found))
+        results["figure"] = FIGURE
     return results
 
 
@@ -131,7 +121,11 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
         named = {name for start in spec.starts for name in start}
         strange = named - {parameters[i].name for i in find}
         if strange:
-            raise SpecError(f"parameters {sorted(strange)} are not among those to find", where="starts")
+            raise SpecError(
+                f"parameters {sorted(strange)} are not among those to find",
+                where="starts",
+                do="name parameters of `find`",
+            )
         return np.array(given)
     starts = np.tile(p0, (spec.starts, 1))
     starts[:, find] = from_shares([parameters[i] for i in find], spread(spec.starts, len(find)))
@@ -277,10 +271,13 @@ def _write_table(path: Path, found: Any) -> None:
     write_columns(path, columns, meta)
 
 
-def _draw(folder: Path, found: Any) -> str | None:
-    try:
-        from cfem.calibrate.figure import calibration_figure
-    except ImportError:
-        return None  # matplotlib comes with cfem[report]
-    write_whole(folder / FIGURE, calibration_figure(found))
-    return FIGURE
+COMMAND = Command(
+    "calibrate",
+    2,
+    CalibrateSpec,
+    _work,
+    outside=_PATHS,
+    reads=lambda spec, base: {name: path for name, path in _paths(spec, base).items() if name != "scene"},
+    extra=lambda spec, base: {"scene": scene_meaning(base / spec.scene)} if spec.scene else {},
+)
+run, stage = COMMAND.run, COMMAND.stage

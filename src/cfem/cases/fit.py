@@ -46,7 +46,7 @@ def fit_cases(
 ) -> CaseFit:
     """InputError where nothing was measured, NumericalError where no equilibrium is found near the start."""
     if not np.isfinite(cases.target).any():
-        raise InputError("no case has a marker that was measured")
+        raise InputError("no case has a marker that was measured", do="give the places of the markers in the table")
     n_z = len(rig.unknowns)
     at = np.zeros(n_z + rig.n_d) if start is None else np.concatenate([start.z, start.d])
     moved = rig.see(cases, at[:n_z], at[n_z:], slopes=False).moved

@@ -74,7 +74,7 @@ def load_lab(spec: CasesSpec, base: Path) -> Lab:
         where = f"markers.{name}"
         if marker.effector not in effectors:
             what = f"follows '{marker.effector}', and the scene's effectors are {', '.join(effectors)}"
-            raise SpecError(what, where=where)
+            raise SpecError(what, where=where, do="name one of them")
         if (marker.stand_off is not None or spec.offsets) and not effectors[marker.effector].orientation:
             what = f"stands off effector '{marker.effector}', whose turn the scene does not watch"
             raise SpecError(what, where=where, do="set `orientation: true` of the effector")

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -114,8 +114,7 @@ class CasesSpec(Spec):
     figure: bool = True
     """Whether to draw a figure."""
 
-    @model_validator(mode="after")
-    def _known(self):
+    def check(self) -> None:
         for name, one in self.parameters.items():
             scene_keys = [key for key in one.keys if not is_of_rig(key)]
             if one.by and scene_keys:
@@ -129,7 +128,6 @@ class CasesSpec(Spec):
                 raise ValueError(f"{where}: '{strange[0]}' is none of the parameters {', '.join(self.parameters)}")
         if self.offsets is not None and self.offsets.session is not None and self.layout.session is None:
             raise ValueError("offsets.session: the layout names no column of sessions")
-        return self
 
 
 def is_of_rig(key: str) -> bool:

@@ -2,7 +2,6 @@
 and which model the measurements support."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,38 +10,17 @@ import numpy as np
 from cfem.cases.spec import CasesSpec
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import poor
+from cfem.core.optional import installed
 from cfem.core.shown import duration
-from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.robot.spec import scene_meaning
 
-_PATHS = ("measurements", "scene", "mesh", "out")
 RESULT, TABLE, FIGURE = "calibration.json", "predicted.csv", "shapes.png"
 _UNLIKE = 2.5  # times: errors of left-out cases beyond what the fit says of itself are told first
 
 
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: parameters with intervals, errors by case and marker, models compared."""
-    made = stage(spec_path, overrides, out)
-    return run_stage(made, partial(_work, spec=made.spec, base=spec_path.parent), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, CasesSpec, overrides), spec_path.parent
-    return Stage(
-        name="calibrate-cases",
-        version=4,
-        spec=spec,
-        inputs={"measurements": base / spec.measurements, "mesh": base / spec.mesh},
-        out=out or base / spec.out,
-        paths=_PATHS,
-        extra={"scene": scene_meaning(base / spec.scene)},
-        spec_path=spec_path,
-        overrides=overrides,
-    )
-
-
 def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
+    """Results: parameters with intervals, errors by case and marker, models compared."""
     import time
 
     from scipy.stats import t
@@ -63,10 +41,13 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     write_calibrated(folder / FILE, found, rig, left.inflation, degrees, cases)
     fitted = predict(rig, cases, read_calibrated(folder / FILE), spec.confidence)
     write_predictions(folder / TABLE, cases, lab.markers, fitted, left)
-    if spec.figure:
+    if spec.figure and installed("matplotlib"):
+        from cfem.cases.figure import shapes_figure
+
         half, _ = half_and_radius(left.covariance, left.inflation, degrees, spec.confidence)
+        title = "Each case, as the calibration by the other cases predicts it"
         shapes = left.posed, left.residuals + cases.target, half
-        _draw(folder / FIGURE, lab, cases, shapes, "Each case, as the calibration by the other cases predicts it")
+        write_whole(folder / FIGURE, shapes_figure(cases, *shapes, lab.mesh, title, lab.down))
     values = estimates(found, rig, float(t.ppf(0.5 + spec.confidence / 2, degrees)), left.inflation)
     repeated = repeats(cases)
     results = {
@@ -183,9 +164,13 @@ def _offsets(d: np.ndarray, markers: Sequence[str], rig: Any) -> dict[str, dict[
     }
 
 
-def _draw(path: Path, lab: Any, cases: Any, shapes: tuple, title: str) -> None:
-    try:
-        from cfem.cases.figure import shapes_figure
-    except ImportError:
-        return  # matplotlib comes with cfem[report]
-    write_whole(path, shapes_figure(cases, *shapes, lab.mesh, title, lab.down))
+COMMAND = Command(
+    "calibrate-cases",
+    4,
+    CasesSpec,
+    _work,
+    ("measurements", "mesh"),
+    outside=("scene",),
+    extra=lambda spec, base: {"scene": scene_meaning(base / spec.scene)},
+)
+run, stage = COMMAND.run, COMMAND.stage

@@ -109,14 +109,16 @@ def read_cases(
 
 def _rows(path: Path) -> list[dict[str, str]]:
     if not path.exists():
-        raise InputError("no such file", where=str(path))
+        raise InputError("no such file", where=str(path), do="check the path")
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             header, *records = [record for record in read_rows(file) if record] or [[]]
     except (UnicodeDecodeError, csv.Error):
-        raise InputError("is not a table of comma-separated values", where=str(path)) from None
+        raise InputError(
+            "is not a table of comma-separated values", where=str(path), do="save it as CSV in UTF-8"
+        ) from None
     if not records:
-        raise InputError("holds no load cases", where=str(path))
+        raise InputError("holds no load cases", where=str(path), do="add one row per marker and case")
     short = next((number for number, record in enumerate(records) if len(record) != len(header)), None)
     if short is not None:
         what = f"row {short + 2} has {len(records[short])} cells, the header {len(header)}"
@@ -141,7 +143,7 @@ def _force(path: Path, rows: list, number: int, layout: Layout, actuator: str, u
     value = _number(path, rows[number], number, column.column)
     if np.isnan(value):
         what = f"row {number + 2} has no '{column.column}', by which the robot was driven"
-        raise InputError(what, where=str(path))
+        raise InputError(what, where=str(path), do="fill in the cell, or leave the row out")
     try:
         return parse_quantity(f"{value!r} {column.unit}", unit)
     except ValueError as error:

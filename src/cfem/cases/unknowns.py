@@ -86,10 +86,14 @@ def _of_rig(name: str, one: Unknown, actuators: Mapping[str, str], where: str) -
     unit, reference = units.pop(), references.pop()
     low, high = (_quantity(text, unit, f"{where}.range") for text in one.ends)
     if not low < high:
-        raise SpecError("range: expected two different values, the smaller first", where=where)
+        raise SpecError(
+            "range: expected two different values, the smaller first", where=where, do="such as range: [1, 2]"
+        )
     reference = (low + high) / 2 if reference is None else reference
     if not low <= reference <= high:
-        raise SpecError(f"range: must hold {reference:g}, which the rig has if nothing is wrong", where=where)
+        raise SpecError(
+            f"range: must hold {reference:g}, which the rig has if nothing is wrong", where=where, do="widen the range"
+        )
     return Parameter(name, one.keys[0], unit, low, high, reference)
 
 

@@ -9,7 +9,7 @@ import typer
 from cfem import __version__
 from cfem.cli.help import App, Commands
 from cfem.cli.look import add_looks
-from cfem.cli.options import Check, Force, Json, Quiet, Strict, Workers
+from cfem.cli.options import Check, Force, Json, MoveAside, Quiet, Strict, Workers
 from cfem.cli.run import run_command
 from cfem.cli.stages import add_stages
 from cfem.core.errors import SpecError
@@ -20,7 +20,8 @@ app = App(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Condensed finite-element models of soft robots: mesh, sample, train, export, control, calibrate, optimize.",
+    help="Learned finite-element models that control soft robots. Begin with `cfem demo`. The command of a stage reads "
+    "one YAML file and writes one folder.",
 )
 
 add_stages(app)
@@ -29,20 +30,21 @@ add_looks(app)
 
 @app.command("run")
 def run_pipeline(
-    places: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Folders of specs, or single specs.")],
+    places: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Folders of YAML files, or single files.")],
     until: Annotated[str | None, typer.Option("--until", metavar="STAGE", help="The last stage to run.")] = None,
     only: Annotated[str | None, typer.Option("--only", metavar="STAGE", help="The one stage to run.")] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="SPEC.KEY=VALUE", help="Override, as in train.samples=20.")
+        list[str] | None,
+        typer.Option("--set", metavar="SPEC.KEY=VALUE", help="Replace a value of a YAML file, as in train.samples=20."),
     ] = None,
     workers: Workers = None,
-    force: Force = False,
+    force: MoveAside = False,
     check: Check = False,
     strict: Strict = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the stages of a folder that are stale, in order, and what they need; say why each is stale."""
+    """Run the stages of a folder that are not up to date, in order, and say why each of them runs."""
 
     def work(options):
         return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only, workers=workers)
@@ -56,11 +58,11 @@ def demo(
         str, typer.Argument(help="Robot that comes with cfem, such as soft-finger or bar.")
     ] = "soft-finger",
     folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
-    force: Force = False,
+    force: MoveAside = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """See a robot mesh, learn and follow a curve: all stages, three numbers and a page."""
+    """See a robot meshed, learned and led along a curve: all stages, three numbers and two pages."""
 
     def work(options):
         from cfem.pipeline.demo import as_text, demo
@@ -83,7 +85,8 @@ def init(
     ] = None,
     cells: Annotated[str | None, typer.Option(help="About how many tetrahedra to make.")] = None,
     fixed: Annotated[
-        str | None, typer.Option(help="What is held: 'z <= 5 mm', bottom, top, left, right, front, back, a set.")
+        str | None,
+        typer.Option(help="What is held: 'z <= 5 mm', bottom, top, left, right, front, back, or a set of the mesh."),
     ] = None,
     young: Annotated[str | None, typer.Option(help="Young's modulus: '500 kPa'.")] = None,
     poisson: Annotated[str | None, typer.Option(help="Poisson's ratio, at most 0.4999.")] = None,
@@ -101,8 +104,8 @@ def init(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make the specs of a new robot from a STEP, STL or mesh file, or copy those of a robot that comes with cfem. Asks
-    for what no option says."""
+    """Make the YAML files of a new robot from a STEP, STL or mesh file, or copy those of a robot that comes with cfem.
+    Asks for what no option states."""
 
     def work(options):
         from cfem.cli.init import init_robot, init_scene
@@ -167,7 +170,7 @@ def stability(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Solve stiff and extreme cases. Exit 4 if one neither converges nor names the cause."""
+    """Test the solver on stiff and extreme cases. Exit 4 if one neither converges nor names its cause."""
     from cfem.stability import command, suite, table
 
     results = []
@@ -188,9 +191,9 @@ def stability(
 @app.command()
 def schema(
     out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("schemas"),
-    check: Annotated[bool, typer.Option("--check", help="Exit 5 if the files differ from the specs.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Exit with 5 if the files are not up to date.")] = False,
 ) -> None:
-    """Write the JSON Schemas of all specs, for editors."""
+    """Write the JSON Schemas of all YAML files, for editors."""
     from cfem.cli.schemas import write_schemas
 
     run_command(lambda _: write_schemas(out, check))

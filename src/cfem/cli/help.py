@@ -11,8 +11,8 @@ from cfem.core.errors import EXIT_CODES
 GROUPS = {
     "Start": ("demo", "init", "run"),
     "One stage at a time": ("mesh", "sample", "merge", "train", "export", "control", "simulate", "report"),
-    "Which robot is it, which robot is best": ("material", "calibrate", "optimize-design"),
-    "Robots that were measured": ("estimate", "measurements", "calibrate-cases", "predict-cases"),
+    "Material, calibration, design": ("material", "calibrate", "optimize-design"),
+    "Measured robots": ("estimate", "measurements", "calibrate-cases", "predict-cases"),
     "Look at results": ("summary", "animate", "inspect", "modes", "verify"),
     "Check the solver, help an editor": ("stability", "schema"),
 }
@@ -63,6 +63,16 @@ class Command(TyperCommand):
             if found:
                 with formatter.section(title):
                     formatter.write_dl(found)
+
+    def format_epilog(self, ctx: typer.Context, formatter: Any) -> None:
+        """What it reads and writes; the example on a line of its own, to be copied."""
+        files, _, example = (self.epilog or "").partition("Example: ")
+        if files:
+            formatter.write_paragraph()
+            with formatter.indentation():
+                formatter.write_text(files.strip())
+        if example:
+            formatter.write(f"\nExample:\n  {example}\n")
 
 
 _VALUES = {

@@ -35,7 +35,7 @@ def animate(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a control run as an animation, and as files for ParaView. Nothing is solved."""
+    """Draw a control run as an animation, and as files for ParaView. Solves nothing."""
 
     def work(options):
         formats = format_ or ["gif", "paraview"]
@@ -50,7 +50,7 @@ def inspect(
     artefact: Annotated[Path, typer.Argument(help="A mesh, dataset, model, control or report folder.")],
     json: Json = False,
 ) -> None:
-    """Print what an artefact holds: origin, rows, units, statistics, errors."""
+    """Print what a folder that a command made holds: origin, rows, units, statistics, errors."""
     from cfem.cli.inspect import describe
 
     run_command(lambda _: describe(artefact, json), as_json=json)
@@ -79,11 +79,12 @@ def natural_modes(
 
 def verify(
     folders: Annotated[
-        list[Path] | None, typer.Argument(help="Artefacts, or folders of them. Default: data and models.")
+        list[Path] | None,
+        typer.Argument(help="Folders that commands made, or folders of them. Default: data and models."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Check every file of artefacts against its checksum. Exit 3 if one is damaged, missing or foreign."""
+    """Check every file that commands made against its checksum. Exit 3 if one is damaged, missing or not theirs."""
     from cfem.cli.verify import demand_whole, verify_folders
 
     found = []
@@ -93,9 +94,9 @@ def verify(
 
 
 def summary(
-    folders: Annotated[list[Path], typer.Argument(help="Artefact folders, in the order to be listed.")],
+    folders: Annotated[list[Path], typer.Argument(help="Folders, in the order to be listed.")],
 ) -> None:
-    """Print main results and run time of artefacts."""
+    """Print the main results and the run times of folders that commands made."""
     from cfem.cli.inspect import summarise
 
     run_command(lambda _: summarise(folders))

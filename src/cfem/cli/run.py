@@ -60,7 +60,7 @@ def run_command(
             _defect(error)
         _fail(str(missing), missing.exit_code)
     except KeyboardInterrupt:
-        _fail("interrupted; run the same command again to go on", 130)
+        _fail("interrupted; finished stages, samples and goals are kept: run the same command again", 130)
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:

@@ -12,31 +12,101 @@ import typer
 from cfem.cli.options import Check, Force, Json, Out, Quiet, Set, Spec, Strict, Workers
 from cfem.cli.run import run_command
 
-_SAMPLE = "Solve many states of the robot by finite elements and store them. Resumes an interrupted run."
+# By command: what it does; what it reads and writes, with an example where a robot that comes with cfem has one.
+_HELP = {
+    "mesh": (
+        "Mesh a robot and check the quality of the mesh.",
+        "Reads a scene.yaml. Writes a mesh that ParaView opens.",
+        "soft-finger/scene.yaml",
+    ),
+    "sample": (
+        "Solve many states of the robot by finite elements and store them. Resumes an interrupted run.",
+        "Reads a sample.yaml and a mesh. Writes a Parquet dataset, one state per row.",
+        "soft-finger/sample.yaml --workers 4",
+    ),
+    "merge": (
+        "Join the parts that `sample --shard` solved into one dataset.",
+        "Reads the sample.yaml of the parts and their folders. Writes a dataset.",
+        "soft-finger/sample.yaml",
+    ),
+    "train": (
+        "Fit a small model to the samples, and measure its error on test states.",
+        "Reads a train.yaml and a dataset. Writes a model.",
+        "soft-finger/train.yaml",
+    ),
+    "export": (
+        "Write a model as arrays, ONNX, TorchScript, C or a page, and compare each with the original.",
+        "Reads an export.yaml and a model. Writes a folder with the formats that the spec names.",
+        "soft-finger/export.yaml",
+    ),
+    "control": (
+        "Follow trajectories with a learned model, and measure the error on the finite-element robot.",
+        "Reads a control.yaml, a scene and models. Writes what was commanded and reached, goal by goal.",
+        "soft-finger/control.yaml",
+    ),
+    "simulate": (
+        "Simulate how a learned model moves under commands over time, beside full finite elements if asked.",
+        "Reads a simulate.yaml and a model that has learned to move. Writes the motion, time by time.",
+        "moving-finger/simulate.yaml",
+    ),
+    "calibrate": (
+        "Find parameters of a robot from measurements, with confidence intervals.",
+        "Reads a calibrate.yaml, a model with parameters and a table of measured states.",
+        "parametric-finger/calibrate.yaml",
+    ),
+    "estimate": (
+        "Find the shape of a robot, and the forces on it, from recorded markers.",
+        "Reads an estimate.yaml, a model and a recording. Writes the state of each sample.",
+        "",
+    ),
+    "measurements": (
+        "Turn recordings of camera systems into load cases.",
+        "Reads a measurements.yaml and the recordings. Writes a table of load cases.",
+        "",
+    ),
+    "calibrate-cases": (
+        "Find parameters of a robot and of its test rig from measured load cases.",
+        "Reads a cases.yaml, a scene and a table of load cases.",
+        "measured-beam/cases.yaml",
+    ),
+    "predict-cases": (
+        "Predict load cases of a calibrated robot, with intervals, and with errors where there are measurements.",
+        "Reads a predict.yaml and the result of calibrate-cases.",
+        "measured-beam/predict.yaml",
+    ),
+    "optimize-design": (
+        "Find the best designs, and check them by finite elements.",
+        "Reads a design.yaml and a model of many designs. Writes the designs, tables and figures.",
+        "parametric-finger/design.yaml",
+    ),
+    "report": (
+        "Make one HTML page of the results.",
+        "Reads a report.yaml and the folders that it names. Writes report.html.",
+        "soft-finger/report.yaml",
+    ),
+}
 
 
 def add_stages(app: typer.Typer) -> None:
     """Adds them to the program."""
-    model = "Write a model as arrays, ONNX, TorchScript, C or a page, and compare each with the original."
-    found = "Predict other load cases of a calibrated robot, with intervals; with errors where they were measured."
-    for name, run, summary in (
-        ("mesh", _plain("robot"), "Mesh a scene and check the quality of the mesh."),
-        ("sample", _sample, _SAMPLE),
-        ("merge", _merge, "Join the parts that `sample --shard` solved into one dataset."),
-        ("train", _plain("surrogate"), "Fit a small model to the samples, and measure its error on test states."),
-        ("export", _plain("export"), model),
-        ("control", _plain("control"), "Follow trajectories with a model; the finite-element robot is the judge."),
-        ("simulate", _plain("motion"), "Move a model by commands over time; full finite elements beside it."),
-        ("calibrate", _plain("calibrate"), "Find parameters of a robot from measurements, with confidence intervals."),
-        ("estimate", _plain("estimation"), "Find the state of a robot, and forces on it, from recorded markers."),
-        ("measurements", _plain("measurements"), "Turn recordings of camera systems into a table of load cases."),
-        ("calibrate-cases", _plain("cases"), "Find parameters of a robot and its rig from measured load cases."),
-        ("predict-cases", _plain("cases.prediction"), found),
-        ("optimize-design", _plain("design"), "Find the best designs, and check them by finite elements."),
-        ("report", _plain("report"), "Make one HTML page of the results."),
+    for name, run in (
+        ("mesh", _plain("robot")),
+        ("sample", _sample),
+        ("merge", _merge),
+        ("train", _plain("surrogate")),
+        ("export", _plain("export")),
+        ("control", _plain("control")),
+        ("simulate", _plain("motion")),
+        ("calibrate", _plain("calibrate")),
+        ("estimate", _plain("estimation")),
+        ("measurements", _plain("measurements")),
+        ("calibrate-cases", _plain("cases")),
+        ("predict-cases", _plain("cases.prediction")),
+        ("optimize-design", _plain("design")),
+        ("report", _plain("report")),
     ):
-        _stage(app, name, run, summary)
-    _stage(app, "simulate-sample", _sample, _SAMPLE, hidden=True)
+        _stage(app, name, run)
+    _stage(app, "simulate-sample", _sample, "sample", hidden=True)
 
 
 def _every_stage(
@@ -51,8 +121,10 @@ def _every_stage(
     """The options of every stage."""
 
 
-def _stage(app: typer.Typer, name: str, run: Callable[..., Any], summary: str, hidden: bool = False) -> None:
-    """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own."""
+def _stage(app: typer.Typer, name: str, run: Callable[..., Any], helped: str = "", hidden: bool = False) -> None:
+    """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own. helped: the
+    command whose help it has, its own unless given."""
+    summary, files, example = _HELP[helped or name]
 
     def command(set_, out, force, check, strict, json, quiet, **own) -> None:
         work = partial(run, **own, set_=set_ or [], out=out)
@@ -63,7 +135,8 @@ def _stage(app: typer.Typer, name: str, run: Callable[..., Any], summary: str, h
     common = list(signature(_every_stage).parameters.values())
     command.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in (*own, *common)])
     command.__annotations__ = {one.name: one.annotation for one in (*own, *common)}
-    app.command(name, help=summary, hidden=hidden)(command)
+    example = f" Example: cfem {name} pipelines/{example}" if example else ""
+    app.command(name, help=summary, epilog=files + example, hidden=hidden)(command)
 
 
 def _plain(package: str) -> Callable[..., Any]:

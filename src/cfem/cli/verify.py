@@ -20,9 +20,8 @@ def verify_folders(folders: Sequence[Path], as_json: bool, found: list[Verdict])
     lines = []
     for one in found:
         form = "no checksum of its manifest (older cfem)" if one.format is None else f"format {one.format}"
-        lines.append(
-            f"{one.folder!s:<{width}}  {'DAMAGED' if one.damage else f'whole    {one.files:3d} files, {form}'}"
-        )
+        files = f"{one.files:3d} file{'s' if one.files != 1 else ''}"
+        lines.append(f"{one.folder!s:<{width}}  {'DAMAGED' if one.damage else f'whole    {files}, {form}'}")
         lines += [f"  {sentence}" for sentence in one.damage]
     return "\n".join(lines)
 

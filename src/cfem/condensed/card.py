@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.condensed.parameters import Coordinate
 from cfem.core.names import Name
@@ -21,12 +21,10 @@ class RowsCard(Data, extra="forbid"):
     contacts: list[Name] = Field([], max_length=MOST)
     skin: list[Name] = Field([], max_length=MOST)
 
-    @model_validator(mode="after")
-    def _differ(self) -> "RowsCard":
+    def check(self) -> None:
         names, watched = [*self.actuators, *self.contacts], [*self.effectors, *self.skin]
         if len(set(watched)) < len(watched) or len(set(names)) < len(names):
             raise ValueError("two rows have the same name")
-        return self
 
 
 class ParameterCard(Data, extra="forbid"):
@@ -41,12 +39,10 @@ class ParameterCard(Data, extra="forbid"):
     coordinate: Coordinate
     exact: bool
 
-    @model_validator(mode="after")
-    def _ordered(self) -> "ParameterCard":
+    def check(self) -> None:
         if not self.low < self.high:
             raise ValueError("low is not below high")
         least = 0.0 if self.exact or self.coordinate == "log" else -float("inf")
         most = 0.5 if self.coordinate == "log(1-2p)" else float("inf")
         if not all(least < value < most for value in (self.low, self.high, self.reference)):
             raise ValueError(f"its values must lie between {least:g} and {most:g}")
-        return self

@@ -22,7 +22,7 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.model import Model
-from cfem.condensed.pose import Turn, turn
+from cfem.condensed.pose import COORDINATES, Turn, turn
 from cfem.condensed.restrict import from_energy
 from cfem.core.errors import NumericalError
 
@@ -34,15 +34,21 @@ ITERATIONS = 30
 @dataclass(frozen=True)
 class RigidObject:
     """centre (3,) mm at rest; turns: whether it can turn, else it is guided; wrench: (3,) N constant force on it, or
-    (6,) with the moment by theta (N mm)."""
+    (6,) with the moment by theta (N mm); oriented: whether its rotation vector is an effector, as its place is."""
 
     centre: np.ndarray
     turns: bool
     wrench: np.ndarray
+    oriented: bool = False
 
     @property
     def n(self) -> int:
         return 6 if self.turns else 3
+
+    @property
+    def rest_e(self) -> np.ndarray:
+        """(n_e,) mm, and rad where it is oriented."""
+        return np.concatenate([self.centre, np.zeros(3)]) if self.oriented else self.centre
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,7 @@ class Coupled:
             for hold in holds
             for name in hold.model.rows.actuators[: hold.n_a]
         )
-        self.rows = Rows(tuple(f"object.{axis}" for axis in "xyz"), actuators)
+        self.rows = Rows(tuple(f"object.{axis}" for axis in COORDINATES[: len(held.rest_e)]), actuators)
         self._length = max(1.0, float(np.linalg.norm(self._levers, axis=1).max()))
         first = holds[0].model
         self._alike = hasattr(first, "slopes") and all(hold.model is first for hold in holds)
@@ -229,12 +235,12 @@ class Coupled:
         return float(values[0] / np.abs(values).max())
 
     def _condense(self, delta_a, X, parts, g, K, balance, updates) -> Held:
-        n_a = len(delta_a)
+        n_a, n_e = len(delta_a), self.rows.n_e
         flexible = np.linalg.inv(K[n_a:, n_a:])
         slope = -flexible @ K[n_a:, :n_a]
         hessian = K[:n_a, :n_a] + K[:n_a, n_a:] @ slope
-        delta = np.concatenate([X[:3], delta_a])
-        plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:3], flexible[:3, :3])
+        delta = np.concatenate([X[:n_e], delta_a])
+        plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:n_e], flexible[:n_e, :n_e])
         stiffness = K[n_a:, n_a:]
         forces = -np.array(
             [hold.turn @ one.lambda_a[hold.n_a :][:3] for hold, one in zip(self.holds, parts, strict=True)]

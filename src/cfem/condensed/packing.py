@@ -24,6 +24,12 @@ def symmetric3_indices(n: int) -> np.ndarray:
     return np.array(list(combinations_with_replacement(range(n), 3))).T
 
 
+@lru_cache(maxsize=64)
+def symmetric4_indices(n: int) -> np.ndarray:
+    """(4, n (n + 1) (n + 2) (n + 3) / 24) likewise of one symmetric in all four."""
+    return np.array(list(combinations_with_replacement(range(n), 4))).T
+
+
 def pack_symmetric3(tensor: np.ndarray) -> np.ndarray:
     """(..., n, n, n) symmetric -> (..., n (n + 1) (n + 2) / 6)."""
     i, j, k = symmetric3_indices(tensor.shape[-1])

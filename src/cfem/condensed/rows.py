@@ -23,8 +23,12 @@ class Rows:
     @property
     def effector_units(self) -> tuple[tuple[str, str], ...]:
         """Of each effector row's displacement and of the force that works on it; rows end in x, y, z, rx, ry or rz."""
-        turns = [name.rpartition(".")[2].startswith("r") for name in self.effectors]
-        return tuple(("rad", "N mm") if turn else ("mm", "N") for turn in turns)
+        return tuple(("rad", "N mm") if turns else ("mm", "N") for turns in self.turns)
+
+    @property
+    def turns(self) -> tuple[bool, ...]:
+        """Of each effector row: whether it is of a rotation vector."""
+        return tuple(name.rpartition(".")[2].startswith("r") for name in self.effectors)
 
     @cached_property
     def n_e(self) -> int:

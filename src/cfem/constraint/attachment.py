@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from cfem.constraint.ball import points_in_ball
+from cfem.constraint.ball import points_in_ball, squares
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import barycentric_gradients, shape, shape_derivatives
 from cfem.mechanics.mesh import Mesh
@@ -63,7 +63,7 @@ def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.nd
             do="enlarge the radius or move the point into the body",
         )
     offset = (places - point) / radius
-    weights = _moving_least_squares(offset, volumes / volumes.sum() * (1 - (offset**2).sum(axis=1)) ** 2)
+    weights = _moving_least_squares(offset, volumes / volumes.sum() * (1 - squares(offset)) ** 2)
     return _polished(mesh, _combine(mesh, point, cell, coordinates, weights))
 
 

@@ -30,9 +30,11 @@ class PatchLoad:
             value = np.asarray(getattr(self, key), float)
             object.__setattr__(self, key, value)
             if value.shape != (3,) or not np.isfinite(value).all():
-                raise InputError(f"{key} of the load on {self.name!r} has three finite numbers")
+                raise InputError(
+                    f"{key} of the load on {self.name!r} must have three finite numbers", do="give x, y and z"
+                )
         if not 0 < self.radius < np.inf:
-            raise InputError(f"the radius of the load on {self.name!r} is a length above 0 mm, not {self.radius}")
+            raise InputError(f"the radius of the load on {self.name!r} must be above 0 mm, got {self.radius}")
 
     def __str__(self) -> str:
         force, at = (", ".join(f"{one:g}" for one in values) for values in (self.force, self.at))
@@ -60,7 +62,7 @@ class PatchLoad:
         apart = np.linalg.norm(rest - self.at, axis=1)
         if (apart < self.radius).sum() < LEAST:
             count, needed = (apart < self.radius).sum(), np.sort(apart)[LEAST - 1]
-            what = f"a radius of {self.radius:g} mm about ({here}) mm catches {count} nodes of the surface, not {LEAST}"
+            what = f"a radius of {self.radius:g} mm about ({here}) mm holds {count} nodes of the surface, not {LEAST}"
             raise SpecError(what, where=where, do=f"take a radius of more than {1.05 * needed:.2g} mm")
         found = weights * np.maximum(1 - (apart / self.radius) ** 2, 0.0) ** 2
         return found / found.sum()

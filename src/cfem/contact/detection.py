@@ -28,7 +28,7 @@ FLAT = 2.0  # sum of the sizes of weights: more is an extrapolation beyond an ed
 DEEP = 0.5  # distances of patches: a point farther behind faces of its own body is on the other side of a wall
 DEEPEST = 1.0  # distances of patches: what is deeper within another body has not come in on this side
 NEVER, OWN, OTHER = 0, 1, 2
-STEEP = 0.7  # slope of the plane through faces on their own normals: one that is steeper is of an edge, not taken
+STEEP = 0.7  # slope of the plane through faces on their own normals: from twice that, as at an edge, it is not taken
 RANK = 1e-3  # of the larger extent: faces in a line span no surface
 
 
@@ -44,6 +44,34 @@ def detect(
     unit normals (N, 3) of patches that are `spacing` mm apart; may_meet (N, N): whether a point i may meet a face j at
     all, and whether that is of its own body (`may_meet`). faces: by number, points that keep the faces (N,) bool which
     they have, whatever has become of them."""
+    points, w, gaps, frames, spread, kept = _facing(places, normals, may_meet, spacing, faces)
+    relative = -w
+    relative[np.arange(len(points)), points] = 1.0
+    found = (spread >= RANK) & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing) | kept
+    return points[found], relative[found], frames[found]
+
+
+def separation(places: np.ndarray, normals: np.ndarray, may_meet: np.ndarray, spacing: float) -> float:
+    """mm, the smallest gap, where nothing is pressed: continuous in places and normals, as `detect` is not, which drops
+    pairs. A point whose faces it would drop is farther by as much as they fall short; and nothing is farther than the
+    nearest two patches that may meet."""
+    apart = np.linalg.norm(places[:, None] - places, axis=2)
+    _, w, gaps, _, spread, _ = _facing(places, normals, may_meet, spacing, None)
+    beyond = np.maximum(np.abs(w).sum(axis=1) - FLAT, 0.0)
+    beyond += FLAT * np.maximum(RANK / np.maximum(spread, 1e-12) - 1, 0.0)
+    near = np.abs(gaps) + spacing * beyond
+    return float(min(near.min(initial=np.inf), apart[may_meet > NEVER].min(initial=np.inf)))
+
+
+def _facing(
+    places: np.ndarray,
+    normals: np.ndarray,
+    may_meet: np.ndarray,
+    spacing: float,
+    faces: Mapping[int, np.ndarray] | None,
+) -> tuple[np.ndarray, ...]:
+    """Points (p,) with three faces or more before them; weights w (p, N), gaps (p,) mm and frames (p, 3, 3); spread
+    (p,), the smallest extent of the faces over the largest; kept (p,) bool: points of `faces`."""
     above = places @ normals.T - (places * normals).sum(axis=1)  # mm: of i over j
     squares, opposed = (places**2).sum(axis=1), OPPOSED - normals @ normals.T
     near = squares[:, None] + squares - 2 * places @ places.T < (WITHIN * spacing) ** 2
@@ -53,29 +81,29 @@ def detect(
     for point, mine in (faces or {}).items():
         near[point], kept[point] = mine, True
     points = np.flatnonzero(near.sum(axis=1) >= 3)
-    apart = places[points, None] - places
-    G = kernel((apart**2).sum(axis=2) / spacing**2) * np.clip(opposed[points] / TURNING, LEAST, 1.0) * near[points]
-    mean = G @ normals
+    met = np.flatnonzero(near[points].any(axis=0))  # all that follows is of these faces
+    near, opposed = near[np.ix_(points, met)], opposed[np.ix_(points, met)]
+    apart = places[points, :, None] - places[met].T  # (p, 3, faces)
+    G = kernel((apart**2).sum(axis=1) / spacing**2) * np.clip(opposed / TURNING, LEAST, 1.0) * near
+    mean = G @ normals[met]
     n = mean / np.linalg.norm(mean, axis=1)[:, None]
     for _ in range(2):  # the second time square on the plane that the first has fitted
         frames = tangents(n)
-        A = np.ones((*apart.shape[:2], 3))
-        A[..., 1:] = apart @ frames[:, 1:].swapaxes(1, 2) / -spacing
-        M = A.swapaxes(1, 2) @ (G[..., None] * A)
+        local, A = frames @ apart, np.ones(apart.shape)
+        A[:, 1:] = local[:, 1:] / -spacing
+        weighted = G[:, None] * A
+        M = weighted @ A.swapaxes(1, 2)
         extents = np.linalg.eigvalsh(M)
-        spans = extents[:, 0] >= RANK * extents[:, 2]
-        M[~spans] = np.eye(3)
-        height = -apart @ frames[:, 0, :, None]
-        slope = np.linalg.solve(M, A.swapaxes(1, 2) @ (G[..., None] * height))[:, 1:, 0] / spacing
-        flat = (spans & (np.linalg.norm(slope, axis=1) <= STEEP))[:, None]
-        n = np.where(flat, frames[:, 0] - (slope[:, None] @ frames[:, 1:])[:, 0], frames[:, 0])
+        spread = extents[:, 0] / extents[:, 2]
+        M += (np.maximum(RANK - spread, 0.0) * extents[:, 2])[:, None, None] * np.eye(3)
+        slope = np.linalg.solve(M, weighted @ -local[:, 0, :, None])[:, 1:, 0] / spacing
+        slope *= np.clip(2 - np.linalg.norm(slope, axis=1) / STEEP, 0.0, 1.0)[:, None]
+        n = frames[:, 0] - (slope[:, None] @ frames[:, 1:])[:, 0]
         n = n / np.linalg.norm(n, axis=1)[:, None]
-    w = G * (A @ np.linalg.solve(M, np.eye(3)[:, :1]))[..., 0]
-    relative = -w
-    relative[np.arange(len(points)), points] = 1.0
-    gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
-    found = spans & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing) | kept[points]
-    return points[found], relative[found], frames[found]
+    w = np.zeros((len(points), len(places)))
+    w[:, met] = (np.linalg.solve(M, np.eye(3)[:, :1]).swapaxes(1, 2) @ weighted)[:, 0]
+    gaps = (frames[:, 0] * (places[points] - w @ places)).sum(axis=1)
+    return points, w, gaps, frames, spread, kept[points]
 
 
 def kernel(squares: np.ndarray) -> np.ndarray:
@@ -88,10 +116,11 @@ def kernel(squares: np.ndarray) -> np.ndarray:
 def patch_normals(surface: np.ndarray, triangles: np.ndarray, of: np.ndarray, count: int) -> np.ndarray:
     """(count, 3) outward unit normals of patches: surface (m, 3) mm, triangles (t, 3), of (m,) the patch of each node;
     each corner of a triangle gives its area to its own patch."""
-    a, b, c = (surface[triangles[:, i]] for i in range(3))
-    area, found = np.cross(b - a, c - a), np.zeros((count, 3))
-    for corner in triangles.T:
-        np.add.at(found, of[corner], area)
+    a, b, c = (surface[triangles[:, i]].T for i in range(3))
+    (x, y, z), (u, v, w) = b - a, c - a
+    corners = of[triangles].ravel()
+    area = (np.repeat(one, 3) for one in (y * w - z * v, z * u - x * w, x * v - y * u))
+    found = np.stack([np.bincount(corners, one, count) for one in area], axis=1)
     return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
 
 

@@ -37,9 +37,11 @@ def newton(
 @njit(cache=True, error_model="numpy")
 def _iterate(A, constant, mu, lam):
     """Newton's method from lam (3 m,), which becomes the answer. Whether it converged, and the systems it solved."""
-    n, forces = len(lam), np.abs(constant).max()
+    n, largest, forces = len(lam), 0.0, 0.0  # by loops: whole arrays take seconds to compile
     F, D, trial, step, J = np.empty(n), np.empty((n // 3, 3, 3)), np.empty(n), np.empty(n), np.empty((n, n))
     size = _missing(lam, A, constant, mu, F, D)
+    for a in range(n):
+        forces = max(forces, abs(constant[a]))
     for iteration in range(1, ITERATIONS + 1):
         if not _step(A, F, D, mu, J, step):
             return False, iteration
@@ -51,10 +53,13 @@ def _iterate(A, constant, mu, lam):
             if now < size or halving == HALVINGS:
                 break
             share /= 2
-        lam[:], size = trial, now
+        size, largest = now, 0.0
+        for a in range(n):
+            lam[a] = trial[a]
+            largest = max(largest, abs(lam[a]))
         if not np.isfinite(size):
             return False, iteration
-        if size <= EXACT * max(np.abs(lam).max(), forces):
+        if size <= EXACT * max(largest, forces):
             return True, iteration
     return False, ITERATIONS
 
@@ -281,11 +286,13 @@ def _clean(lam, mu):
         for a in range(3):
             least = max(least, EXACT * abs(lam[i, a]))
     for i in range(len(lam)):
-        if not lam[i, 0] > least:
-            lam[i] = 0.0
+        touches = lam[i, 0] > least
+        for a in range(3):
+            lam[i, a] = lam[i, a] if touches else 0.0
         length, limit = np.sqrt(lam[i, 1] ** 2 + lam[i, 2] ** 2), mu * lam[i, 0]
         if length > limit:
-            lam[i, 1:] *= limit / length
+            lam[i, 1] *= limit / length
+            lam[i, 2] *= limit / length
     return lam
 
 

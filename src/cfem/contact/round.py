@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from cfem.contact.enumerate import MOST
 from cfem.contact.modes import Mode
 from cfem.contact.newton import modes_from, newton
+from cfem.contact.path import along_friction
 from cfem.contact.problem import ContactProblem
 from cfem.contact.solve import ContactStatus, solve_contact
 
@@ -35,6 +37,9 @@ def pressed(
     W = (into @ (into @ compliance.T.reshape(shape)).reshape(3 * c, 3 * c).T.reshape(shape)).reshape(3 * c, 3 * c)
     free = gap.ravel() - W @ known.ravel()
     found, _ = newton(W, free, mu, known)
+    if found is None and c <= MOST:  # the state that `solve_contact` finds of more points, and C of any number
+        found, _ = newton(W, free, mu)
+        found = along_friction(W, free, mu)[0] if found is None else found
     if found is not None:
         return modes_from(found, mu), found
     answer = solve_contact(ContactProblem(W, free, mu=mu), "coulomb")

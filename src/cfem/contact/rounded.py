@@ -57,7 +57,7 @@ def frames(boxes, of, points):
         sign = -1.0 if n[2] < -0.99 else 1.0
         a = -1.0 / (sign + n[2])
         b = n[0] * n[1] * a
-        own[0] = n
+        own[0, 0], own[0, 1], own[0, 2] = n[0], n[1], n[2]
         own[1, 0], own[1, 1], own[1, 2] = 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]
         own[2, 0], own[2, 1], own[2, 2] = b, sign + n[1] * n[1] * a, -n[1]
         for i in range(3):
@@ -70,16 +70,22 @@ def frames(boxes, of, points):
 @njit(cache=True, error_model="numpy")
 def bends(boxes, of, points):
     """(c, 3, 3) 1/mm: derivative of the normal by the place."""
-    found, n, own = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
+    found, n, own, half = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(points)):
         o = of[p]
+        R = boxes.R[o]
         away = _local(boxes, o, points[p], n) + boxes.rounding[o]
         if not (boxes.rounding[o] > 0 and away > 0):
             continue
         for i in range(3):
             for j in range(3):
                 own[i, j] = ((1.0 if i == j and n[i] != 0 else 0.0) - n[i] * n[j]) / away
-        found[p] = boxes.R[o] @ own @ boxes.R[o].T
+        for i in range(3):
+            for j in range(3):
+                half[i, j] = own[i, 0] * R[j, 0] + own[i, 1] * R[j, 1] + own[i, 2] * R[j, 2]
+        for i in range(3):
+            for j in range(3):
+                found[p, i, j] = R[i, 0] * half[0, j] + R[i, 1] * half[1, j] + R[i, 2] * half[2, j]
     return found
 
 
@@ -101,8 +107,9 @@ def _local(boxes, o, x, normal):
             upwards = sign
     away = np.sqrt(square)
     if away > 0:
-        normal /= away
+        for i in range(3):
+            normal[i] /= away
         return away - boxes.rounding[o]
-    normal[:] = 0.0
-    normal[largest] = upwards
+    for i in range(3):
+        normal[i] = upwards if i == largest else 0.0
     return most - boxes.rounding[o]

@@ -75,7 +75,10 @@ class Tracker:
             what = f"the model has no parameter '{strange[0]}'" if strange else "the model has no parameters to track"
             raise InputError(what, do=f"known are {', '.join(names) or 'none'}")
         if self.noise <= 0 or self.forget <= 1 or min(self.loss, *self.frame) < 0:
-            raise InputError("noise must be positive, forget above one sample, loss and frame not negative")
+            raise InputError(
+                "noise must be positive, forget above one sample, loss and frame not negative",
+                do="correct these numbers",
+            )
         own = self.predictor.parameters
         self._find = [names.index(name) for name in wanted]
         self._ends = np.array(range_coordinates(own))

@@ -52,8 +52,8 @@ class RobotsAndObject:
 
     @property
     def aims(self) -> np.ndarray:
-        """(n_e,) which effector rows goals are set for: all."""
-        return np.ones(self.rows.n_e, dtype=bool)
+        """(n_e,) which effector rows every goal is set for: the object's place."""
+        return ~np.array(self.rows.turns)
 
 
 def assembled(
@@ -68,7 +68,7 @@ def assembled(
         )
     n = 6 if turns else 3
     force = np.zeros(3) if spec.object.force is None else spec.object.force
-    held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]))
+    held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]), spec.oriented)
     places = [place_of(one) for one in spec.robots]
     n_a, count = robot.rows.n_a, len(places)
 
@@ -91,7 +91,7 @@ def assembled(
     plant = CoupledPlant(holds(fem, fem[0].patch.n, origin), held, np.tile(robot.unilateral, count), home, points)
     facts = RobotsAndObject(
         plant.coupled.rows,
-        spec.object.centre,
+        held.rest_e,
         np.tile(robot.reach, (count, 1)),
         np.tile(robot.unilateral, count),
         robot.length,
@@ -111,9 +111,9 @@ def touching(
     about, law, mu = spec.object, spec.object.law, spec.object.friction if spec.object.law == "coulomb" else 0.0
     shape = Box(about.half_size, t=about.centre)
     force = np.zeros(3) if about.force is None else about.force
-    held = Free(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns)
-    problem, n_a, count = Problem(robot), robot.rows.n_a, len(spec.robots)
-    fingers = [PlacedRobot(problem, *place_of(one)) for one in spec.robots]
+    held = Free(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns, oriented=spec.oriented)
+    n_a, count = robot.rows.n_a, len(spec.robots)
+    fingers = [PlacedRobot(Problem(robot), *place_of(one)) for one in spec.robots]
     _demand_touch(spec, robot, shape, fingers)
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
@@ -127,7 +127,7 @@ def touching(
         raise InputError(
             "points that open one by one turn their patch, and the model was sampled with one that cannot", do=do
         )
-    patch = patch_of(contact_points(problem), turns=True)
+    patch = patch_of(contact_points(fingers[0].problem), turns=True)
     within, found = WithinPatch(*within_patch(robot, patch)), {}
     table = table_under(about.centre, about.half_size, force) if about.table else None
     for name, glued in models.items():

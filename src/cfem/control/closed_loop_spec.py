@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt
 
 from cfem.control.adapt_spec import AdaptSpec
 from cfem.control.estimated_spec import EstimateSpec
@@ -57,13 +57,11 @@ class GainsSpec(Spec):
     bound: Length | None = None
     """Largest length of the integral part."""
 
-    @model_validator(mode="after")
-    def _one_of_both(self):
+    def check(self) -> None:
         if (self.integral is None) == (self.phase_margin is None):
             raise ValueError("give either integral or phase_margin")
         if self.phase_margin is not None and (self.proportional or not 0 < self.phase_margin < np.pi / 2):
             raise ValueError("phase_margin must be between 0 and 90 deg, and needs proportional: 0")
-        return self
 
 
 class ControllerSpec(Spec):
@@ -96,24 +94,15 @@ class ControllerSpec(Spec):
         """Whether it asks a model that has learned to move."""
         return self.feedforward or self.shaping is not None or self.mpc is not None
 
-    @model_validator(mode="after")
-    def _gains_are_closed(self):
+    def check(self) -> None:
         if self.mode != "closed" and self.gains is not None:
             raise ValueError(f"gains: mode: {self.mode} takes none")
-        return self
-
-    @model_validator(mode="after")
-    def _learned_ways(self):
         if (self.mode == "policy") != (self.policy is not None):
             raise ValueError("mode: policy needs policy, a file, and the other modes take none")
         if self.mode == "policy" and (self.adapt is not None or self.moves or self.model == "fe-based"):
             raise ValueError("mode: policy takes neither adapt, shaping, feedforward, mpc nor model: fe-based")
         if self.adapt is not None and (self.moves or self.model == "fe-based" or self.observer != "equilibrium"):
             raise ValueError("adapt needs a learned model, observer: equilibrium, and no shaping, feedforward or mpc")
-        return self
-
-    @model_validator(mode="after")
-    def _one_way(self):
         chosen = [self.shaping is not None, self.feedforward, self.mpc is not None]
         if sum(chosen) > 1:
             raise ValueError("give one of shaping, feedforward and mpc")
@@ -123,7 +112,6 @@ class ControllerSpec(Spec):
             raise ValueError("mpc takes neither gains nor observer: its own observer is mpc.doubt")
         if self.moves and self.model == "fe-based":
             raise ValueError("a controller that knows how the robot moves needs a learned model")
-        return self
 
 
 class SettleSpec(Spec):
@@ -231,8 +219,7 @@ class LoopSpec(Spec):
     answer_within: Time = 1.0
     """Time in which the device must answer."""
 
-    @model_validator(mode="after")
-    def _motion_fits(self):
+    def check(self) -> None:
         if self.laps is not None and self.goal_every is not None:
             raise ValueError("laps have a goal at each tick: leave out goal_every")
         if self.moving is not None and self.real.wall is not None:
@@ -241,22 +228,16 @@ class LoopSpec(Spec):
             raise ValueError("real.drift does not go with moving yet")
         if self.moving is None and self.real.viscosity != 1:
             raise ValueError("real.viscosity needs moving")
-        return self
-
-    @model_validator(mode="after")
-    def _live_fits(self):
         others = [one for one in self.controllers.values() if one.adapt or one.policy or one.moves]
         if self.live and (others or self.estimate is not None or self.moving is not None):
             raise ValueError(
                 "live goes with modes open and closed of a robot at rest: leave out adapt, policy, shaping, "
                 "feedforward, mpc, estimate and moving"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _estimate_fits(self):
+        if self.sensor.rate is not None and self.sensor.rate > self.rate:
+            raise ValueError("sensor.rate must not be above the loop's rate")
         if self.estimate is None:
-            return self
+            return
         if self.real.wall is not None:
             raise ValueError("estimate takes the robot to be free: leave out real.wall")
         if self.estimates_motion and any(one.adapt for one in self.controllers.values()):
@@ -267,13 +248,6 @@ class LoopSpec(Spec):
             raise ValueError("estimate needs markers in the scene's frame: leave out adapt.camera")
         if self.sensor.noise:
             raise ValueError("estimate has a noise of its own: leave out sensor.noise")
-        return self
-
-    @model_validator(mode="after")
-    def _sensor_is_no_faster(self):
-        if self.sensor.rate is not None and self.sensor.rate > self.rate:
-            raise ValueError("sensor.rate must not be above the loop's rate")
-        return self
 
     @property
     def estimates_motion(self) -> bool:

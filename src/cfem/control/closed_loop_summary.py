@@ -1,6 +1,6 @@
 """Ticks to rows of `loop.parquet` and to the numbers of the headline."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -8,7 +8,10 @@ import numpy as np
 
 from cfem.control.closed_loop import Moment, Pace
 from cfem.control.estimated_account import estimate_sentence
-from cfem.core.shown import duration
+from cfem.core.shown import duration, length
+
+OFTEN = 0.01  # of the ticks: from there on the headline tells that a bound of a command held
+HELD = {"smallest": "smallest command of", "largest": "largest command of", "rate": "largest change of"}
 
 
 def record(trajectory: str, controller: str, seed: int, rate: float, one: Moment) -> dict[str, Any]:
@@ -86,16 +89,26 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
                 parts.append(f"after {wait['median']:g} ticks each, {wait['max']} at most")
             if error:
                 parts.append(
-                    f"tracking error mean {error['mean']:.2g}, max {error['max']:.2g} mm when the next was due"
+                    f"tracking error mean {length(error['mean'])}, max {length(error['max'])} when the next was due"
                 )
             parts.append(f"{duration(1e-6 * row['step_us']['median'])} of CPU time per tick")
-            parts += [f"{what} in {100 * share:.3g} % of the ticks" for what, share in row.get("saturated", {}).items()]
+            parts += _saturated(row.get("saturated", {}))
             if "estimate" in row:
                 parts.append(estimate_sentence(row["estimate"]))
             if row["no_position"]:
                 parts.append(f"the plant gave NO POSITION in {row['no_position']} ticks")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
     return lines
+
+
+def _saturated(shares: Mapping[str, float]) -> list[str]:
+    """One part for each kind of bound that held in `OFTEN` of the ticks or more; keys of actuators are 'name: kind'."""
+    found: dict[str, list[str]] = {}
+    for key, share in shares.items():
+        name, _, kind = key.rpartition(": ")
+        if share >= OFTEN or not name:
+            found.setdefault(HELD.get(kind, kind), []).append(f"{name} in {100 * share:.3g} %".strip())
+    return [f"{kind} {', '.join(of)} of the ticks" for kind, of in found.items()]
 
 
 def _reached(of: list[Moment], pace: Pace) -> bool:

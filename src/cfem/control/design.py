@@ -24,7 +24,7 @@ def designed(
     scene's own do. SpecError where the models differ in their parameters."""
     first, *others = predictors.values()
     if any(one.parameters != first.parameters for one in others):
-        raise SpecError("the models have different parameters", where="design")
+        raise SpecError("the models have different parameters", where="design", do="name models of the same parameters")
     p = vector(first.parameters, design, "design")
     robot, own = robot_at(scene, mesh, first.parameters, p)
     return robot, {name: AtParameters(one, p) for name, one in predictors.items()}, robot.rest_e - own.rest_e

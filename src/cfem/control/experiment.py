@@ -1,6 +1,6 @@
 """Open-loop tracking: controllers plan a goal a tick, the plant carries out what they plan, both are recorded."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from cfem.plant.protocol import Measurement, Plant
 class Tracked:
     """One goal, absolute (n_e,) mm, by one pilot: what it planned, what the plant did, whether the plan
     stayed inside the model's domain and how far from the training states it is (NaN where nothing was learned); which
-    rows (n_e,) matter."""
+    rows (n_e,) matter as places, and which as rotations."""
 
     controller: str
     index: int
@@ -25,6 +25,7 @@ class Tracked:
     inside: bool
     distance: float
     matters: np.ndarray
+    turning: np.ndarray
 
     @property
     def error(self) -> float:
@@ -32,44 +33,55 @@ class Tracked:
         failed."""
         return float(np.linalg.norm((self.measured.x_e - self.goal)[self.matters]))
 
+    @property
+    def rotation_error(self) -> float | None:
+        """rad between the rotation vectors that the plant reached and the goal's, over the rows that matter; None where
+        none does."""
+        if not self.turning.any():
+            return None
+        return float(np.linalg.norm((self.measured.x_e - self.goal)[self.turning]))
+
 
 def follow(
     goals: np.ndarray,
     pilots: Mapping[str, Pilot],
     plant: Plant,
     rest_e: np.ndarray,
-    reference: str | None = None,
+    judge: tuple[str, Controller] | None = None,
     after: Callable[[int], None] = lambda index: None,
     let_go: bool = False,
-) -> list[Tracked]:
+    first: int = 0,
+) -> Iterator[list[Tracked]]:
     """Every goal (m, n_e) mm by every pilot, whose command is a displacement; each plan in the plant as it is.
 
-    reference: name of the pilot whose model is the plant itself (FE-based control); it goes first at each goal, so
-    that the plant stands near where the learned models send it. Learned ones plan all goals beforehand, undisturbed,
-    as their step is timed. let_go: robots let their object go at
-    the last goal. after(index): called when the plant has carried out the first plan for that goal."""
+    judge: name of the pilot whose model is the plant itself (FE-based control), and its controller; it goes first at
+    each goal, so that the plant stands near where the learned models send it. Learned ones plan all goals beforehand,
+    undisturbed, as their step is timed. let_go: robots let their object go at the last goal. first: index of the first
+    goal that the plant takes. after(index): called when the plant has carried out the first plan for that goal."""
+    reference, controller = judge or (None, None)
     order = sorted(pilots, key=lambda name: name != reference)
-    controllers = {name: Controller(pilots[name], rest_e) for name in order}
     shares = np.linspace(0.0, 1.0, len(goals)) if len(goals) > 1 else np.zeros(1)
-    plans = {name: _planned(controllers[name], goals, shares, let_go) for name in order if name != reference}
-    tracked = []
-    for index, (goal, share) in enumerate(zip(goals, shares, strict=True)):
+    controllers = {name: Controller(pilots[name], rest_e) for name in order if name != reference}
+    plans = {name: _planned(one, goals, shares, let_go) for name, one in controllers.items()}
+    for index, goal in enumerate(goals[first:], first):
+        tracked = []
         if hasattr(plant, "pass_to"):
-            plant.pass_to(share)
+            plant.pass_to(shares[index])
         for place, name in enumerate(order):
-            plan = controllers[name].tick(goal).plan if name == reference else plans[name][index]
+            plan = controller.tick(goal).plan if name == reference else plans[name][index]
             measured = plant.step(plan.delta_a, via=plan.via) if plan.via else plant.step(plan.delta_a)
             model, inside, distance = pilots[name].model, True, np.nan
             if hasattr(model, "inside"):
                 found = plan.iterate.condensed
                 inside, distance = model.inside(found), model.distance(found)
             matters = pilots[name].weights > 0
+            turning = matters & plan.iterate.condensed.rows.turns
             if pilots[name].places is not None:
                 matters = matters & pilots[name].places
-            tracked.append(Tracked(name, index, goal, plan, measured, inside, distance, matters))
+            tracked.append(Tracked(name, index, goal, plan, measured, inside, distance, matters, turning))
             if place == 0:
                 after(index)
-    return tracked
+        yield tracked
 
 
 def _planned(controller: Controller, goals: np.ndarray, shares: np.ndarray, let_go: bool) -> list[Reach]:

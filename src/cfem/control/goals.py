@@ -23,11 +23,13 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
         points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
         return _fit(name, points, robot, shift)
     if isinstance(trajectory, GoalsSpec):
-        return _fit(name, trajectory.points, robot, shift)
+        oriented = [] if trajectory.rotation is None else [trajectory.rotation]
+        return _fit(name, np.hstack([trajectory.points, *oriented]), robot, shift)
     if len(trajectory.centre) != robot.rows.n_a:
         raise SpecError(
             f"centre has {len(trajectory.centre)} numbers, the robot {robot.rows.n_a} actuators",
             where=f"trajectories.{name}",
+            do="give one number per actuator",
         )
     shares = loop_of_shares(trajectory.centre, trajectory.radii, trajectory.goals, trajectory.shape)
     found = []
@@ -46,6 +48,7 @@ def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.nd
         raise SpecError(
             f"a goal has {goals.shape[1]} numbers, the robot {robot.rows.n_e} effector rows",
             where=f"trajectories.{name}",
+            do="give one number per row: x, y, z of each effector",
         )
     return goals + shift if len(shift) else goals
 

@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.coupling import Coupled, State, state_of
+from cfem.constraint.effector import inverse_left_jacobian
 from cfem.contact.sensitivity import sensitivity
 from cfem.control.obstacles import World
 from cfem.control.spec import ControlSpec
@@ -112,7 +113,7 @@ class Gripping:
         J, K = self._slopes(stands)
         lam = np.concatenate([one.lambda_a for one in stands.solved])
         e, rows = stands.effectors(), self.rows
-        e[:3] = stands.last.around.x
+        e[:3] -= self.glued.object.centre
         W_aa = np.linalg.inv((K + K.T) / 2)
         W_ea = J @ W_aa
         W = np.block([[W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
@@ -133,7 +134,11 @@ class Gripping:
         free = posed.into @ np.pad(moved, ((0, len(posed.into) - len(moved)), (0, 0)))  # a table stays where it is
         pressed = by_gap @ free
         K = block_diag(*[one.stiffness for _, one in robots]) - free.T @ pressed
-        J = (moves @ free)[:3]
+        J = moves @ free
+        n_e = self.glued.rows.n_e
+        if n_e > 3:
+            J[3:] = inverse_left_jacobian(last.around.delta_e[3:]) @ J[3:]
+        J = J[:n_e]
         return (J if self.margin is None else np.vstack([J, self._grips(stands, pressed)])), K
 
     def _grips(self, stands: GripPlant, pressed: np.ndarray) -> np.ndarray:
@@ -169,7 +174,7 @@ class Grip(World):
 
     @classmethod
     def of(cls, model: Gripping, fe: GripPlant) -> "Grip":
-        k = model.rows.n_e - 3
+        k = model.rows.n_e - model.glued.rows.n_e
         return cls(model.rows, np.zeros(k), np.zeros(k), np.tile([0.0, np.inf], (k, 1)), fe, model)
 
     def said(self, spec: ControlSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
@@ -194,7 +199,7 @@ class Grip(World):
             figures["alone"] = {"status": ended, "moves": moves, "clearance": self.fe.clearance()}
             lines.append(_opened(self.fe, ended, moves))
         lines += [
-            f"{row['trajectory']}, goal {row['goal_index']}: no plan reaches it, the nearest ends "
+            f"{row['trajectory']}, goal {row['goal_index']}: no plan reaches it; the nearest ends "
             f"{row['predicted_distance']:.2g} mm away ({row['status']})"
             for row in records
             if not row["reachable"]

@@ -77,6 +77,10 @@ class Aim:
         matters = self.weights > 0 if self.places is None else (self.weights > 0) & self.places
         return float(np.linalg.norm((delta_e - self.goal)[matters]))
 
+    def missed(self, delta_e: np.ndarray) -> float:
+        """mm, the weighted distance from the goal, of all rows."""
+        return float(np.linalg.norm(self.weights * (delta_e - self.goal)))
+
     def cost(self, delta_e: np.ndarray, delta_a: np.ndarray) -> float:
         """mm^2, what the inverse step minimises, at a state."""
         missing, effort = self.weights * (delta_e - self.goal), self.ridge * (delta_a - self.preload)

@@ -17,9 +17,8 @@ def lifted(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings, pla
     """`reach`, from where it may begin. model: a `Gripping` with `air`."""
     now = at.condensed
     if now.borne > 0:
-        course, distance = float(np.abs(limits.delta_a).max()), aim.distance(now.delta_e)
-        if distance <= NEAR * course:
-            kept = now.delta_a, now.lambda_a, now.delta_e, distance
+        if aim.missed(now.delta_e) <= NEAR * float(np.abs(limits.delta_a).max()):
+            kept = now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e)
             return Reach(*kept, ReachStatus.CONVERGED, 0, 0, False, 0.0, 0.0, at)
         try:
             above = reach(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)

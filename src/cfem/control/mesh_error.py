@@ -65,7 +65,7 @@ def discretisation(
 def _left_out(spec: ControlSpec) -> str:
     """Why nothing is to be estimated."""
     if spec.object or spec.design:
-        return "the estimate does not know objects and designs"
+        return "runs with an object or a design have no estimate yet"
     if spec.obstacles:
         return "the estimate does not know contact"
     if spec.mesh_error is None:

@@ -21,7 +21,7 @@ def multistart(model: Model, aim: Aim, limits: Limits, first: Reach, settings: S
     course = np.minimum(np.ptp(limits.delta_a, axis=1), np.abs(limits.delta_a).max(axis=1))
     best, cost = first, aim.cost(first.delta_e, first.delta_a)
     for direction in _directions(len(course)):
-        if _missed(aim, best) <= MISSED * course.max():
+        if aim.missed(best.delta_e) <= MISSED * course.max():
             break
         start = np.clip(first.delta_a + ASIDE * course * direction, *limits.delta_a.T)
         try:
@@ -39,10 +39,6 @@ def multistart(model: Model, aim: Aim, limits: Limits, first: Reach, settings: S
         spent = {name: getattr(best, name) for name in ("iterations", "queries", "seconds")}
         best, cost = replace(found, **spent), aim.cost(found.delta_e, found.delta_a)
     return best
-
-
-def _missed(aim: Aim, found: Reach) -> float:
-    return float(np.linalg.norm(aim.weights * (found.delta_e - aim.goal)))
 
 
 def _directions(n: int) -> list[np.ndarray]:

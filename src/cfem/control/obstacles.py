@@ -26,6 +26,7 @@ from cfem.robot.load import load_scene_and_mesh, made_from
 from cfem.robot.same import demand_robot
 
 STOPS = 21  # places of a way that are looked at
+PRESSED = 0.05  # of the force that is wanted: how far off it may be where a goal is reached
 INSIDE = 1e-6  # of the length: how far the robot may reach into an obstacle at rest
 
 
@@ -51,9 +52,17 @@ class World:
         """The pilot of the robot alone, with what it is to do with obstacles."""
         n_e = len(pilot.weights)
         bounds = np.vstack([np.tile([-np.inf, np.inf], (n_e, 1)), self.bounds])
-        places = np.arange(n_e + len(self.goal)) < n_e
+        own = np.ones(n_e, dtype=bool) if pilot.places is None else pilot.places
+        places = np.concatenate([own, np.zeros(len(self.goal), dtype=bool)])
         weights = np.concatenate([pilot.weights, self.weights])
         return replace(pilot, limits=replace(pilot.limits, delta_e=bounds), weights=weights, places=places)
+
+    def met(self, e: np.ndarray, near: float) -> bool:
+        """Whether forces are as wanted or allowed, within PRESSED, and distances within `near` (mm). e: (n_e + k,)."""
+        found, forces = e[self.rows.n_e - len(self.goal) :], self.weights > 0
+        off = np.abs(found - self.goal)[forces] <= PRESSED * self.goal[forces]
+        low, high = self.bounds.T
+        return bool(off.all() and (forces | (found >= low - near)).all() and (found <= (1 + PRESSED) * high).all())
 
     def said(self, spec: ControlSpec, records: Sequence[Mapping]) -> tuple[dict[str, dict], list[str]]:
         """What the plant had of each obstacle in the rows of a table: figures, and lines for people."""

@@ -31,6 +31,7 @@ def pilot_of(spec: ControlSpec, robot: Any, model: Any) -> Pilot:
         Settings(search.iterations, search.tolerance, search.step, backend=search.qp),
         preload=search.preload,
         damping=ridge_of(search.damping, robot.reach, robot.length),
+        places=~np.array(robot.rows.turns),
     )
 
 
@@ -78,14 +79,21 @@ def _limits(spec: ControlSpec, robot: Any) -> Limits:
 
 
 def weights_of(spec: ControlSpec, robot: Any) -> np.ndarray:
-    """(n_e,) of the effector rows. SpecError where the spec states another number of them."""
+    """(n_e,) of the effector rows, mm/rad for those of an object's rotation. SpecError where the spec states another
+    number of them."""
     stated, weights = spec.search.weights, robot.aims.astype(float)
+    if spec.object:
+        weights[:] = 1.0
     if stated is not None and len(stated) == robot.aims.sum():
         weights[robot.aims] = stated
     elif stated is not None:
         weights = np.array(stated)
     if len(weights) != robot.rows.n_e:
         raise SpecError(
-            f"has {len(weights)} weights, and the robot {robot.rows.n_e} effector rows", where="search.weights"
+            f"has {len(weights)} weights, and the robot {robot.rows.n_e} effector rows",
+            where="search.weights",
+            do="give one per row",
         )
+    if spec.object:
+        weights[3:] *= float(np.linalg.norm(spec.object.half_size))
     return weights

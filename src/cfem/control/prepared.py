@@ -53,8 +53,15 @@ class Prepared:
         return self.world.rest(self.robot.rest_e) if self.world else self.robot.rest_e
 
 
-def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Prepared:
-    """InputError where a model is not of this robot, SpecError where the spec does not fit it."""
+def prepare(
+    spec: ControlSpec,
+    base: Path,
+    mesh: Path,
+    models: Mapping[str, Path],
+    goals: Mapping[str, np.ndarray] | None = None,
+) -> Prepared:
+    """goals: where they are known already. InputError where a model is not of this robot, SpecError where the spec does
+    not fit it."""
     scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
     robot, predictors, shift = robot_and_models(spec, base, scene_and_mesh, models)
     demand_units(spec, robot.actuator_units)
@@ -74,11 +81,12 @@ def prepare(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path
             world, predictors, touched = with_obstacles(spec, base, robot, predictors, models)
             rest_e = world.rest(rest_e)
         plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
-    goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
-    for name, points in goals.items():
-        demand_near(name, points, robot.rest_e, scene_and_mesh[0].length)
-    if world:
-        goals = {name: world.goals(points) for name, points in goals.items()}
+    if goals is None:
+        goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
+        for name, points in goals.items():
+            demand_near(name, points, robot.rest_e, scene_and_mesh[0].length)
+        if world:
+            goals = {name: world.goals(points) for name, points in goals.items()}
     return Prepared(*scene_and_mesh, robot, predictors, plant, fem, touched, world, goals, error)
 
 

@@ -1,9 +1,10 @@
 """What `control.yaml` says: which models follow which trajectories, against what."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.control.crawling.spec import GaitSpec
@@ -11,7 +12,7 @@ from cfem.control.trajectory_spec import TrajectorySpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import ForceVector, Length, Point
+from cfem.core.units import Angle, ForceVector, Length, Point
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.robot.geometry import Turn
@@ -35,7 +36,8 @@ class SearchSpec(Spec):
     damping: float = Field(0.0, ge=0)
     """Cost of a full stroke in one step. It keeps redundant actuators from wandering."""
     weights: list[Annotated[float, Field(ge=0)]] | None = None
-    """Weight of each effector row."""
+    """Weight of each effector row. Of an object three, or six with its rotation about x, y and z, which counts as the
+    way by which it moves a corner of the object. 0 leaves a row free."""
     largest_force: Effort | None = None
     """Largest force of any actuator."""
     qp: Literal["active_set", "osqp"] = "active_set"
@@ -75,11 +77,9 @@ class ObjectSpec(Spec):
     """Whether the box stands on a table, with the side that `force` points to. The robots squeeze it there, lift it,
     and put it back where a goal is on the table. Plans and plant know the table."""
 
-    @model_validator(mode="after")
-    def _stands(self):
+    def check(self) -> None:
         if self.table and (self.law != "coulomb" or self.force is None or not any(self.force)):
             raise ValueError("table: robots lift a box from it by friction: give law: coulomb and force, its weight")
-        return self
 
 
 class RobotSpec(Spec):
@@ -118,7 +118,10 @@ class ControlSpec(Spec):
     search: SearchSpec = SearchSpec()
     """How the inverse steps approach a goal."""
     reached: Length = 0.1
-    """A goal is reached where the robot ends nearer than this, and in reach where the search by the model does."""
+    """A goal is reached where the robot ends nearer than this, with the forces on obstacles that are wanted within 5 %
+    of them. It is in reach where the search by the model ends so."""
+    reached_rotation: Angle = math.radians(0.1)
+    """A goal that states an orientation is reached where that error is smaller, too."""
     mesh_error: MeshErrorSpec | None = MeshErrorSpec()
     """How the discretisation error is estimated, null to leave it out."""
     fewer_iterations: list[PositiveInt] = Field(default=[])
@@ -148,8 +151,16 @@ class ControlSpec(Spec):
     gait: GaitSpec | None = None
     """A crawler instead: `robots` are its legs, whose effectors touch the ground."""
 
-    @model_validator(mode="after")
-    def _trajectories_or_gait(self):
+    def check(self) -> None:
+        self._trajectories_or_gait()
+        self._object_and_fe()
+        self._design_alone()
+        self._loads_alone()
+        self._obstacles_alone()
+        self._fe_needs_fe()
+        self._loop_fits()
+
+    def _trajectories_or_gait(self) -> None:
         if bool(self.trajectories) == (self.gait is not None):
             raise ValueError("expected trajectories to follow, or a gait")
         if self.gait:
@@ -162,10 +173,8 @@ class ControlSpec(Spec):
             unknown = set(self.gait.mirrored) - {one.name for one in self.robots}
             if unknown:
                 raise ValueError(f"gait.mirrored: {sorted(unknown)} are not among the robots")
-        return self
 
-    @model_validator(mode="after")
-    def _object_and_fe(self):
+    def _object_and_fe(self) -> None:
         if self.object and (self.plant == "model" or any(t.kind == "image" for t in self.trajectories.values())):
             raise ValueError("an object needs plant: fem and trajectories other than images")
         touched = self.object and self.object.law != "bilateral"
@@ -173,16 +182,23 @@ class ControlSpec(Spec):
             raise ValueError(f"object.law: {self.object.law} takes one model, fe_based: false, and no fewer_iterations")
         if self.object and self.object.margin is not None and self.object.law != "coulomb":
             raise ValueError("object.margin needs object.law: coulomb")
+        turned = [name for name, one in self.trajectories.items() if getattr(one, "rotation", None) is not None]
+        if turned and not (self.object and self.object.turns):
+            raise ValueError(f"trajectories.{turned[0]}.rotation: only an object has one, with object.turns: true")
         opens = [name for name, one in self.trajectories.items() if getattr(one, "let_go", False)]
         if opens and not (self.object and self.object.table):
             raise ValueError(f"trajectories.{opens[0]}.let_go: robots let an object go on its table: give object.table")
         names = [one.name for one in self.robots]
         if len(set(names)) < len(names):
             raise ValueError(f"names of robots must differ, got {names}")
-        return self
 
-    @model_validator(mode="after")
-    def _design_alone(self):
+    @property
+    def oriented(self) -> bool:
+        """Whether the object's orientation is controlled: a goal states it, or a weight asks for it."""
+        stated = any(getattr(one, "rotation", None) is not None for one in self.trajectories.values())
+        return stated or bool(self.object and self.object.turns and len(self.search.weights or []) == 6)
+
+    def _design_alone(self) -> None:
         if self.design and (self.object or self.runtime == "onnx"):
             raise ValueError("design does not go with an object or runtime: onnx yet")
         if self.design and self.loop and (self.loop.moving or any(one.moves for one in self.loop.controllers.values())):
@@ -191,16 +207,12 @@ class ControlSpec(Spec):
             raise ValueError("design does not go with loop.estimate yet")
         if self.design and self.loop and any(one.adapt for one in self.loop.controllers.values()):
             raise ValueError("design states what adapt would find: leave one of them out")
-        return self
 
-    @model_validator(mode="after")
-    def _loads_alone(self):
+    def _loads_alone(self) -> None:
         if self.loads and (self.object or self.design or self.runtime == "onnx"):
             raise ValueError("loads do not go with an object, a design or runtime: onnx yet")
-        return self
 
-    @model_validator(mode="after")
-    def _obstacles_alone(self):
+    def _obstacles_alone(self) -> None:
         if self.obstacles and (self.object or self.design or self.loop or self.runtime == "onnx"):
             raise ValueError("obstacles do not go with an object, a design, a loop or runtime: onnx yet")
         if self.obstacles and (self.fe_based or self.plant == "pipe"):
@@ -208,23 +220,19 @@ class ControlSpec(Spec):
         own = [name for name, one in self.obstacles.items() if one.kind == "itself"]
         if len(own) > 1:
             raise ValueError(f"obstacles: {' and '.join(own)} are both the robot itself; leave one of them out")
-        return self
 
-    @model_validator(mode="after")
-    def _fe_needs_fe(self):
+    def _fe_needs_fe(self) -> None:
         if self.plant == "model" and self.fe_based and not self.loop:
             raise ValueError("fe_based: needs plant: fem; set it to false with plant: model")
         if self.plant != "fem" and any(t.kind == "image" for t in self.trajectories.values()):
             raise ValueError("an image trajectory needs plant: fem")
-        return self
 
-    @model_validator(mode="after")
-    def _loop_fits(self):
+    def _loop_fits(self) -> None:
         loop = self.loop
         if (self.plant == "pipe") != (loop is not None and loop.device is not None):
             raise ValueError("plant: pipe needs loop.device, and loop.device plant: pipe")
         if loop is None:
-            return self
+            return
         if self.object:
             raise ValueError("a loop takes one robot without an object")
         unknown = {one.model for one in loop.controllers.values()} - {None, FE_BASED, *self.models}
@@ -244,4 +252,3 @@ class ControlSpec(Spec):
             raise ValueError("loop.estimate: a device loses markers as it does; leave out lost and wrong")
         if self.plant != "model" and loop.real.stiffer != 1:
             raise ValueError("loop.real.stiffer needs plant: model; with plant: fem override the scene's material")
-        return self

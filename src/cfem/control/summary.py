@@ -5,16 +5,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfem.control.experiment import Tracked
+from cfem.control.obstacles import World
 from cfem.control.spec import FE_BASED
+from cfem.core.shown import duration, length
 
 
-def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None) -> dict:
-    """One row of `trajectories.parquet`; lengths mm, forces N. fe: what FE-based control did at the same
-    goal. Robots that hold an object: also `contact`, the force by which each of them pushes it, by the plan."""
+def record(
+    trajectory: str,
+    tracked: Tracked,
+    reached: float,
+    fe: Tracked | None,
+    world: World | None = None,
+    reached_rotation: float = np.inf,
+) -> dict:
+    """One row of `trajectories.parquet`; lengths mm, forces N. fe: what FE-based control did at the same goal; world:
+    of obstacles, whose wanted forces and distances belong to a goal; reached_rotation: rad. Robots that hold an object:
+    also `contact`, the force by which each of them pushes it, by the plan."""
     plan, measured = tracked.plan, tracked.measured
+    turned = tracked.rotation_error
     pushes = getattr(plan.iterate.condensed, "forces", None)
     return {
         **({} if pushes is None else {"contact": pushes.ravel()}),
+        **({} if turned is None else {"rotation_error": np.degrees(turned)}),
         "trajectory": trajectory,
         "controller": tracked.controller,
         "goal_index": tracked.index,
@@ -26,8 +38,10 @@ def record(trajectory: str, tracked: Tracked, reached: float, fe: Tracked | None
         "lambda_a": plan.lambda_a,
         "predicted_e": plan.delta_e,
         "predicted_distance": plan.distance,
-        "reachable": plan.distance < reached,
-        "reached": tracked.error < reached,
+        "reachable": plan.distance < reached and (world is None or world.met(plan.delta_e, reached)),
+        "reached": tracked.error < reached
+        and (turned is None or turned < reached_rotation)
+        and (world is None or world.met(measured.x_e, reached)),
         "inside": tracked.inside,
         "distance_to_data": tracked.distance,
         "status": plan.status.value,
@@ -68,6 +82,7 @@ def summarise(records: Sequence[dict], length: float) -> dict:
             "distance_to_fe_based": None
             if name == FE_BASED
             else _spread([row["error_to_fe_based"] for row in rows], length),
+            "rotation_error": _of_rotations(rows),
             "iterations_mean": float(np.mean([row["iterations"] for row in rows])),
             "step_us": {
                 "median": float(np.median([row["step_us"] for row in rows])),
@@ -106,7 +121,7 @@ def discretisation_sentence(found: dict) -> str:
     if "left_out" in found:
         return f"discretisation error: not estimated ({found['left_out']})"
     return (
-        f"discretisation error: the mesh itself leaves {found['tip_mm']:.2g} mm uncertain at the tip "
+        f"discretisation error: the mesh itself leaves {length(found['tip_mm'], digits=2)} uncertain at the tip "
         f"({found['tip_percent']:.2g} % of the length), {found['force_percent']:.2g} % of the actuator forces and "
         f"{found['reach_percent']:.2g} % of the reach (estimated: {found['states']} state{'s' * (found['states'] > 1)} "
         f"on {found['finer_cells']} "
@@ -118,18 +133,20 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
     near, far, fe = (row[f"distance_to_{what}"] for what in ("reachable_goals", "unreachable_goals", "fe_based"))
     parts = [f"{row['reached']} of {row['goals']} goals reached"]
     if near:
-        parts.append(f"tracking error mean {near['mean']:.2g} mm, max {near['max']:.2g} mm, on the mesh of the model")
+        parts.append(f"tracking error mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model")
+    if row.get("rotation_error"):
+        parts.append("orientation error mean {mean:.2g} deg, max {max:.2g} deg".format(**row["rotation_error"]))
     if far:
         out = row["goals"] - row["reachable"]
         goals = (
             "1 goal is out of reach: the robot ended" if out == 1 else f"{out} goals are out of reach: the robot ended"
         )
-        parts.append(f"{goals} {far['mean']:.3g} mm away on average, {far['max']:.3g} mm at most")
+        parts.append(f"{goals} {length(far['mean'])} away on average, {length(far['max'])} at most")
     if fe:
-        parts.append(f"mean {fe['mean']:.2g} mm, max {fe['max']:.2g} mm from FE-based control")
-    step = f"{_short(row['step_us']['median'] / 1e3)} ms per control step"
+        parts.append(f"mean {length(fe['mean'])}, max {length(fe['max'])} from FE-based control")
+    step = f"{duration(1e-6 * row['step_us']['median'])} per control step"
     if fe_cost and fe_cost["solves"]:
-        step += f" (an FE solve takes {1e3 * fe_cost['seconds'] / fe_cost['solves']:.3g} ms)"
+        step += f" (an FE solve takes {duration(fe_cost['seconds'] / fe_cost['solves'])})"
     parts.append(step)
     if row["inside"] < row["goals"]:
         outside = row["goals"] - row["inside"]
@@ -137,9 +154,10 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
     return parts
 
 
-def _short(value: float) -> str:
-    """Two digits, all those before the point."""
-    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+def _of_rotations(rows: Sequence[dict]) -> dict | None:
+    """Mean and largest in degrees; None where no goal states an orientation, failed plant steps left out."""
+    known = np.array([row["rotation_error"] for row in rows if np.isfinite(row.get("rotation_error", np.nan))])
+    return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
 
 
 def _spread(values: Sequence[float], length: float) -> dict | None:

@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt
 
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Length, LengthMatrix, LengthVector
+from cfem.core.units import Angle, AngleMatrix, Length, LengthMatrix, LengthVector
 
 
 class ArcSpec(Spec):
@@ -52,9 +52,16 @@ class GoalsSpec(Spec):
     """Stated goals."""
     points: LengthMatrix
     """Goals of the effectors, one row per goal."""
+    rotation: AngleMatrix | None = None
+    """Orientation of the object at the goals: its rotation vector from rest, one row per goal. It is left free unless
+    given."""
     let_go: bool = False
     """Whether the last goal is a place of the table, where robots put their object down and let it go: all actuators go
     back to rest. It needs object.table."""
+
+    def check(self) -> None:
+        if self.rotation is not None and len(self.rotation) != len(self.points):
+            raise ValueError(f"{len(self.points)} points, but {len(self.rotation)} rows of rotation: give one per goal")
 
 
 class ImageSpec(Spec):
@@ -73,13 +80,11 @@ class ImageSpec(Spec):
     """ellipse: each pull follows the one before by a quarter turn. figure-eight: all swing together twice while they
     swing against each other once."""
 
-    @model_validator(mode="after")
-    def _inside_the_cube(self):
+    def check(self) -> None:
         if len(self.centre) != len(self.radii):
             raise ValueError("centre and radii need one number per actuator")
         if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in zip(self.centre, self.radii, strict=True)):
             raise ValueError("the curve leaves the range [0, 1] of the shares of reach")
-        return self
 
 
 TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]

@@ -8,6 +8,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import unit_of, written
 
 MOST = 3  # that are named
+LONGEST = 60  # characters of a list or mapping that is written out
 
 
 def changes(old: Any, new: Any, specs: Mapping[str, Spec]) -> list[str]:
@@ -60,6 +61,6 @@ def in_words(spec: Any, key: Sequence[str | int], value: Any) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         unit = "1" if field is None else unit_of(field)
         return f"{value:.9g}" if unit == "1" else written(value, unit)
-    if isinstance(value, dict | list):
-        return "another one" if len(value) > 1 else str(value)
+    if isinstance(value, dict | list) and len(written_out := str(value)) > LONGEST:
+        return f"{len(value)} of them" if isinstance(value, list) else f"{written_out[:LONGEST]} ..."
     return "none" if value is None else str(value)

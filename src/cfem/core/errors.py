@@ -1,5 +1,7 @@
 """One exception a documented exit code. A message says what is wrong, where, and what to do."""
 
+import os
+
 
 class CfemError(Exception):
     """Base: a defect of ours unless a subclass says otherwise (exit 1)."""
@@ -7,8 +9,16 @@ class CfemError(Exception):
     exit_code = 1
 
     def __init__(self, what: str, *, where: str | None = None, do: str | None = None):
-        self.what, self.where, self.do = what, where, do
-        super().__init__(": ".join(part for part in (where, what) if part) + (f" ({do})" if do else ""))
+        self.what, self.where, self.do = what, _direct(where), do
+        super().__init__(": ".join(part for part in (self.where, what) if part) + (f" ({do})" if do else ""))
+
+
+def _direct(where: str | None) -> str | None:
+    """'data/mesh' for 'pipelines/bar/../../data/mesh', unless links on the way make them differ."""
+    if where is None or ".." not in where:
+        return where
+    direct = os.path.normpath(where)
+    return direct if os.path.realpath(direct) == os.path.realpath(where) else where
 
 
 class SpecError(CfemError):
@@ -60,5 +70,5 @@ EXIT_CODES = {
     5: "a stated figure is not met, or an output is stale under --check",
     6: "the output exists and is not replaced, or another process holds it",
     7: "disk full or not writable",
-    130: "interrupted (resumable)",
+    130: "interrupted; finished stages, samples and goals are kept",
 }

@@ -102,13 +102,13 @@ def open_regular(path: Path) -> Iterator[BinaryIO]:
     """The file's bytes; InputError where it cannot be read, or is no regular file: a device or a pipe may never end."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
-            raise InputError("is no file", where=str(path), do="check the path")
+            raise InputError("is not a file", where=str(path), do="check the path")
         with open(path, "rb") as file:
             yield file
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it") from None
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path), do="check its permissions") from error
 
 
 def file_sha256(path: Path) -> str:

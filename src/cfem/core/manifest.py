@@ -74,7 +74,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError("is a file, and an artefact is a folder", where=str(folder), do=do)
     path = folder / MANIFEST
     if not path.exists():
-        raise InputError("holds no manifest.json: no command of cfem made it", where=str(folder))
+        raise InputError(
+            "holds no manifest.json: no command of cfem made it",
+            where=str(folder),
+            do="give a folder that a command made",
+        )
     try:
         with open_regular(path) as file:
             data = file.read()

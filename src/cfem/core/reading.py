@@ -8,10 +8,10 @@ import zipfile
 import zlib
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from cfem.core.errors import InputError
 
@@ -23,7 +23,19 @@ _DAMAGE = (
 LARGEST = 2**30  # bytes of all arrays of one .npz file
 
 
-class Data(BaseModel):
+class Checked(BaseModel):
+    """Base of all that is read: first each field is checked, then whether they go together."""
+
+    @model_validator(mode="after")
+    def _go_together(self) -> Self:
+        self.check()
+        return self
+
+    def check(self) -> None:
+        """ValueError, a sentence, where fields do not go together."""
+
+
+class Data(Checked):
     """Base of what a file holds: exact types, finite numbers; keys that nobody asks for are left alone."""
 
     model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False)

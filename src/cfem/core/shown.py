@@ -1,31 +1,42 @@
-"""Numbers as a person reads them: two or three digits, and a unit that suits their size; lines that fit."""
+"""Numbers as a person reads them: two or three digits, and a unit that suits their size; lines that fit.
+
+Commands, reports and pages all take the unit of a length or a time from here, so that they agree."""
 
 import re
 import shutil
+from collections.abc import Sequence
 from textwrap import wrap
 
+LENGTHS = (("mm", 1.0), ("µm", 1e-3), ("nm", 1e-6))
+TIMES = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
 HOLD = "\N{NO-BREAK SPACE}"
 
 
-def duration(seconds: float) -> str:
-    """'153 us', '2.4 s', '12 min'."""
-    if seconds == 0:
-        return "0 s"
-    if seconds < 120:
-        return _scaled(seconds, (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)))
-    return _scaled(seconds, (("h", 3600.0), ("min", 60.0)) if seconds >= 7200 else (("min", 60.0),))
+def duration(*seconds: float, digits: int = 3) -> str:
+    """'153 µs', '2.4 s', '12 min'; of several, in the unit of the longest: '0.12 / 1.5 ms'."""
+    most = max(map(abs, seconds))
+    units = TIMES if most < 120 else (("h", 3600.0),) if most >= 7200 else (("min", 60.0),)
+    return _scaled(seconds, _unit(most, units), digits)
 
 
-def length(mm: float) -> str:
-    """'0.45 mm', '3.2 um', '0.021 nm'."""
-    if mm == 0:
-        return "0 mm"
-    return _scaled(mm, (("m", 1e3),) if abs(mm) >= 1e3 else (("mm", 1.0), ("um", 1e-3), ("nm", 1e-6)), 0.1)
+def length(*mm: float, digits: int = 3) -> str:
+    """'0.45 mm', '3.2 µm', '0.021 nm'; of several, in the unit of the largest: '1.2 / 7.5 nm'."""
+    return _scaled(mm, length_unit(max(mm, key=abs)), digits)
+
+
+def length_unit(mm: float) -> tuple[str, float]:
+    """The unit in which `length` gives lengths of which this is the largest, and its mm."""
+    return _unit(abs(mm), ((("m", 1e3),) if abs(mm) >= 1e3 else LENGTHS), 0.1)
 
 
 def size(count: float) -> str:
     """Of bytes: '14.8 kB'."""
-    return _scaled(count, (("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("bytes", 1.0)))
+    return _scaled((count,), _unit(count, (("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("bytes", 1.0))))
+
+
+def times(ratio: float) -> str:
+    """How many times as long or large, two digits: '830', '2.5'."""
+    return _digits(ratio, 2)
 
 
 def folded(line: str) -> list[str]:
@@ -35,7 +46,18 @@ def folded(line: str) -> list[str]:
     return [part.replace(HOLD, " ") for part in parts]
 
 
-def _scaled(value: float, units: tuple[tuple[str, float], ...], least: float = 1.0) -> str:
-    """In the first of the units (largest first) of which it is `least` or more, else in the last."""
-    name, factor = next((unit for unit in units if abs(value) >= least * unit[1]), units[-1])
-    return f"{float(f'{value / factor:.3g}'):g} {name}"
+def _unit(most: float, units: Sequence[tuple[str, float]], least: float = 1.0) -> tuple[str, float]:
+    """The first of the units (largest first) of which this is `least` or more, else the last; for zero the one of
+    factor 1."""
+    if not most:
+        return next((unit for unit in units if unit[1] == 1.0), units[-1])
+    return next((unit for unit in units if most >= least * unit[1]), units[-1])
+
+
+def _scaled(values: Sequence[float], unit: tuple[str, float], digits: int = 3) -> str:
+    name, factor = unit
+    return f"{' / '.join(_digits(value / factor, digits) for value in values)} {name}"
+
+
+def _digits(value: float, digits: int) -> str:
+    return f"{float(f'{value:.{digits}g}'):g}"

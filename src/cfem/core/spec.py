@@ -19,11 +19,12 @@ from cfem.core.errors import SpecError
 from cfem.core.files import plain
 from cfem.core.kinds import other_kind
 from cfem.core.origin import Origin, key_path
+from cfem.core.reading import Checked
 from cfem.core.units import in_unit, unit_of, written
 from cfem.core.yaml import parse_value, read_yaml
 
 
-class Spec(BaseModel):
+class Spec(Checked):
     """Base of every spec and of every part of one. A spec that was read from a file knows its file and lines."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
@@ -76,7 +77,7 @@ class Spec(BaseModel):
 
 def described(model: type[BaseModel]) -> dict[str, str]:
     """Field -> the string below it, in the class itself or in those that it inherits from."""
-    bases = [one for one in reversed(model.__mro__) if issubclass(one, BaseModel) and one not in (BaseModel, Spec)]
+    bases = [one for one in reversed(model.__mro__) if issubclass(one, BaseModel) and one not in Spec.__mro__]
     return {name: text for one in bases for name, text in _own_strings(one).items() if name in model.model_fields}
 
 

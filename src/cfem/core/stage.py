@@ -34,7 +34,7 @@ from cfem.core.manifest import MANIFEST, is_inside, read_manifest, write_manifes
 from cfem.core.place import demand_replaceable, destination, move_aside, set_aside
 from cfem.core.progress import labelled
 from cfem.core.provenance import versions
-from cfem.core.spec import Spec, meaning
+from cfem.core.spec import Spec, load_spec, meaning
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,53 @@ class Stage:
     def made_from(self) -> str:
         """Content hash of all that determines the output."""
         return content_sha256(self.origin())
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a command makes of a spec: `stage` describes one run of it, and `run` runs it.
+
+    name, version: as of `Stage`; kind: of the spec
+    work:    work(folder, spec, base) fills the folder and returns results; base: the folder of the spec, to which its
+             paths are relative
+    inputs:  fields of the spec that are paths of inputs, where they are given
+    outside: other fields that do not enter the hash as they are written
+    reads:   reads(spec, base): inputs besides, by name
+    extra:   extra(spec, base): that of `Stage`
+    complete: complete(spec): with what this machine decides where the spec does not
+    precious: precious(spec): that of `Stage`"""
+
+    name: str
+    version: int
+    kind: type[Spec]
+    work: Callable[[Path, Any, Path], Mapping[str, Any]]
+    inputs: tuple[str, ...] = ()
+    outside: tuple[str, ...] = ()
+    reads: Callable[[Any, Path], Mapping[str, Path]] | None = None
+    extra: Callable[[Any, Path], Any] | None = None
+    complete: Callable[[Any], Any] = lambda spec: spec
+    precious: Callable[[Any], bool] = lambda spec: False
+
+    def stage(self, spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+        spec, base = self.complete(load_spec(spec_path, self.kind, overrides)), spec_path.parent
+        given = {name: base / getattr(spec, name) for name in self.inputs if getattr(spec, name) is not None}
+        return Stage(
+            name=self.name,
+            version=self.version,
+            spec=spec,
+            inputs=given | dict(self.reads(spec, base) if self.reads else {}),
+            out=out or base / spec.out,
+            paths=(*self.inputs, *self.outside, "out"),
+            precious=self.precious(spec),
+            extra=self.extra(spec, base) if self.extra else {},
+            spec_path=spec_path,
+            overrides=overrides,
+        )
+
+    def run(self, spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
+        """The manifest."""
+        made = self.stage(spec_path, overrides, out)
+        return run_stage(made, lambda folder: self.work(folder, made.spec, spec_path.parent), options)
 
 
 def artefact_content(path: Path) -> str:

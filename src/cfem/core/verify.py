@@ -31,7 +31,7 @@ def verify(folders: Sequence[Path] = ()) -> list[Verdict]:
     roots = list(folders) or [root for root in ROOTS if root.is_dir()]
     for root in roots:
         if not root.is_dir():
-            raise InputError("no such folder", where=str(root))
+            raise InputError("no such folder", where=str(root), do="check the path")
     found = [judge(folder) for root in roots for folder in artefacts(root)]
     if not found:
         raise InputError("found no artefact", where=", ".join(map(str, roots or ROOTS)), do="name a folder")

@@ -20,16 +20,18 @@ def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
         with open(path, "rb") as file:
             data = file.read(MAX_BYTES + 1)  # no more, whatever the file
         if len(data) > MAX_BYTES:
-            raise SpecError(f"is larger than {MAX_BYTES} bytes, the limit of a spec", where=str(path))
+            raise SpecError(
+                f"is larger than {MAX_BYTES} bytes, the limit of a spec", where=str(path), do="check the path"
+            )
         text = data.decode()
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="check the path") from None
     except IsADirectoryError:
         raise InputError("is a folder", where=str(path), do="name the YAML file in it") from None
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path), do="check its permissions") from error
     except ValueError as error:
-        raise InputError(f"is no text: {error}", where=str(path)) from error
+        raise InputError(f"is not text in UTF-8: {error}", where=str(path), do="save it as UTF-8") from error
     return parse_yaml(text, str(path))
 
 
@@ -50,7 +52,9 @@ def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]
             f"not valid YAML: {str(error).splitlines()[0] if str(error) else error!r}", where=source
         ) from None
     if not isinstance(tree, dict):
-        raise SpecError("expected a mapping of keys to values at the top", where=source)
+        raise SpecError(
+            "expected a mapping of keys to values at the top", where=source, do="begin with a line such as `out: ...`"
+        )
     lines: dict[tuple[Key, ...], int] = {(): 1}
     try:
         return _plain(tree, (), lines, set()), lines

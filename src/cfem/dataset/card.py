@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.condensed.card import Pair, ParameterCard, RowsCard, Units
 from cfem.core.names import Name
@@ -36,8 +36,7 @@ class DatasetCard(Data):
     viscosity: list[ViscosityCard] | None = Field(None, max_length=1000)
     inner: int = Field(0, ge=0, le=1000)
 
-    @model_validator(mode="after")
-    def _sizes(self) -> "DatasetCard":
+    def check(self) -> None:
         rows = self.rows
         n_e, n_a, n_c = len(rows.effectors), len(rows.actuators), len(rows.contacts)
         if bool(rows.skin) != (self.skin is not None):
@@ -56,4 +55,3 @@ class DatasetCard(Data):
             raise ValueError("reach: the smaller number comes first")
         if n_c and (self.compliance is None or not isinstance(self.plan.get("contact"), dict)):
             raise ValueError("rows of a held patch need its plan and the compliance at rest")
-        return self

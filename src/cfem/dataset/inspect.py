@@ -28,7 +28,7 @@ def dataset_files(path: Path) -> list[Path]:
         return [path]
     names = [name for name in read_manifest(path)["files"] if name.endswith(".parquet")]
     if not names:
-        raise InputError("holds no dataset", where=str(path))
+        raise InputError("holds no dataset", where=str(path), do="give the folder that cfem sample made")
     return [artefact_file(path, name) for name in names]
 
 
@@ -42,6 +42,8 @@ def _heading(table: pa.Table) -> str:
         f"effectors  {', '.join(rows['effectors'])}   at rest {np.round(meta['rest_e'], 6).tolist()} mm",
         f"actuators  {', '.join(rows['actuators'])}   reach {', '.join(reach)}",
         "rows of W  effectors, then actuators; upper triangle, row by row",
+        "columns    u: the plan, from 0 to 1; delta: displacements; lambda: forces; delta_s: how far each mode of the",
+        "           surface goes; skin_rms, skin_max: what the modes leave of the surface",
     ]
     for one in parameters_of(meta):
         how = "exact, not sampled" if one.exact else f"drawn evenly in {one.coordinate.replace('p', one.name)}"

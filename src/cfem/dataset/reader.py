@@ -14,7 +14,17 @@ from cfem.core.errors import InputError
 from cfem.core.reading import checked
 from cfem.dataset.card import DatasetCard
 from cfem.dataset.parquet import damaged, open_parquet
-from cfem.dataset.schema import COLUMNS, FORMAT, metadata, metadata_of, parameters_of, rows_of, schema, without_skin
+from cfem.dataset.schema import (
+    COLUMNS,
+    FORMAT,
+    loads_of,
+    metadata,
+    metadata_of,
+    parameters_of,
+    rows_of,
+    schema,
+    without_skin,
+)
 
 CONVERGED = "converged"
 LARGEST = 1e100  # of any number of a converged state: products of it still are numbers
@@ -46,7 +56,8 @@ class Dataset(OfStates):
     lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack
     (m, n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where
     it was not asked for; dC (m, n_e (n_e + 1) (n_e + 2) / 6) mm/N^2: packed derivative of the effectors' compliance,
-    actuators held, by a wrench on them, likewise; dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a,
+    actuators held, by a wrench on them, d2C (m, n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24) mm/N^3 the second, likewise;
+    dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a,
     dlambda_dp (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
     cost: (m,) each of COST by name; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ...
     whole: the same states with the rows of the skin, `skin`; None where there is none; moving: what the rows need to
@@ -69,6 +80,7 @@ class Dataset(OfStates):
     slack: np.ndarray
     dW: np.ndarray | None
     dC: np.ndarray | None
+    d2C: np.ndarray | None
     dpsi_dp: np.ndarray | None
     dlambda_dp: np.ndarray | None
     ddelta_e_dp: np.ndarray | None
@@ -186,6 +198,7 @@ def as_dataset(table: pa.Table) -> Dataset:
         W=W[:, own[:, None], own],
         dW=None if dW is None else dW[:, :, own[:, None], own],
         dC=column_array(good, "dC") if "dC" in has else None,
+        d2C=column_array(good, "d2C") if "d2C" in has else None,
         dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
         dlambda_dp=_by_p(good, "dlambda_dp", p),
         ddelta_e_dp=_by_p(good, "ddelta_e_dp", p),
@@ -240,7 +253,11 @@ def read_table(path: Path) -> pa.Table:
     except (ValueError, RecursionError) as error:
         raise damaged(path, error, _AGAIN) from None
     if not meta:
-        raise InputError("is not a dataset of cfem: it has no metadata of one", where=str(path))
+        raise InputError(
+            "is not a dataset of cfem: it has no metadata of one",
+            where=str(path),
+            do="give a file that cfem sample made",
+        )
     if meta.get("format", FORMAT) != FORMAT:
         what = f"has format {str(meta['format'])[:50]}; this cfem reads {FORMAT}"
         raise InputError(what, where=str(path), do=_AGAIN)
@@ -248,7 +265,7 @@ def read_table(path: Path) -> pa.Table:
     there = set(file.schema_arrow.names)
     units = [tuple(pair) for pair in card.row_units]
     moving = {"viscosity": meta["viscosity"], "inner": card.inner} if card.viscosity is not None else {}
-    expected = schema(rows_of(meta), moving, parameters_of(meta), "dW" in there, units, "dC" in there)
+    expected = schema(rows_of(meta), moving, parameters_of(meta), "dW" in there, units, loads_of(there))
     for field in expected:
         if field.name not in there:
             raise InputError(f"is damaged: column '{field.name}' is missing", where=str(path), do=_AGAIN)

@@ -1,14 +1,16 @@
 """The columns of a dataset: names, types, units, and the metadata that makes a file speak for itself."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import comb
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import symmetric3_indices
+from cfem.condensed.packing import symmetric3_indices, symmetric4_indices
 from cfem.condensed.parameters import Parameter, from_json, sampled, to_json
 
 FORMAT = 3
@@ -50,6 +52,7 @@ COLUMNS = (
     Column("energy", _F, "N mm", state=True),
     Column("dW", _F, "mm/N^2", "active x upper triangle", state=True),
     Column("dC", _F, "mm/N^2", "effectors cubed", state=True),
+    Column("d2C", _F, "mm/N^3", "effectors to the fourth", state=True),
     Column("V", _F, "mm/N s^2", "upper triangle", state=True),
     Column("V2", _F, "mm/N s^4", "upper triangle", state=True),
     Column("V3", _F, "mm/N s^6", "upper triangle", state=True),
@@ -85,13 +88,14 @@ def schema(
     parameters: Sequence[Parameter] = (),
     third_order: bool = False,
     row_units: Sequence[tuple[str, str]] = (),
-    loads: bool = False,
+    loads: int = 0,
 ) -> pa.Schema:
     """Arrow schema of a robot's dataset; lists have a fixed size. parameters: sampled and exact ones; third_order:
-    whether it has dW; loads: whether it has dC; row_units: of each row's displacement and multiplier, mm and N unless
-    given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the format's version, the names and
-    units of the rows, the parameters and the unit of each column. Where it has "viscosity", that of each viscous
-    material, there are the columns of motion; "inner" is the number of inner motions."""
+    whether it has dW; loads: whether it has dC, and d2C from 2 on; row_units: of each row's displacement and
+    multiplier, mm and N unless given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the
+    format's version, the names and units of the rows, the parameters and the unit of each column. Where it has
+    "viscosity", that of each viscous material, there are the columns of motion; "inner" is the number of inner
+    motions."""
     varied = sampled(parameters)
     triangle, k = rows.n * (rows.n + 1) // 2, meta.get("inner") or 0
     moved = (rows.n_a + k) * (rows.n_a + k + 1) // 2
@@ -100,7 +104,8 @@ def schema(
         "parameters": len(varied),
         "actuators": rows.n_a,
         "effectors": rows.n_e,
-        "effectors cubed": rows.n_e * (rows.n_e + 1) * (rows.n_e + 2) // 6,
+        "effectors cubed": comb(rows.n_e + 2, 3),
+        "effectors to the fourth": comb(rows.n_e + 3, 4),
         "skin": rows.n_s,
         "contacts": rows.n_c,
         "rows": rows.n,
@@ -115,7 +120,7 @@ def schema(
         "effectors x parameters": rows.n_e * len(varied),
         "skin x parameters": rows.n_s * len(varied),
     }
-    there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads}
+    there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads > 0, "d2C": loads > 1}
     moving = meta.get("viscosity") is not None
     there |= dict.fromkeys(MOVING, moving and not k) | dict.fromkeys(INNER, k > 0)
     there |= {"V": moving, "dV": moving and third_order}
@@ -146,7 +151,9 @@ def with_skin_rows(plain: pa.Schema, names: Sequence[str], sha256: str) -> pa.Sc
     rows = replace(rows_of(meta), skin=tuple(names))
     units = [tuple(pair) for pair in meta["row_units"]]
     units[rows.n_e : rows.n_e] = [CABLE] * rows.n_s
-    return schema(rows, {**meta, "skin": sha256}, parameters_of(meta), "dW" in plain.names, units, "dC" in plain.names)
+    return schema(
+        rows, {**meta, "skin": sha256}, parameters_of(meta), "dW" in plain.names, units, loads_of(plain.names)
+    )
 
 
 def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
@@ -158,7 +165,7 @@ def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
     del units[rows.s]
     known = {key: value for key, value in meta.items() if key != "skin"}
     plain = schema(
-        replace(rows, skin=()), known, parameters_of(meta), "dW" in meta["units"], units, "dC" in meta["units"]
+        replace(rows, skin=()), known, parameters_of(meta), "dW" in meta["units"], units, loads_of(meta["units"])
     )
     return metadata_of(plain)
 
@@ -197,10 +204,9 @@ def _units(
         if "dW" in units:
             units["dW"] = common([f"{one}/{k}" for k in per[rows.active] for one in upper])
         if "dC" in units:
-            factors = zip(*symmetric3_indices(rows.n_e), strict=True)
-            units["dC"] = common(
-                [f"{displacement[i]}/{_factor(multiplier[j])}/{_factor(multiplier[k])}" for i, j, k in factors]
-            )
+            units["dC"] = common(_quotients(symmetric3_indices(rows.n_e), displacement, multiplier))
+        if "d2C" in units:
+            units["d2C"] = common(_quotients(symmetric4_indices(rows.n_e), displacement, multiplier))
     if inner:
         moving = [*(f"/{_factor(unit)}" for unit in displacement[rows.a]), *[""] * inner]
         pairs = [moving[i] + moving[j] for i in range(len(moving)) for j in range(i, len(moving))]
@@ -223,6 +229,17 @@ def _units(
         if rows.n_s:
             units["ddelta_s_dp"] = [f"{unit}{each}" for unit in displacement[rows.s] for each in per]
     return units
+
+
+def _quotients(entries: np.ndarray, displacement: Sequence[str], multiplier: Sequence[str]) -> list[str]:
+    """Of the entries (k, m) of a derivative by loads."""
+    per = [_factor(one) for one in multiplier]
+    return ["/".join([displacement[first], *(per[one] for one in others)]) for first, *others in entries.T]
+
+
+def loads_of(names: Container[str]) -> int:
+    """How many derivatives of the compliance by loads the columns have."""
+    return int("dC" in names) + int("d2C" in names)
 
 
 def _factor(unit: str) -> str:

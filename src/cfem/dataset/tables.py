@@ -28,10 +28,12 @@ def read_table(path: Path, units: Units) -> dict[str, np.ndarray]:
 def _suffix(path: Path) -> str:
     if path.suffix not in _READERS:
         raise InputError(
-            f"is not a table that can be read: expected {', '.join(_READERS)}, or a dataset's folder", where=str(path)
+            f"is not a table that can be read: expected {', '.join(_READERS)}, or a dataset's folder",
+            where=str(path),
+            do="save it in one of these formats",
         )
     if not path.exists():
-        raise InputError("no such file", where=str(path))
+        raise InputError("no such file", where=str(path), do="check the path")
     return path.suffix
 
 
@@ -59,7 +61,9 @@ def _read_csv(path: Path, units: Units) -> dict[str, np.ndarray]:
         with open(path, newline="", encoding="utf-8-sig") as file:  # spreadsheets write a mark first
             header, *records = [record for record in read_rows(file) if record]
     except (ValueError, UnicodeDecodeError, csv.Error):
-        raise InputError("is not a table of comma-separated values", where=str(path)) from None
+        raise InputError(
+            "is not a table of comma-separated values", where=str(path), do="save it as CSV in UTF-8"
+        ) from None
     wrong = next((i for i, record in enumerate(records) if len(record) != len(header)), None)
     if wrong is not None:
         raise InputError(f"row {wrong + 1}: {len(records[wrong])} cells, the header has {len(header)}", where=str(path))

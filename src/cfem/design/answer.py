@@ -9,10 +9,13 @@ from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration, length
 from cfem.dataset.writer import write_columns
 from cfem.design.front import Front
+from cfem.design.objectives import said
 from cfem.design.problem import Problem
 from cfem.design.search import Design, Grid
 from cfem.design.volume import Volume
 from cfem.parametric.differences import Stencil
+
+FEW = 3  # parameters of a design that a line may state
 
 
 class Checked(NamedTuple):
@@ -40,6 +43,10 @@ def entry(
         ],
         "at_ends_of_range": [one.name for one, z in zip(varied, design.z, strict=True) if min(z, 1 - z) < 1e-6],
         "objectives": dict(zip(problem.names, design.objectives, strict=True)),
+        "said": {
+            name: said(one, value)
+            for (name, one), value in zip(problem.objectives.items(), design.objectives, strict=True)
+        },
         "constraints": dict(zip(problem.constraints, design.constraints, strict=True)),
         "effector": states.x_e[0],
         "actuators": {"displacement": states.delta_a[0], "force": states.lam[0]},
@@ -52,6 +59,10 @@ def entry(
         gap = design.objectives - checked.objectives
         found["fe"] = {
             "objectives": dict(zip(problem.names, checked.objectives, strict=True)),
+            "said": {
+                name: said(one, value)
+                for (name, one), value in zip(problem.objectives.items(), checked.objectives, strict=True)
+            },
             "constraints": dict(zip(problem.constraints, checked.constraints, strict=True)),
             "gap": dict(zip(problem.names, gap, strict=True)),
             "gap_share_of_spread": dict(zip(problem.names, np.abs(gap) / grid.width, strict=True)),
@@ -62,17 +73,27 @@ def entry(
 
 def line(name: str, entry: dict[str, Any]) -> str:
     """Of one design, for a person."""
-    values = ", ".join(f"{key} {value:.4g} {entry['units'].get(key, '')}".rstrip() for key, value in entry["p"].items())
-    shown = [name] if name in entry["objectives"] else list(entry["objectives"])
-    scores = ", ".join(f"{key} {entry['objectives'][key]:.5g}" for key in shown)
-    line = f"{name}: {values}: {scores}"
+    one = name in entry["objectives"]
+    shown = [name] if one else list(entry["objectives"])
+    scores = ", ".join(entry["said"][key] if one else f"{key} {entry['said'][key]}" for key in shown)
+    line = f"best {name}: {scores}" if one else f"{name}: {scores}"
     if "fe" in entry:
         worst = max(entry["fe"]["gap_share_of_spread"][key] for key in shown)
         line += (
-            f"; finite elements {', '.join(format(entry['fe']['objectives'][key], '.5g') for key in shown)} "
-            f"(error {100 * worst:.2g} % of the spread, tip {length(entry['fe']['effector_distance'])})"
+            f"; by finite elements {', '.join(entry['fe']['said'][key] for key in shown)} (they differ by "
+            f"{100 * worst:.2g} % of the spread over all designs, and by {length(entry['fe']['effector_distance'])} "
+            "at the tip)"
         )
+    if len(entry["p"]) <= FEW:
+        line += f"; {parameters(entry['p'], entry['units'])}"
     return line + ("; outside what the model was trained on" if entry["outside"] else "")
+
+
+def parameters(p: dict[str, float], units: dict[str, str]) -> str:
+    """Of one design, for a person; of more than a few it says where they are."""
+    if len(p) > FEW:
+        return f"a design whose {len(p)} parameters are in design.json"
+    return ", ".join(f"{key} {value:.4g} {units.get(key, '')}".rstrip() for key, value in p.items())
 
 
 def contradictions(designs: dict[str, Any]) -> list[dict[str, Any]]:
@@ -84,12 +105,14 @@ def contradictions(designs: dict[str, Any]) -> list[dict[str, Any]]:
         shown = [name] if name in entry["objectives"] else list(entry["objectives"])
         for key in shown:
             model, fe = entry["objectives"][key], entry["fe"]["objectives"][key]
+            told = [of["said"][key] for of in (entry["fe"], entry)]
             apart = abs(model - fe) > DESIGN_GAP * max(abs(model), abs(fe))
             if apart and entry["fe"]["gap_share_of_spread"][key] > DESIGN_GAP:
                 found.append(
                     contradicted(
-                        f"design {name}: finite elements give {key} {fe:.4g}, the model {model:.4g}, "
-                        f"which is {100 * entry['fe']['gap_share_of_spread'][key]:.0f} % of its spread over all designs"
+                        f"design {name}: finite elements give {key} {told[0]}, the model {told[1]}: "
+                        f"they differ by {100 * entry['fe']['gap_share_of_spread'][key]:.0f} % of its spread over all "
+                        "designs"
                     )
                 )
     return found
@@ -110,8 +133,8 @@ def front_entry(front: Front) -> dict[str, Any]:
 def front_line(front: Front, seconds: float) -> str:
     """For a person."""
     found = f"front: {len(front.designs)} designs in {duration(seconds)} of CPU time"
-    found += f", hypervolume {front.volume:.4f}, of the grid's {front.grid_volume:.4f}"
-    return f"{found}; {front.beaten} points of the grid beat one of it"
+    found += f"; hypervolume {front.volume:.4f} of 1, where the designs of the grid have {front.grid_volume:.4f}"
+    return f"{found}; {front.beaten} designs of the grid are better than one of the front in every objective"
 
 
 def write_front(path: Path, problem: Problem, front: Front) -> None:

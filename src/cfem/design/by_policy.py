@@ -50,9 +50,9 @@ class ByPolicy(Varied):
         self.policy.demand_robot(rows.effectors, rows.actuators)
         if self.policy.parameters != tuple(self.family.parameters):
             do = "train it on this model, with --observe-parameters"
-            raise InputError("the policy is not told the parameters of this model", where=where, do=do)
+            raise InputError("the policy does not observe the parameters of this model", where=where, do=do)
         if self.task.force.any() or not (self.task.weights == 1).all():
-            raise InputError("a policy knows neither weights nor forces of a task", where=where, do="leave them out")
+            raise InputError("a task with a policy has neither weights nor forces", where=where, do="leave them out")
         self._robots, self.steps = Robots(self.family.predictor), 0
 
     def judge(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -74,7 +74,11 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
         else ("displacement", spec.actuation.displacement)
     )
     if len(u) != family.rows.n_a:
-        raise SpecError(f"has {len(u)} numbers, and the robot {family.rows.n_a} actuators", where=f"actuation.{kind}")
+        raise SpecError(
+            f"has {len(u)} numbers, and the robot {family.rows.n_a} actuators",
+            where=f"actuation.{kind}",
+            do="give one number per actuator",
+        )
     named = spec.objectives
     plain = {k: _objective(k, one, family, volume, base) for k, one in named.items() if not isinstance(one, RobustSpec)}
     objectives = {k: plain[k] if k in plain else _robust(k, one, family, plain) for k, one in named.items()}
@@ -93,7 +97,7 @@ def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | No
     if spec.by == "fe" or not (asked or any("volume" in names_in(text) for text in texts)):
         return None
     if scene is None:
-        raise SpecError("the volume needs the key `scene`", where="scene")
+        raise SpecError("the volume needs the key `scene`", where="scene", do="name the scene.yaml")
     return Volume(load_spec(scene, SceneSpec), family.parameters)
 
 
@@ -101,9 +105,9 @@ def _objective(name: str, one: Any, family: Family, volume: Volume | None, base:
     where, rows = f"objectives.{name}", family.rows
     if isinstance(one, FunctionSpec):
         sign = 1.0 if one.sense == "minimise" else -1.0
-        return OwnFunction(where, load_function(one.function, base, where), sign)
+        return OwnFunction(where, load_function(one.function, base, where), sign, one.unit)
     if isinstance(one, BodySpec):
-        return OfBody(one.kind) if volume is None else lambda states: volume(states.p)
+        return OfBody(one.kind, volume=volume)
     if isinstance(one, FrequencySpec):
         return OfBody(one.number, -1.0)
     which = position_rows(rows, one.effector, where)
@@ -132,7 +136,9 @@ def _of_workspace(one: Any, which: np.ndarray, family: Family, where: str) -> Ob
     if isinstance(one, ManipulabilitySpec):
         return Manipulability(which, at)
     if family.rows.n_a > len(which):
-        raise SpecError("is of robots with one to three actuators", where=where, do="use kind: manipulability")
+        raise SpecError(
+            "kind: workspace is for robots with one to three actuators", where=where, do="use kind: manipulability"
+        )
     return Reach(which, at, one.points)
 
 
@@ -155,7 +161,7 @@ def _deviation(parameter: Parameter, given: Any, where: str) -> float:
     except (TypeError, ValueError) as error:
         raise SpecError(str(error), where=where) from None
     if not value > 0:
-        raise SpecError("a standard deviation is greater than 0", where=where)
+        raise SpecError("a standard deviation must be greater than 0", where=where)
     return value
 
 
@@ -194,5 +200,9 @@ def task_of(spec: DesignSpec, rows: Rows) -> Task:
     force = np.zeros(rows.n_e) if task.force is None else np.asarray(task.force, float)
     for where, given in (("goals", goals[0]), ("weights", weights), ("force", force)):
         if len(given) != rows.n_e:
-            raise SpecError(f"has {len(given)} numbers, and the robot {rows.n_e} effector rows", where=f"task.{where}")
+            raise SpecError(
+                f"has {len(given)} numbers, and the robot {rows.n_e} effector rows",
+                where=f"task.{where}",
+                do="give one number per effector row",
+            )
     return Task(goals, task.relative_to == "rest", weights, np.tile(force, (len(goals), 1)))

@@ -50,6 +50,8 @@ class FunctionSpec(Spec):
     """'module:function' or 'file.py:function'."""
     sense: Literal["minimise", "maximise"] = "minimise"
     """Whether smaller or larger is better."""
+    unit: str = ""
+    """Unit of what it returns, such as 'N': printed beside the numbers."""
 
 
 class ReachSpec(Spec):

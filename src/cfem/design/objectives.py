@@ -8,6 +8,7 @@ import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,11 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.parametric.states import States
 
 Objective = Callable[[States], np.ndarray]
+
+
+def said(objective: Objective, value: float) -> str:
+    """For a person: as it was asked for, not its negative where more is better, and with its unit."""
+    return f"{getattr(objective, 'sign', 1.0) * value:.5g} {getattr(objective, 'unit', '')}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,7 @@ class Dexterity:
     along: int
     angle: float
     rest: np.ndarray | None
+    unit: ClassVar[str] = "rad"
 
     def __call__(self, states: States) -> np.ndarray:
         rest = states.rest_e[:, self.rows] if self.rest is None else self.rest
@@ -45,6 +52,7 @@ class Strength:
     along: int
     largest: float
     rest: np.ndarray | None
+    unit: ClassVar[str] = "N"
 
     def __call__(self, states: States) -> np.ndarray:
         return np.abs(self.largest - np.abs(self.force(states)[:, self.along]))
@@ -61,11 +69,12 @@ class Strength:
 
 @dataclass(frozen=True)
 class OwnFunction:
-    """A user's function of W (m, n, n), delta_free (m, n) and p (m, n_p), one number a design (m,)."""
+    """A user's function of W (m, n, n), delta_free (m, n) and p (m, n_p), one number a design (m,), of `unit`."""
 
     name: str
     function: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
     sign: float = 1.0
+    unit: str = ""
 
     def __call__(self, states: States) -> np.ndarray:
         try:

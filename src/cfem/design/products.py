@@ -37,7 +37,7 @@ def write_shapes(
     if scene.shape is not None:
         return _faceted(folder, designs, parameters, scene, mesh)
     if type(scene.geometry) not in CATALOGUE:
-        raise SpecError(f"a geometry of kind {scene.geometry.kind} cannot be varied", where="cad")
+        raise SpecError(f"a geometry of kind {scene.geometry.kind} cannot be varied", where="cad", do="leave `cad` out")
     for name, p in designs.items():
         geometry = with_values(scene, [one.key for one in parameters], p).geometry
         files = [folder / f"{file_name(name)}{suffix}" for suffix in (".step", ".stl")]

@@ -11,6 +11,7 @@ from cfem.core.errors import NumericalError
 from cfem.core.judgement import contradicted
 from cfem.core.shown import duration
 from cfem.design.fe import FeProblem
+from cfem.design.objectives import said
 from cfem.design.problem import Problem
 from cfem.design.search import Grid, Scalar, best, starts_apart
 from cfem.design.spec import DesignSpec
@@ -89,8 +90,7 @@ def told(problem: Problem, found: dict[str, Refined]) -> tuple[dict[str, Any], l
             "starts_that_agree": one.agree,
             "seconds": one.seconds,
         }
-        pairs = [(key, problem.names.index(key)) for key in shown]
-        values = ", ".join(f"{key} {top.objectives[i]:.5g} ({one.ends[0].first[i]:.5g})" for key, i in pairs)
+        values = ", ".join(_pair(problem, key, top.objectives, one.ends[0].first) for key in shown)
         solves = sum(each.solves for each in one.ends)
         lines.append(
             f"{name} by finite elements (the model's best design in brackets): {values}; "
@@ -100,3 +100,9 @@ def told(problem: Problem, found: dict[str, Refined]) -> tuple[dict[str, Any], l
         if not top.held:
             doubts.append(contradicted(f"design {name}: its constraints do not hold by finite elements"))
     return results, lines, doubts
+
+
+def _pair(problem: Problem, key: str, fe: np.ndarray, model: np.ndarray) -> str:
+    """An objective by finite elements, and in brackets that of the model's best design."""
+    i, one = problem.names.index(key), problem.objectives[key]
+    return f"{key} {said(one, fe[i])} ({said(one, model[i])})"

@@ -79,7 +79,11 @@ def first_designs(problem: Problem, asked: Any) -> Grid:
     n = len(problem.free)
     shape = [asked] * n if isinstance(asked, int) else list(asked)
     if len(shape) != n:
-        raise SpecError(f"has {len(shape)} numbers of points, and {n} parameters vary", where="grid")
+        raise SpecError(
+            f"has {len(shape)} numbers of points, and {n} parameters vary",
+            where="grid",
+            do="give one number per parameter",
+        )
     if prod(shape) > LARGEST_GRID:
         what = f"has {prod(shape):.1e} designs, of {n} parameters"
         raise SpecError(what, where="grid", do="scatter them: grid: {designs: 10000}")

@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.core.judgement import DESIGN_GAP, contradicted
 from cfem.core.shown import duration
+from cfem.design.answer import parameters
 from cfem.design.formulation import free_parameters
 from cfem.design.spec import DesignSpec
 from cfem.design.task import serve
@@ -36,7 +37,8 @@ def serve_and_tell(
             "outside": family.outside(one.states),
         }
     rms = [_rms(one.distance) for one in (before, found)]
-    values = ", ".join(f"{key} {value:.4g}" for key, value in results["found"]["p"].items())
+    units = {one.name: one.unit for one in family.parameters if one.unit != "1"}
+    values = parameters(results["found"]["p"], units)
     line = f"task: {values} reaches {len(goals)} goals to {rms[1]:.3g} mm (rms), the reference to {rms[0]:.3g} mm"
     if exact:
         # the force as a dead load, not to first order
@@ -83,9 +85,8 @@ def _by_policy(
             results[name] |= {"fe_reward": checked.reward, "fe_distance": checked.distance}
             line += f", by finite elements {checked.reward:.4f} and {_rms(checked.distance):.3g} mm"
         lines.append(line)
-    for by in ("reward", "distance"):
-        values = ", ".join(f"{key} {value:.4g}" for key, value in results[by]["p"].items())
-        lines.append(f"{TITLES[by]}: {values}")
+    units = {one.name: one.unit for one in family.parameters if one.unit != "1"}
+    lines += [f"{TITLES[by]}: {parameters(results[by]['p'], units)}" for by in ("reward", "distance")]
     return results, lines
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveInt, field_validator, model_validator
+from pydantic import Field, PositiveInt, field_validator
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacements, Effort, Efforts
@@ -24,11 +24,9 @@ class ActuationSpec(Spec):
     force: Efforts | None = None
     """Force of each actuator."""
 
-    @model_validator(mode="after")
-    def _one(self) -> "ActuationSpec":
+    def check(self) -> None:
         if (self.displacement is None) == (self.force is None):
             raise ValueError("expected a displacement or a force, one of the two")
-        return self
 
 
 class ConstraintFunction(Spec):
@@ -41,11 +39,9 @@ class ConstraintFunction(Spec):
     at_most: float | None = None
     """Largest allowed value."""
 
-    @model_validator(mode="after")
-    def _bounded(self) -> "ConstraintFunction":
+    def check(self) -> None:
         if self.at_least is None and self.at_most is None:
             raise ValueError("needs at_least or at_most")
-        return self
 
 
 class FrontSpec(Spec):
@@ -159,8 +155,7 @@ class DesignSpec(Spec):
             raise ValueError(f"must be a power of two, such as 1024, got {designs}")
         return designs
 
-    @model_validator(mode="after")
-    def _names(self) -> "DesignSpec":
+    def check(self) -> None:
         if not self.objectives and self.task is None:
             raise ValueError("needs objectives or a task")
         if self.objectives and self.actuation is None:
@@ -185,7 +180,6 @@ class DesignSpec(Spec):
         self._scattered()
         if self.controller is not None and self.controller.parameters:
             raise ValueError("controller.parameters: each design has its own")
-        return self
 
     @property
     def by_finite_elements(self) -> bool:

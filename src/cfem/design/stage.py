@@ -1,9 +1,7 @@
 """`cfem optimize-design`: from what is asked of a design to the designs that do it best."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,43 +9,20 @@ import numpy as np
 
 from cfem.core.actuator_units import demand_units
 from cfem.core.files import write_json, write_whole
+from cfem.core.optional import installed
 from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.design.objective_spec import BodySpec, FrequencySpec, FunctionSpec
 from cfem.design.spec import ConstraintFunction, DesignSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
 RESULT, GRID, FRONT = "design.json", "grid.parquet", "front.parquet"
-_PATHS = ("model", "scene", "mesh")
-
-
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: the best design by every objective and blend, the front, the task, each verified."""
-    made, base = stage(spec_path, overrides, out), spec_path.parent
-    return run_stage(made, partial(_work, spec=made.spec, paths=_paths(made.spec, base), base=base), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, DesignSpec, overrides), spec_path.parent
-    paths = _paths(spec, base)
-    scene = paths.pop("scene", None)
-    return Stage(
-        name="optimize-design",
-        version=3,
-        spec=spec,
-        inputs=paths | _sources(spec, base),
-        out=out or base / spec.out,
-        paths=(*_PATHS, "out"),
-        extra={"scene": scene_meaning(scene)} if scene else {},
-        spec_path=spec_path,
-        overrides=overrides,
-    )
 
 
 def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
     """Of what the spec names and needs."""
-    named = {name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None}
+    named = {name: base / getattr(spec, name) for name in ("model", "scene", "mesh") if getattr(spec, name) is not None}
     return {name: path for name, path in named.items() if name != "mesh" or spec.by_finite_elements or spec.cad}
 
 
@@ -60,12 +35,14 @@ def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
     return policy | {f"function {file}": base / file for file in sorted(files) if file.endswith(".py")}
 
 
-def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) -> dict[str, Any]:
+def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
+    """Results: the best design by every objective and blend, the front, the task, each verified."""
     from cfem.design.answer import contradictions
     from cfem.design.formulation import problem_of, task_of
     from cfem.design.page import write_page
     from cfem.parametric.load import differentiable, finite_elements, learned
 
+    paths = _paths(spec, base)
     if spec.by == "fe":
         fields = [one.kind for one in spec.objectives.values() if isinstance(one, BodySpec)]
         fields += [one.number for one in spec.objectives.values() if isinstance(one, FrequencySpec)]
@@ -91,7 +68,7 @@ def _work(folder: Path, spec: DesignSpec, paths: dict[str, Path], base: Path) ->
         _tell_meshes(family if spec.by == "fe" else exact, problem, results)
         if spec.page:
             results["page"] = write_page(folder, problem, found.front, exact, results.get("sensitivity"))
-        if spec.figures:
+        if spec.figures and installed("matplotlib"):
             results["figures"] = _draw(folder, problem, found, checked)
     if spec.task:
         from cfem.design.served import serve_and_tell
@@ -168,14 +145,16 @@ def _report(
         headline += lines
     if volume:
         results["volume_error"] = volume.error
-        headline.append(f"volume: polynomial through CAD models, largest error at others {volume.error:.1e} mm^3")
+        headline.append(
+            f"volume: a polynomial through CAD models; largest error at other designs {volume.error:.1e} mm^3"
+        )
     headline += [line(name, one) for name, one in results["designs"].items()]
     if found.front:
         results["front"] = front_entry(found.front)
         headline.append(front_line(found.front, seconds["front"]))
         write_front(folder / FRONT, problem, found.front)
     write_designs(folder / GRID, problem, grid.z, *grid.scores)
-    agree = f"slopes agree with differences to {results['slopes_checked']:.0e}"
+    agree = f"derivatives agree with finite differences to {results['slopes_checked']:.0e}"
     if by_fe:
         results |= {"solves": problem.family.solves, "failed": problem.failed}
         headline.append(
@@ -184,8 +163,8 @@ def _report(
         )
     else:
         headline.append(
-            f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; slopes agree with differences of "
-            f"second order to {results['slopes_checked']:.0e}"
+            f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; derivatives agree with finite "
+            f"differences of second order to {results['slopes_checked']:.0e}"
         )
     return results
 
@@ -215,10 +194,13 @@ def _tell_meshes(family: Any, problem: Any, said: dict[str, Any]) -> None:
     """Designs that have meshes of their own, into the results and the headline."""
     if family is None or not family.meshes.own:
         return
+    from cfem.design.answer import parameters
+
     found = family.jumps(problem.kind, problem.u)
     said["meshes"] = [*said.get("meshes", []), *found]
+    units = {one.name: one.unit for one in family.parameters if one.unit != "1"}
     for one in found:
-        values = ", ".join(f"{name} {value:.4g}" for name, value in one["p"].items())
+        values = parameters(one["p"], units)
         line = f"the scene's mesh does not stretch to {values}, which has a mesh of its own of {one['cells']} cells"
         if one["W_share"] is not None:
             line += f": where it takes over, W jumps by {100 * one['W_share']:.2g} % and the effector"
@@ -273,11 +255,9 @@ def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpe
 
 
 def _draw(folder: Path, problem: Any, found: Any, checked: dict[bytes, Any]) -> list[str]:
-    try:
-        from cfem.design.fe import FeProblem
-        from cfem.design.figure import front_figure, landscape
-    except ImportError:
-        return []  # matplotlib comes with cfem[report]
+    from cfem.design.fe import FeProblem
+    from cfem.design.figure import front_figure, landscape
+
     made = {}
     for index, name in enumerate([] if isinstance(problem, FeProblem) else problem.names):
         one = found.designs[name]
@@ -293,3 +273,17 @@ def _draw(folder: Path, problem: Any, found: Any, checked: dict[bytes, Any]) -> 
     for name, data in made.items():
         write_whole(folder / name, data)
     return list(made)
+
+
+COMMAND = Command(
+    "optimize-design",
+    3,
+    DesignSpec,
+    _work,
+    outside=("model", "scene", "mesh"),
+    reads=lambda spec, base: (
+        {name: path for name, path in _paths(spec, base).items() if name != "scene"} | _sources(spec, base)
+    ),
+    extra=lambda spec, base: {"scene": scene_meaning(base / spec.scene)} if spec.scene else {},
+)
+run, stage = COMMAND.run, COMMAND.stage

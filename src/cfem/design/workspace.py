@@ -4,10 +4,11 @@ An objective over several actuations has `kind` and `actuations` (k, n_a), and i
 design one after the other. e are the effectors' rows that matter, J = de / d delta_a = W_ea W_aa^-1 at constant loads,
 C = W_ee - W_ea W_aa^-1 W_ae the compliance with the actuators held."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import permutations, product
 from math import factorial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,6 +31,11 @@ class Reach:
     actuations: np.ndarray
     points: int
     kind: Kind = "displacement"
+    sign: ClassVar[float] = -1.0
+
+    @property
+    def unit(self) -> str:
+        return ("mm", "mm^2", "mm^3")[self.actuations.shape[1] - 1]
 
     def __call__(self, states: States) -> np.ndarray:
         k = len(self.actuations)
@@ -49,6 +55,8 @@ class Manipulability:
     rows: np.ndarray
     actuations: np.ndarray
     kind: Kind = "displacement"
+    sign: ClassVar[float] = -1.0
+    unit: ClassVar[str] = "mm per unit of actuation"
 
     def __call__(self, states: States) -> np.ndarray:
         a = states.rows.a
@@ -67,6 +75,8 @@ class Stiffness:
     direction: np.ndarray
     actuations: np.ndarray | None = None
     kind: Kind = "displacement"
+    sign: ClassVar[float] = -1.0
+    unit: ClassVar[str] = "N/mm"
 
     def __call__(self, states: States) -> np.ndarray:
         C = states.locked_compliance[:, self.rows[:, None], self.rows]
@@ -83,6 +93,8 @@ class Force:
     rows: np.ndarray
     direction: np.ndarray
     goal: np.ndarray
+    sign: ClassVar[float] = -1.0
+    unit: ClassVar[str] = "N"
 
     def __call__(self, states: States) -> np.ndarray:
         C = states.locked_compliance[:, self.rows[:, None], self.rows]
@@ -92,13 +104,18 @@ class Force:
 
 @dataclass(frozen=True)
 class OfBody:
-    """A number of the whole body by name, times `sign`: volume (mm^3), mass (t), strain, stress (MPa)."""
+    """A number of the whole body by name, times `sign`; volume: what gives it, where the states have none."""
 
     name: str
     sign: float = 1.0
+    volume: Callable[[np.ndarray], np.ndarray] | None = None
+
+    @property
+    def unit(self) -> str:
+        return {"volume": "mm^3", "mass": "t", "strain": "", "stress": "MPa"}.get(self.name, "Hz")
 
     def __call__(self, states: States) -> np.ndarray:
-        return self.sign * states.numbers[self.name]
+        return self.sign * (states.numbers[self.name] if self.volume is None else self.volume(states.p))
 
 
 def simplices(points: int, n: int) -> np.ndarray:
@@ -122,6 +139,14 @@ class Robust:
     high: np.ndarray
     share: float | None
     deviation: np.ndarray
+
+    @property
+    def unit(self) -> str:
+        return getattr(self.of, "unit", "")
+
+    @property
+    def sign(self) -> float:
+        return getattr(self.of, "sign", 1.0)
 
     def parameters(self, p: np.ndarray) -> np.ndarray:
         """(m, n_p) -> (m s, n_p), the s of each design one after the other."""

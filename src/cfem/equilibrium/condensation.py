@@ -1,7 +1,7 @@
 """Condensation: W = H A^-1 H^T of all rows at an equilibrium, from a factor that may be of a state nearby.
 
 With B = H^T (all rows as columns) and Z an approximation of A^-1 B, the error of W = B^T Z + Z^T (B - A Z) is the
-square of Z's error. Z comes from the nearby factor, refined against the true A until its residual is below 1e-7."""
+square of Z's error. Z comes from the nearby factor, refined against the true A until its residual is small enough."""
 
 from dataclasses import dataclass
 
@@ -31,18 +31,24 @@ class Condensation:
 
 
 def condense(
-    problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, cost: Cost, others: np.ndarray
+    problem: Problem,
+    at: Evaluation,
+    lam: np.ndarray,
+    tangent: Tangent,
+    cost: Cost,
+    others: np.ndarray,
+    enough: float = ENOUGH,
 ) -> Condensation:
-    """At an equilibrium; others: (n_dof, k) further right-hand sides. Raises SingularMatrixError where A has to be
-    factorised again and is singular."""
+    """At an equilibrium; others: (n_dof, k) further right-hand sides; enough: relative error of Z. Raises
+    SingularMatrixError where A has to be factorised again and is singular."""
     robot, n = problem.robot, problem.robot.rows.n
     B = np.hstack([problem.gradients(robot.watched, at.x), at.H, others])
     data, _ = problem.stiffness(at, lam)
     factor = tangent.factor
-    Z, rest, error = refined(problem, data, factor, B)
-    if error > ENOUGH:
+    Z, rest, error = refined(problem, data, factor, B, enough)
+    if error > enough:
         factor = problem.factor(at, lam, cost).factor
-        Z, rest, error = refined(problem, data, factor, B)
+        Z, rest, error = refined(problem, data, factor, B, enough)
     Z, y, rest, B = Z[:, :n], Z[:, n:], rest[:, :n], B[:, :n]
     W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2

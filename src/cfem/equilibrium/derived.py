@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from cfem.condensed import Condensed
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.condensation import condense, response
+from cfem.equilibrium.condensation import ENOUGH, condense, response
 from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.fourth_order import load_curvatures
 from cfem.equilibrium.inertia import Inertia, inertia
 from cfem.equilibrium.newton import NewtonResult
 from cfem.equilibrium.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
@@ -22,7 +23,7 @@ from cfem.equilibrium.third_order import compliance_derivatives, load_derivative
 
 @dataclass(frozen=True)
 class Wanted:
-    """See `solve`."""
+    """See `solve`; enough: `Settings.condensed`."""
 
     condense: bool = True
     third_order: bool = False
@@ -30,8 +31,9 @@ class Wanted:
     mass: sp.csr_array | None = None
     pushed: Watched | None = None
     keep: bool = False
-    loads: bool = False
+    loads: int = 0
     stresses: np.ndarray | None = None
+    enough: float = ENOUGH
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Derived:
     push_response: np.ndarray | None = None
     dW: np.ndarray | None = None
     dC: np.ndarray | None = None
+    d2C: np.ndarray | None = None
     slopes: ParameterSlopes | None = None
     inertia: Inertia | None = None
     linear: Linear | None = None
@@ -57,7 +60,7 @@ def derive(
     by_q = differences(problem, at, lam, wanted.sides) if wanted.sides else None
     by_sides = by_q.residual if by_q else np.zeros((problem.pattern.n_dof, 0))
     pulls = by_sides[:, :0] if wanted.stresses is None else problem.rod_forces(at, wanted.stresses)
-    found = condense(problem, at, lam, result.tangent, cost, np.hstack([by_sides, pulls]))
+    found = condense(problem, at, lam, result.tangent, cost, np.hstack([by_sides, pulls]), wanted.enough)
     W, moved_by_sides, answers = found.condensed.W, *np.split(found.y, [by_sides.shape[1]], axis=1)
     pushed = None
     if wanted.pushed is not None:
@@ -78,5 +81,7 @@ def derive(
     if wanted.loads:
         dC = load_derivatives(problem, at, lam, found.Z, W)
     slopes = parameter_slopes(problem, at, W, found.Z, by_q, moved_by_sides) if by_q else None
-    linear = Linear(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W) if wanted.keep else None
-    return replace(derived, dW=dW, dC=dC, slopes=slopes, inertia=moves, linear=linear), True
+    linear = Linear(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W)
+    d2C = load_curvatures(linear) if wanted.loads > 1 else None
+    kept = linear if wanted.keep else None
+    return replace(derived, dW=dW, dC=dC, d2C=d2C, slopes=slopes, inertia=moves, linear=kept), True

@@ -16,7 +16,8 @@ from cfem.equilibrium.touch import PlacedRobot, Touch, touch
 @dataclass(frozen=True)
 class Free:
     """`Around`: the object. shape: placed as at rest; centre (3,) mm then; load (6,) N and N mm about the centre,
-    constant; turns: whether it can turn, else it is guided; R (3, 3), x (3,) mm: rotation and displacement since.
+    constant; turns: whether it can turn, else it is guided; oriented: whether its rotation vector counts as an
+    effector; R (3, 3), x (3,) mm: rotation and displacement since.
     mobility: (k,) mm and rad for each N and N mm that nothing balances, by which a viscous drag lets it go on from
     `begin` in one step; None: in balance."""
 
@@ -28,6 +29,12 @@ class Free:
     x: np.ndarray = field(default_factory=lambda: np.zeros(3))
     mobility: np.ndarray | None = None
     begin: "Free | None" = None
+    oriented: bool = False
+
+    @property
+    def delta_e(self) -> np.ndarray:
+        """(n_e,) mm since rest, and rad where it is oriented."""
+        return np.concatenate([self.x, Rotation.from_matrix(self.R).as_rotvec()]) if self.oriented else self.x
 
     @property
     def gone(self) -> np.ndarray:

@@ -49,5 +49,7 @@ class Pads:
     compliance: float
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
 
-    def respond(self, actuators: Actuation, delta_c: np.ndarray, before: Any) -> tuple[PadState, np.ndarray]:
+    def respond(
+        self, actuators: Actuation, delta_c: np.ndarray, before: Any, tolerance: float = 0.0
+    ) -> tuple[PadState, np.ndarray]:
         return PadState(delta_c, delta_c / self.compliance), self.compliance * np.eye(len(delta_c))

@@ -34,6 +34,7 @@ NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are c
 HELD = 0.9  # share of a patch's nodes that are held: it meets nothing
 MOST = 60  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
+SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
 SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
 
@@ -116,8 +117,25 @@ class Meeting:
         ends = [np.asarray(one, float) for one in deltas]
         begins = [0.0 * end for end in ends] if before is None else [one.delta_a for one in before.solved]
         state = self.step(begins, None) if before is None else before
-        longest = [SHARE * np.abs(one.robot.reach).max(axis=1) for one in self.robots]
-        return all_carried_out(begins, ends, longest, state, self.step)
+        return all_carried_out(begins, ends, self.longest, state, self.short_step)
+
+    @cached_property
+    def longest(self) -> list[np.ndarray]:
+        """(n_a,) mm of each robot: the longest way of its actuators in one step."""
+        return [SHARE * np.abs(one.robot.reach).max(axis=1) for one in self.robots]
+
+    def short_step(self, deltas: Sequence[np.ndarray], before: MetRobots | None) -> MetRobots:
+        """`step`, which is to be halved where one patch begins to press while another lets go: the slip of the new one
+        counts from where it has touched, on a way that turns where the other one lets go."""
+        found = self.step(deltas, before)
+        if before is None or not self.mu or not found.converged:
+            return found
+        ways = [
+            (there - one.delta_a) / far for there, one, far in zip(deltas, before.solved, self.longest, strict=True)
+        ]
+        was, now = (set(one.pairs.slots[one.push.any(axis=1)].tolist()) for one in (before, found))
+        swapped = bool(was - now and now - was) and np.abs(np.concatenate(ways)).max() > SHORT
+        return replace(found, status=TouchStatus.SWAPPED) if swapped else found
 
     def step(self, deltas: Sequence[np.ndarray], before: MetRobots | None) -> MetRobots:
         """One quasi-static step to deltas from the state `before` (none: at rest)."""

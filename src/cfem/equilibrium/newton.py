@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.condensation import ENOUGH
 from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import State, Status
@@ -31,7 +32,8 @@ class Settings:
     slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before
     smallest_step:  fraction of the load reached so far at which continuation gives up
-    first_step:     fraction that a cold start tries first"""
+    first_step:     fraction that a cold start tries first
+    condensed:      relative error of A^-1 H^T, the square of which is that of W"""
 
     tolerance: float = 1e-10
     max_iterations: int = 30
@@ -39,6 +41,7 @@ class Settings:
     max_growth: int = 3
     smallest_step: float = 1e-3
     first_step: float = 0.5
+    condensed: float = ENOUGH
 
 
 @dataclass(frozen=True)

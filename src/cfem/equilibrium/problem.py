@@ -53,9 +53,9 @@ class Problem:
             groups_of_nodes = [self.body.cells, *cliques, *coupled]
             row = sections if in_a_row else None
             self.kinematics = make_kinematics(self.rest, groups_of_nodes, robot.fixed, robot.rigid, joints, row)
-            self._factor = analyze(self.pattern)
+            self._factor, self._made = analyze(self.pattern), []
         else:
-            self.kinematics, self._factor = like.kinematics, like._factor
+            self.kinematics, self._factor, self._made = like.kinematics, like._factor, like._made
             if self.rest is not like.rest and not robot.rigid:
                 self.kinematics = replace(like.kinematics, X=self.rest)
         if self.body.rod is not None:
@@ -185,7 +185,15 @@ class Problem:
         """Raises SingularMatrixError."""
         data, dtheta = self.stiffness(at, lam, before)
         cost.factorizations += 1
-        return Tangent(self._factor(data), dtheta)
+        self._made[:] = []
+        self._made[:] = [Tangent(self._factor(data), dtheta)]
+        return self._made[0]
+
+    @property
+    def latest(self) -> Tangent | None:
+        """The only factored tangent that may still be used, of this problem or of those that share its factorisation;
+        None before any."""
+        return self._made[0] if self._made else None
 
     def pressure_residual(self, at: Evaluation, tangent: Tangent) -> np.ndarray:
         """(n_dof,) N: force of the pressure that the elements have yet to gain."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-SHORTEST = 1 / 64  # of a command: a way that is cut further than this ends
+SHORTEST = 1 / 64  # of a command, or an eighth of its first step: a way that is cut further than this ends
 ROUNDING = 1e-9  # of a command
 CONVERGED = "converged"
 
@@ -20,8 +20,8 @@ def carried_out(begin: np.ndarray, u: np.ndarray, longest: float | np.ndarray, g
         status = go(begin + there * way)
         if status == CONVERGED:
             share, size = there, min(2 * size, max(first, size))
-        elif size > SHORTEST and way.any():
-            size /= 2
+        elif size > min(SHORTEST, first / 8) * (1 + ROUNDING) and way.any():
+            size = (there - share) / 2
         else:
             return f"{status}, at {100 * share:.0f} % of the way"
     return CONVERGED

@@ -91,7 +91,7 @@ class Robot:
 
 def watched_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:
     """(n_e + n_s,) mm and rad from rest of effectors and skin, nodes at x (n, 3)."""
-    return np.concatenate([row.value(x) - row.rest for row in robot.watched])
+    return np.concatenate([np.empty(0), *(row.value(x) - row.rest for row in robot.watched)])
 
 
 def demand_without_friction(robot: Robot) -> None:

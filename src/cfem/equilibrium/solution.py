@@ -90,7 +90,8 @@ class Equilibrium:
     response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
     dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
     rows need to move, dC: (n_e, n_e, n_e) dC/dw of the effectors' compliance with the actuators held by a wrench on
-    them, linear: what further derivatives start from, where asked for; delta_s: (n_s,) mm of the skin's rows;
+    them, d2C: the second derivative, packed (fourth_order.py), linear: what further derivatives start from, where asked
+    for; delta_s: (n_s,) mm of the skin's rows;
     push_response: (n, 3, k) mm/N of the nodes to forces on k other rows, about, where asked for."""
 
     status: Status
@@ -112,6 +113,7 @@ class Equilibrium:
     response: np.ndarray | None = None
     dW: np.ndarray | None = None
     dC: np.ndarray | None = None
+    d2C: np.ndarray | None = None
     slopes: ParameterSlopes | None = None
     inertia: "Inertia | None" = None
     delta_s: np.ndarray = field(default_factory=lambda: np.zeros(0))

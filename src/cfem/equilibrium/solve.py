@@ -16,7 +16,7 @@ from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.derived import Derived, Wanted, derive
-from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.evaluation import Cost, Tangent
 from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides
 from cfem.equilibrium.problem import Problem
@@ -51,8 +51,9 @@ def solve(
     mass: sp.csr_array | None = None,
     pushed: Watched | None = None,
     keep: bool = False,
-    loads: bool = False,
+    loads: int = 0,
     stresses: np.ndarray | None = None,
+    tangent: Tangent | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
@@ -60,9 +61,10 @@ def solve(
     slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
     derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
     the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
-    rows, by the factor at hand; keep: and what further derivatives start from; loads: and how the
-    effectors' compliance changes with loads on them; stresses: with mass, of the inner motions of a robot of sections
-    in a row (inner.py).
+    rows, by the factor at hand; keep: and what further derivatives start from; loads: and so many
+    derivatives, of at most two, of the effectors' compliance by loads on them; stresses: with mass, of the inner
+    motions of a robot of sections in a row (inner.py); tangent: of a state near the start, with which Newton's method
+    begins.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), Cost()
@@ -73,7 +75,7 @@ def solve(
         actuation = no_push(problem, actuation)
     taut = taut_rows(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
     tried = {tuple(taut)}
-    path = _reach(problem, only(actuation, taut), start, base, settings, cost, slack)
+    path = _reach(problem, only(actuation, taut), start, base, settings, cost, slack, tangent)
     while slack:
         # A path that fails may do so because a cable pushes on the way.
         converged = path.result.status is Status.CONVERGED
@@ -88,7 +90,7 @@ def solve(
         tried.add(tuple(taut))
         near = last.state if converged else None
         path = _reach(problem, only(actuation, taut), near, last.state, settings, cost, slack)
-    wanted = Wanted(condense, third_order, sides, mass, pushed, keep, loads, stresses)
+    wanted = Wanted(condense, third_order, sides, mass, pushed, keep, loads, stresses, settings.condensed)
     return _answer(problem, path, only(actuation, taut), settings, cost, begin, wanted)
 
 
@@ -112,12 +114,13 @@ def _reach(
     settings: Settings,
     cost: Cost,
     slack: bool,
+    tangent: Tangent | None = None,
 ) -> _Path:
     """Directly from the start, else by continuation from the base, else from rest. slack: give up where a step fails
     and a cable pushes."""
     if start is not None:
         cost.steps += 1
-        result = newton(problem, start, actuation, settings, cost)
+        result = newton(problem, start, actuation, settings, cost, tangent)
         if result.status is Status.CONVERGED:
             result = judged(problem, result, actuation, cost)
             if result.status is Status.CONVERGED and result.beyond <= 0:

@@ -8,7 +8,7 @@ as it is, not as the linearisation has it: gaps, forces, cones and the balance o
 takes the place of finite elements where it answers the same (`Touching`)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
@@ -20,12 +20,17 @@ from cfem.contact.modes import Mode
 from cfem.contact.problem import ContactProblem, Law
 from cfem.contact.solve import FEW, ContactSolution, ContactStatus, solve_contact
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.evaluation import Tangent
 from cfem.equilibrium.held_patch import contact_points, held
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
 
+EXACT, ROUGH = 1e-11, 1e-5  # relative residuals of a robot: of the last state, and far from it
+NEARLY = 1e-4  # of law and balance: from here on robots are solved exactly
+CONDENSED = 1e-2  # of A^-1 H^T: W, which has the square of it, only serves Newton's method
+ALIKE = 2e-3  # of the robot's length: where rows have moved by less, the points yield alike
 STAYED = 1e-5  # mm: a robot whose points are this far from where they are held did not come there
 
 
@@ -36,6 +41,7 @@ class TouchStatus(Enum):
     NO_MODE = "no combination of open, sticking and sliding points is in equilibrium"
     ITERATIONS = "open, sticking and sliding points keep changing: the iterations allowed were used up"
     MANY = "more patches are near something than may be: take larger patches"
+    SWAPPED = "one patch begins to press while another lets go: the step is too long for friction to know the way"
     NO_EQUILIBRIUM = "the robot finds no equilibrium with its contact points held"
 
 
@@ -49,33 +55,70 @@ class Touching(Protocol):
         """(k, 3) mm its contact points at rest, in the scene."""
         ...
 
-    def respond(self, actuators: Actuation, delta_c: np.ndarray, before: Any) -> tuple[Any, np.ndarray]:
+    def respond(
+        self, actuators: Actuation, delta_c: np.ndarray, before: Any, tolerance: float = EXACT
+    ) -> tuple[Any, np.ndarray]:
         """With its contact points held at delta_c (3k,) mm from rest, in its frame, or nearby: its state, like
         `Equilibrium` (delta_c: where they are, lambda_c, delta_a, lambda_a, converged, factorizations), and how they
-        yield (3k, 3k) mm/N. before: the last such state, None at first."""
+        yield (3k, 3k) mm/N. before: the last such state, None at first; tolerance: of its residual, relative."""
         ...
+
+
+@dataclass
+class _Known:
+    """Of the latest states of a robot: the factor; and how its points yielded (n_c, n_c) mm/N in one of them, which was
+    `asked` for, slack (n_a,) the actuators that carried nothing there."""
+
+    tangent: Tangent | None = None
+    yielding: np.ndarray | None = None
+    asked: Actuation | None = None
+    slack: np.ndarray | None = None
+
+    def near(self, asked: Actuation, length: float) -> bool:
+        """Whether the points would yield alike, the same actuators slack."""
+        if self.yielding is None or len(asked.target) != len(self.asked.target):
+            return False
+        moved = np.abs(asked.target - self.asked.target).max(initial=0.0)
+        return bool(moved <= ALIKE * length and np.array_equal(asked.offset, self.asked.offset))
 
 
 @dataclass(frozen=True)
 class PlacedRobot:
-    """One FE robot; turn (3, 3) and shift (3,) mm from its frame to the scene's."""
+    """One FE robot; turn (3, 3) and shift (3,) mm from its frame to the scene's. It is quick where its problem is its
+    own: the factor of one state then serves the next as well."""
 
     problem: Problem
     turn: np.ndarray
     shift: np.ndarray
+    _known: _Known = field(default_factory=_Known, repr=False, compare=False)
 
     @property
     def points(self) -> np.ndarray:
         """(k, 3) mm its contact points at rest, in the scene."""
         return contact_points(self.problem) @ self.turn.T + self.shift
 
+    def forget(self) -> None:
+        """Drops what it knows of the latest states: the next one then depends on the state before it alone."""
+        self._known.tangent = self._known.yielding = None
+
     def respond(
-        self, actuators: Actuation, delta_c: np.ndarray, before: Equilibrium | None
+        self, actuators: Actuation, delta_c: np.ndarray, before: Equilibrium | None, tolerance: float = EXACT
     ) -> tuple[Equilibrium, np.ndarray]:
-        state = None if before is None else before.state
-        settings = Settings(tolerance=1e-11)
-        found = solve(self.problem, held(actuators, delta_c), start=state, base=state, settings=settings)
-        return found, yields(found, actuators) if found.converged else np.zeros((0, 0))
+        problem, known, asked = self.problem, self._known, held(actuators, delta_c)
+        start = None if before is None else before.state
+        tangent = known.tangent if known.tangent is problem.latest else None
+        near = start is not None and known.near(asked, problem.robot.length)
+        settings = Settings(tolerance=tolerance, condensed=CONDENSED)
+        found = solve(problem, asked, start, start, settings, condense=not near, tangent=tangent)
+        if near and found.converged and (found.slack != known.slack).any():
+            near, start = False, found.state
+            found = solve(problem, asked, start, start, settings, tangent=problem.latest)
+        if not found.converged:
+            return found, np.zeros((0, 0))
+        if not near:
+            known.yielding, known.asked, known.slack = yields(found, actuators), asked, found.slack
+        known.tangent = problem.latest
+        return found, known.yielding
 
 
 class Around(Protocol):
@@ -159,7 +202,7 @@ def touch(
     law: Law = "coulomb",
     mu: float = 0.0,
     cone: str = "exact",
-    tolerance: float = 1e-8,
+    tolerance: float = 1e-9,
     iterations: int = 40,
 ) -> Touch:
     """Quasi-static step of the robots to `actuators`, one for each, from the state `before` (none: at rest, every point
@@ -181,8 +224,9 @@ def touch(
 
     for iteration in range(1, iterations + 1):
         moved, soft = turns.T @ (at - points).ravel(), []
+        asked = EXACT if verdict is not None and verdict.largest < NEARLY else ROUGH
         for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
-            solved[i], yielding = robot.respond(actuation, moved[ends[i] : ends[i + 1]], solved[i])
+            solved[i], yielding = robot.respond(actuation, moved[ends[i] : ends[i + 1]], solved[i], asked)
             soft.append(yielding)
             cost += solved[i].factorizations
             if not solved[i].converged:
@@ -194,7 +238,7 @@ def touch(
         push = turns @ np.concatenate([one.lambda_c for one in solved])
         posed = _posed(around, at, stuck, compliance, push, mu, cone)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
-        if verdict.largest <= tolerance and modes:
+        if verdict.largest <= tolerance and modes and asked == EXACT:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
             stuck = np.where(sticks, stuck, around.places(at))
             return ended(TouchStatus.CONVERGED, iteration)

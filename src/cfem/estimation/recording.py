@@ -47,7 +47,7 @@ def read_recording(
     columns = read_table(path, units)
     count = len(next(iter(columns.values()), ()))
     if not count:
-        raise InputError("holds no frames", where=str(path))
+        raise InputError("holds no frames", where=str(path), do="add one row per frame")
     absent = next((one for name in markers for axis in AXES if (one := f"{name}.{axis}") not in columns), None)
     if absent is not None:
         raise InputError(f"has no column '{absent} [mm]'", where=str(path), do="record it, or drop the marker")
@@ -81,5 +81,7 @@ def _times(columns: Mapping[str, np.ndarray], path: Path) -> np.ndarray | None:
     wrong = np.flatnonzero(~(np.diff(time) > 0))
     if len(wrong) or not np.isfinite(time).all():
         row = int(wrong[0]) + 2 if len(wrong) else int(np.flatnonzero(~np.isfinite(time))[0]) + 1
-        raise InputError(f"row {row}: 'time' does not grow from frame to frame", where=str(path))
+        raise InputError(
+            f"row {row}: 'time' does not increase from frame to frame", where=str(path), do="sort the rows"
+        )
     return time

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -37,14 +37,8 @@ class EstimateSpec(Spec):
     """Table of true forces and displacements, columns `ROW.force [N]` of the loaded rows and `ACTUATOR.displacement
     [mm]`, to compare with."""
 
-    @model_validator(mode="after")
-    def _one_filter(self):
+    def check(self) -> None:
         if self.dynamics is not None and self.each_frame:
             raise ValueError("dynamics go from frame to frame: leave out each_frame")
-        return self
-
-    @model_validator(mode="after")
-    def _names_differ(self):
         if "time" in self.markers:
             raise ValueError("markers: 'time' names the column of times; give the marker another name")
-        return self

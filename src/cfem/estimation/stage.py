@@ -1,7 +1,5 @@
 """`cfem estimate`: recorded markers to the state of the robot and the forces on it, frame by frame."""
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,37 +7,16 @@ import numpy as np
 
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
-from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.estimation.spec import EstimateSpec
 from cfem.predict.estimate_spec import estimator_of
 
 TABLE = "estimates.parquet"
-_PATHS = ("model", "recording", "truth")
-
-
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: how many frames were estimated, the noise of the markers relative to the stated one, what
-    was never observed, and errors and intervals where the truth is known."""
-    made, base = stage(spec_path, overrides, out), spec_path.parent
-    return run_stage(made, partial(_work, spec=made.spec, base=base), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, EstimateSpec, overrides), spec_path.parent
-    return Stage(
-        name="estimate",
-        version=2,
-        spec=spec,
-        inputs={name: base / getattr(spec, name) for name in _PATHS if getattr(spec, name) is not None},
-        out=out or base / spec.out,
-        paths=(*_PATHS, "out"),
-        spec_path=spec_path,
-        overrides=overrides,
-    )
 
 
 def _work(folder: Path, spec: EstimateSpec, base: Path) -> dict[str, Any]:
+    """Results: how many frames were estimated, the noise of the markers relative to the stated one, what was never
+    observed, and errors and intervals where the truth is known."""
     from cfem.core.progress import progress
     from cfem.estimation.frames import estimates, write_estimates
     from cfem.estimation.recording import read_recording, read_truth
@@ -76,7 +53,7 @@ def _tick(spec: EstimateSpec, base: Path, estimator: Any, recording: Any) -> Any
         what = "has no column 'time [s]', and dynamics go from time to time"
         raise InputError(what, where=str(base / spec.recording), do="record the times, or leave dynamics out")
     if spec.actuators.force is not None:
-        what = "load cells measure inertia too, which the filter on the dynamics does not take apart"
+        what = "load cells measure inertia as well, and the filter on the dynamics cannot separate it"
         raise SpecError(what, where="actuators.force", do="leave it out, or leave dynamics out")
     if spec.dynamics.driven == "force" and not np.isfinite(recording.command).all():
         raise InputError("lacks commanded forces", where=str(base / spec.recording), do="record ACTUATOR.command [N]")
@@ -112,3 +89,7 @@ def _ticks(spec: EstimateSpec, recording: Any, base: Path) -> float:
         what = "has no column 'time [s]', and loads.lasts is a time"
         raise InputError(what, where=str(base / spec.recording), do="record the times, or leave loads.lasts out")
     return spec.loads.lasts / recording.period
+
+
+COMMAND = Command("estimate", 2, EstimateSpec, _work, ("model", "recording", "truth"))
+run, stage = COMMAND.run, COMMAND.stage

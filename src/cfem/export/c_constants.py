@@ -62,7 +62,7 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
     if other:
         raise InputError(f"modules of kind {other[0]!r} have no C code", do="train the module with kind: spectral")
     if meta.get("n_c"):
-        raise InputError("has inputs of contact, which the C controller does not know", do="export ONNX")
+        raise InputError("has contact inputs, which the C controller does not support", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
     p = vector(predictor.parameters, spec.parameters, "c.parameters")
     kinds = {"spectral": _spectral, "mlp": _mlp, "serial": _serial}
@@ -118,7 +118,9 @@ def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray
 def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
     """Unloaded modules of one model are its series, and what the modules are beside it."""
     if spec.full:
-        raise SpecError("a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full")
+        raise SpecError(
+            "a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full", do="set full: false"
+        )
     if c_row.more_than_series(predictor):
         loaded = any(predictor.meta.get("wrench") or [])
         models = [c_row.tables(one, predictor.pose, loaded, spec.scalar) for one in predictor.models]
@@ -224,9 +226,13 @@ def controller(
     start = np.zeros(n_a) if spec.start is None else np.asarray(spec.start, float)
     for name, values, size in (("weights", weights, n_e), ("start", start, n_a)):
         if len(values) != size:
-            raise SpecError(f"has {len(values)} numbers, and the model {size}", where=f"c.controller.{name}")
+            raise SpecError(f"has {len(values)} numbers, and the model needs {size}", where=f"c.controller.{name}")
     if not weights.any():
-        raise SpecError("all weights are 0, so nothing would be controlled", where="c.controller.weights")
+        raise SpecError(
+            "all weights are 0, so nothing would be controlled",
+            where="c.controller.weights",
+            do="give one of them a positive number",
+        )
     home = start
     if predictor.form == "force":
         home = np.zeros(n_a) if spec.start is None else predictor.at_displacement(start, p if len(p) else None).lambda_a

@@ -43,7 +43,8 @@ def write_c(
     vectors = [_vector(predictor, p, s, spec, box) for s in states[: spec.vectors]]
     reachable = [one["x_e"] for one in vectors if one["reachable"]]
     constants["cfem_example_goal"] = reachable[0] if reachable else predictor.rest_e
-    contact = bool(spec.obstacles) and predictor.form == spec.controller.command == "displacement"
+    rigid = bool(spec.obstacles) and all(one.kind not in ("robot", "itself") for one in spec.obstacles.values())
+    contact = rigid and predictor.form == spec.controller.command == "displacement"
     defines_here = {**defines, "CFEM_FULL": int(spec.full), "CFEM_CONTACT": int(contact)}
     header, data = _data(meta, model, defines_here, constants, spec.scalar)
     write_whole(folder / "cfem_data.h", header.encode())

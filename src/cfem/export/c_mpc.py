@@ -33,7 +33,7 @@ def write_c_mpc(
     """Adds to a folder that holds the controller and the step in time. moving: of the model's motion.npz; pressures
     (n_a, 2) MPa: as of `write_c`."""
     if spec.scalar != "double":
-        raise SpecError("predictive control is in double precision", where="c.scalar", do="take `scalar: double`")
+        raise SpecError("predictive control needs double precision", where="c.scalar", do="take `scalar: double`")
     sizes, numbers, constants = mpc_constants(spec, meta, arrays, moving, pressures)
     with disk_errors(folder):
         for path in SOURCES.iterdir():

@@ -1,15 +1,18 @@
 """Modules in a row under loads, or of different models, as constants of the C controller: c/cfem_row.c."""
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from math import comb
 
 import numpy as np
 
 from cfem.export import c_text
-from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
+from cfem.predict.chebyshev import union
+from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD, layout, unpacking, unpacking3, unpacking4
 from cfem.predict.serial import SerialPredictor
 from cfem.predict.spectral import SpectralPredictor
 
-PARTS = ("potential", "effector", "compliance", "change")
+PARTS = ("potential", "effector", "compliance", "change", "curvature")
 TYPES = """
 /* Terms of a series, by their number in the basis, and for each its coefficients. */
 typedef struct {
@@ -23,7 +26,7 @@ typedef struct {
     int n_a, terms, degree;
     const double *to_box, *offset;
     const uint8_t *degrees;
-    cfem_terms potential, effector, compliance, change;
+    cfem_terms potential, effector, compliance, change, curvature;
 } cfem_module;
 
 extern const cfem_module cfem_modules[CFEM_MODELS];
@@ -56,26 +59,34 @@ def tables(model: SpectralPredictor, watched: int, loaded: bool, scalar: str) ->
     parts, series = layout(model.rows.n_a, n_e), arrays["series"]
     i, j = np.triu_indices(watched)
     found = {"potential": series[parts["energy"]], "effector": series[parts["effector"]][:watched]}
-    none = np.zeros((1, series.shape[1]))
+    own, none = arrays["indices"].astype(np.int64), np.zeros((1, series.shape[1]))
     found["compliance"] = series[parts["effector_compliance"]][unpacking(n_e)[i, j]] if loaded else none
-    found["change"] = arrays[THIRD][_change(n_e, watched)] if loaded and THIRD in arrays else none
+    third = loaded and THIRD in arrays
+    found["change"] = arrays[THIRD][_entries(unpacking3(n_e), watched)] if third else none
+    fourth = third and FOURTH in arrays
+    indices, (of_own, of_fourth) = union(own, arrays[FOURTH_INDICES].astype(np.int64) if fourth else own[:0])
+    for name, one in found.items():
+        found[name] = np.zeros((len(one), len(indices)))
+        found[name][:, of_own] = one
+    found["curvature"] = np.zeros((comb(watched + 3, 4) if fourth else 1, len(indices)))
+    if fourth:
+        found["curvature"][:, of_fourth] = arrays[FOURTH][_entries(unpacking4(n_e), watched)]
     used = np.flatnonzero(np.any([(one != 0).any(axis=0) for one in found.values()], axis=0))
-    number = np.zeros(series.shape[1], np.uint16)
+    number = np.zeros(len(indices), np.uint16)
     number[used] = np.arange(len(used))
     kept = {name: np.flatnonzero((one != 0).any(axis=0)) for name, one in found.items()}
     real = np.dtype("float32" if scalar == "float" else "float64")
     return Tables(
         arrays["to_box"],
         arrays["offset"],
-        arrays["indices"][used].astype(np.uint8),
+        indices[used].astype(np.uint8),
         {name: (number[terms], found[name][:, terms].T.astype(real)) for name, terms in kept.items()},
     )
 
 
-def _change(n_e: int, watched: int) -> np.ndarray:
-    """Where the entries i <= j <= k of D of the watched rows are among those of all."""
-    place = unpacking3(n_e)
-    return np.array([place[i, j, k] for i in range(watched) for j in range(i, watched) for k in range(j, watched)])
+def _entries(place: np.ndarray, watched: int) -> np.ndarray:
+    """Where the entries i <= j <= ... of a symmetric tensor of the watched rows are among those of all."""
+    return np.array([place[one] for one in combinations_with_replacement(range(watched), place.ndim)])
 
 
 def constants(row: SerialPredictor, models: list[Tables]) -> tuple[dict[str, float], dict[str, np.ndarray]]:

@@ -34,9 +34,11 @@ def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerF
     """What the C code is; still: the filter of the same robot at rest. InputError where there is no C code."""
     own, rows = spec.estimate, still.estimator.loaded_rows
     if spec.scalar != "double":
-        raise SpecError("the filter of what moves is in double precision", where="c.scalar", do="take `scalar: double`")
+        raise SpecError(
+            "the filter of a moving robot needs double precision", where="c.scalar", do="take `scalar: double`"
+        )
     if (rows >= motion.rows.n_e).any():
-        what = "loads of a filter of what moves act on effectors in C"
+        what = "the filter of a moving robot in C has loads on effectors only"
         raise InputError(what, where="c.estimate.loads.rows", do="name rows of effectors")
     lasts = np.inf if own.loads is None or own.loads.lasts is None else own.loads.lasts
     estimator, slip = still.estimator, still.slip * np.sqrt(own.rate)

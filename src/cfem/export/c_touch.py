@@ -24,10 +24,14 @@ CORE = (
     "cfem_touch_data.c",
 )
 UPPER = np.triu_indices(3)
+MOST = 30  # patches that may touch at once
 
 
-def write_c_touch(folder: Path, touchable: Touchable, obstacles: Sequence[Obstacle], friction: float) -> int:
-    """Adds contact to the C folder of a model; the bytes of its constants. InputError where an obstacle is a mesh."""
+def write_c_touch(
+    folder: Path, touchable: Touchable, obstacles: Sequence[Obstacle], friction: float, most: int = MOST
+) -> int:
+    """Adds contact to the C folder of a model; the bytes of its constants. most: patches that may touch at once.
+    InputError where an obstacle is a mesh."""
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for path in SOURCES.iterdir():
@@ -35,6 +39,7 @@ def write_c_touch(folder: Path, touchable: Touchable, obstacles: Sequence[Obstac
     constants = touch_constants(touchable)
     sizes = {
         "CFEM_PATCHES": len(touchable.patches),
+        "CFEM_TOUCH_MOST": most,
         "CFEM_PATCH_ROWS": len(touchable.model.skin),
         "CFEM_PATCH_TERMS": len(constants["degrees"]),
         "CFEM_PATCH_COMPLIANCE_TERMS": len(constants["compliance_degrees"]),
@@ -46,9 +51,11 @@ def write_c_touch(folder: Path, touchable: Touchable, obstacles: Sequence[Obstac
     }
     said = "/* The robot's surface and what it touches: by cfem export. Units: mm, N. */"
     declared = '#include "cfem.h"\n#include "cfem_obstacle.h"\n\n'
-    declared += f"extern const cfem_obstacle cfem_obstacles[{len(obstacles)}];\n"
+    declared += f"extern const cfem_obstacle cfem_obstacles[{max(len(obstacles), 1)}];\n"
     rows = ",\n".join(map(_obstacle, obstacles))
-    defined = f"const cfem_obstacle cfem_obstacles[] = {{{rows}}};\n"
+    rows = rows or "{{{0}}, {0}, {0}, 0.0, 0}"  # C has no empty arrays
+    defined = '#include "cfem_touch.h"\n\nconst unsigned long cfem_touch_room_size = sizeof(cfem_touch_room);\n'
+    defined += f"const cfem_obstacle cfem_obstacles[] = {{{rows}}};\n"
     file = folder / "cfem_touch_data"
     return c_text.write_constants(file, said, sizes, "cfem_patch_", constants, declared, defined)
 

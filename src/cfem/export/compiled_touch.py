@@ -12,8 +12,6 @@ from cfem.contact.obstacle import Rounded
 from cfem.export import c_touch
 from cfem.export.compiled import CORE, FAST, defines_of, library, struct_of
 
-MOST = 30
-
 
 @dataclass(frozen=True)
 class TouchedInC:
@@ -43,22 +41,23 @@ class CompiledTouch:
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_touch_data.h"))
         defines = defines_of(text)
+        most = int(defines["CFEM_TOUCH_MOST"])
         n, k = int(defines["CFEM_PATCHES"]), int(defines["CFEM_PATCH_ROWS"])
         self.n_a, n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
-        numbers, real = ctypes.c_int * MOST, ctypes.c_double
+        numbers, real = ctypes.c_int * most, ctypes.c_double
 
         counts = [("status", ctypes.c_uint), ("count", ctypes.c_int), ("iterations", ctypes.c_int)]
         contacts = [("patch", numbers), ("obstacle", numbers), ("mode", numbers)]
-        vectors = [("force", real * (3 * MOST)), ("normal", real * (3 * MOST)), ("gap", real * MOST)]
+        vectors = [("force", real * (3 * most)), ("normal", real * (3 * most)), ("gap", real * most)]
         robot = [("rows", real * k), ("delta_e", real * n_e), ("lambda_a", real * self.n_a)]
         patches = [("place", real * (3 * n)), ("stuck", real * (3 * n)), ("holds", ctypes.c_ubyte * n)]
         near = [("near_count", ctypes.c_int), ("near", numbers)]
-        state = struct_of([*counts, *contacts, *vectors, *robot, *patches, *near])
+        self.state = struct_of([*counts, *contacts, *vectors, *robot, *patches, *near])
         pose = [("R", real * 9), ("t", real * 3)]
         self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
-        self._states, self._before = (state(), state()), None
-        self._room = (real * (75000 + 100 * (n + k) + (n_e + k) * k * (k + 2)))()
+        self._states, self._before = (self.state(), self.state()), None
         self.library = library(folder, (*CORE, *c_touch.CORE), flags)
+        self._room = (ctypes.c_byte * ctypes.c_ulong.in_dll(self.library, "cfem_touch_room_size").value)()
         self._call = self.library.cfem_touch
 
     def reset(self) -> None:

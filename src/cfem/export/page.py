@@ -150,7 +150,7 @@ def about(meta: dict, predictor: Predictor) -> str:
     error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
     known = ""
     if error is not None:
-        off = length(error).replace(" um", " µm") if error >= LEAST else f"less than {LEAST:g} mm"
+        off = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
         known = f" The largest error of its tip in unseen states: {off}."
     return (
         f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "

@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt
 
 from cfem.condensed.given import Value
 from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.names import Name
+from cfem.core.optional import installed
 from cfem.core.spec import Spec
 from cfem.core.units import Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
@@ -16,6 +17,16 @@ from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
 Format = Literal["arrays", "onnx", "torchscript", "c", "html"]
+PACKAGES: dict[Format, tuple[str, ...]] = {
+    "arrays": (),
+    "onnx": ("torch", "onnx", "onnxscript", "onnxruntime"),
+    "torchscript": ("torch",),
+}
+
+
+def writable() -> tuple[Format, ...]:
+    """The usual formats whose packages are installed."""
+    return tuple(name for name, packages in PACKAGES.items() if all(map(installed, packages)))
 
 
 class ControllerSpec(Spec):
@@ -109,17 +120,15 @@ class CSpec(Spec):
     mpc: FirmwareMpcSpec | None = None
     """Predictive control, of a model that has learned to move. None unless given."""
     obstacles: dict[Name, ObstacleSpec] = {}
-    """Rigid bodies that the robot may touch, in its own frame: their numbers, and the contact of the robot's surface.
-    Needs `scene`."""
+    """What the robot may touch, in its own frame: rigid bodies, itself, and other robots of the same model, whose
+    `shares` say where they go when C is compared with Python. Needs `scene`."""
     contact: ContactSpec = ContactSpec()
     """How the robot's surface touches obstacles."""
 
-    @model_validator(mode="after")
-    def _touched_alone(self):
+    def check(self) -> None:
         for name, one in self.obstacles.items():
-            if one.pressed or one.avoid is not None:
-                raise ValueError(f"obstacles.{name}: press, largest_force and avoid are of `cfem control` alone")
-        return self
+            if one.pressed or one.avoid is not None or one.path is not None:
+                raise ValueError(f"obstacles.{name}: press, largest_force, avoid and path are of `cfem control` alone")
 
 
 class ExportSpec(Spec):
@@ -134,8 +143,8 @@ class ExportSpec(Spec):
     """For format html: folder of a model of the same robot whose skin is drawn. The model's own unless given."""
     out: Path
     """Folder for the files."""
-    formats: tuple[Format, ...] = ("arrays", "onnx", "torchscript")
-    """Formats to write."""
+    formats: tuple[Format, ...] = tuple(PACKAGES)
+    """Formats to write. Unless given, those of the default whose packages are installed."""
     loads: dict[Name, LoadSpec] = {}
     """Constant loads that the samples did not carry, by the name of the effector, or any name with `at` on a patch of
     the surface: a payload or a push. Every format then holds the loaded robot."""
@@ -144,8 +153,10 @@ class ExportSpec(Spec):
     c: CSpec = CSpec()
     """Settings of format c; of its controller and parameters, for format html too."""
 
-    @model_validator(mode="after")
-    def _obstacles_have_a_scene(self):
+    def check(self) -> None:
         if self.c.obstacles and (self.scene is None or self.loads):
             raise ValueError("c.obstacles need `scene`, of which the surface is solved, and do not go with loads yet")
-        return self
+        for name, one in self.c.obstacles.items():
+            if one.kind == "robot" and (one.model != self.model or one.scene is not None):
+                what = f"in C another robot is one of the exported model: take model: {self.model}, without scene"
+                raise ValueError(f"c.obstacles.{name}: {what}")

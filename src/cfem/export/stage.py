@@ -1,8 +1,7 @@
 """`cfem export`: a trained model to a folder that control runs from, each format compared with the trained model."""
 
 import warnings
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +9,15 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import file_sha256, plain, write_json, write_npz, write_whole
-from cfem.core.optional import demand
+from cfem.core.optional import demand, remedy
 from cfem.core.progress import doing
 from cfem.core.shown import size
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.export.embedding import Embedding, embedding, write_embedded
 from cfem.export.loads import solves_patches, under_loads
 from cfem.export.skin import write_row_skin, write_skin
-from cfem.export.spec import ExportSpec
+from cfem.export.spec import PACKAGES, ExportSpec, writable
 from cfem.motion import load as motion
 from cfem.predict import serial_skin
 from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
@@ -35,48 +34,39 @@ IN_PYTHON = {  # not of the model alone
     "c estimate": "the estimator in Python",
     "c swing": "the filter in Python",
 }
-PACKAGES = {"onnx": ("torch", "onnx", "onnxscript", "onnxruntime"), "torchscript": ("torch",)}
 NOTHING = Embedding()
 
 
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The export's manifest; results: largest relative difference from the trained model and size, by format."""
-    made = stage(spec_path, overrides, out)
-    embedded = _embedding(made.spec, spec_path.parent)
-    model, skin = made.inputs["model"], made.inputs.get("skin")
-    scene = spec_path.parent / made.spec.scene if made.spec.scene else None
-    filled = partial(work, spec=made.spec, model_folder=model, embedded=embedded, skin_folder=skin, scene=scene)
-    return run_stage(made, filled, options)
+def _with_formats(spec: ExportSpec) -> ExportSpec:
+    """Those that can be written here, unless given."""
+    return spec if "formats" in spec.model_fields_set else spec.model_copy(update={"formats": writable()})
 
 
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, ExportSpec, overrides), spec_path.parent
-    touches, inputs = "c" in spec.formats and bool(spec.c.obstacles), {"model": base / spec.model}
-    solves = touches or solves_patches(spec)
-    if spec.skin:
-        inputs["skin"] = base / spec.skin
-    if solves:
-        scene = base / spec.scene
-        inputs["mesh"] = scene.parent / load_spec(scene, SceneSpec).out
+def _mesh(spec: ExportSpec, base: Path) -> dict[str, Path]:
+    """Of the scene, for those exports that solve it."""
+    scene = base / spec.scene if _solves(spec) else None
+    return {"mesh": scene.parent / load_spec(scene, SceneSpec).out} if scene else {}
 
+
+def _solves(spec: ExportSpec) -> bool:
+    return ("c" in spec.formats and bool(spec.c.obstacles)) or solves_patches(spec)
+
+
+def _extra(spec: ExportSpec, base: Path) -> Callable[[], dict[str, Any]]:
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)
         found: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}
-        if solves:
+        if _solves(spec):
             found["scene"] = scene_meaning(base / spec.scene)
         return found | ({"embedding": plain(vars(_embedding(spec, base)))} if chosen else {})
 
-    return Stage(
-        name="export",
-        version=5,
-        spec=spec,
-        inputs=inputs,
-        out=out or base / spec.out,
-        paths=("model", "scene", "skin", "out"),
-        extra=extra,
-        spec_path=spec_path,
-        overrides=overrides,
-    )
+    return extra
+
+
+def _work(folder: Path, spec: ExportSpec, base: Path) -> dict[str, Any]:
+    """Results: largest relative difference from the trained model and size, by format."""
+    skin, scene = (base / one if one else None for one in (spec.skin, spec.scene))
+    return work(folder, spec, base / spec.model, _embedding(spec, base), skin, scene)
 
 
 def _embedding(spec: ExportSpec, base: Path) -> Embedding:
@@ -95,9 +85,9 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page_file import sources
 
         return sources()
-    from cfem.export import c_estimate, c_export, c_motion, c_mpc, c_skin, c_swing, c_touch
+    from cfem.export import c_estimate, c_export, c_meet, c_motion, c_mpc, c_skin, c_swing, c_touch
 
-    folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_estimate, c_swing)]
+    folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_meet, c_estimate, c_swing)]
     paths = [path for folder in (*folders, c_skin.OF_ROW) for path in folder.iterdir()]
     return {f"{path.parent.name}/{path.name}": file_sha256(path) for path in sorted(paths)}
 
@@ -154,6 +144,8 @@ def work(
     ]
     if report and report["parity"] is None:
         headline.append("c: not compared with the trained model, there is no C compiler here")
+    if spec.formats == writable() and (left := [name for name in PACKAGES if name not in spec.formats]):
+        headline.append(f"{' and '.join(left)}: left out, they need PyTorch ({remedy('torch')})")
     if page_bytes is not None:
         sizes["html"] = page_bytes
         headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
@@ -277,3 +269,17 @@ def _run_torchscript(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tu
 
 
 RUNNERS = {"arrays": _run_arrays, "onnx": _run_onnx, "torchscript": _run_torchscript}
+
+
+COMMAND = Command(
+    "export",
+    5,
+    ExportSpec,
+    _work,
+    ("model", "skin"),
+    outside=("scene",),
+    reads=_mesh,
+    extra=_extra,
+    complete=_with_formats,
+)
+run, stage = COMMAND.run, COMMAND.stage

@@ -1,29 +1,37 @@
 """Contact anywhere beside the C controller: written, and compared with Python."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.core.errors import InputError
+from cfem.export import c_meet
 from cfem.export.c_touch import write_c_touch
 from cfem.export.compiled import compiler
+from cfem.export.compiled_meet import CompiledMeet
 from cfem.export.compiled_touch import CompiledTouch
 from cfem.export.spec import CSpec
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model
+from cfem.predict.meeting import Meeting, Met, PlacedModel
+from cfem.predict.touchable import Touchable
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 
-STEPS = 10  # from rest to each of a few states, at which C is compared
+STEPS, FINE = 10, 20  # from rest to each of a few states, at which C is compared; of robots that meet
 STATES = 3
 
 
 def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: np.ndarray) -> dict[str, Any]:
     """Adds contact with the obstacles of `spec` to the C folder of a model; the bytes of its constants, and parity: the
     largest relative difference of forces, tip and actuators from Python on ways to states s (m, n_a), None without a
-    compiler. InputError where the model cannot be touched."""
+    compiler. InputError where the model cannot be touched, or robots overlap."""
     model = load_model(model_folder)
     robot_scene, mesh = load_scene_and_mesh(scene)
     made_of = made_from(scene, scene.parent / robot_scene.out) | {"loads": {}}
@@ -32,18 +40,35 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
         touchable = touchable_of(model, model_folder, robot, made_of, spec.contact.patches)
     except InputError as error:
         raise InputError(error.what, where=error.where or str(model_folder), do=error.do) from None
-    obstacles = [one.made(scene.parent) for one in spec.obstacles.values()]
-    size = write_c_touch(folder, touchable, obstacles, spec.contact.friction)
+    met = [one for one in spec.obstacles.values() if one.kind == "robot"]
+    itself = any(one.kind == "itself" for one in spec.obstacles.values())
+    solid = [one.made(scene.parent) for one in spec.obstacles.values() if one.kind not in ("robot", "itself")]
+    mu, soft = spec.contact.friction, bool(met or itself)
+    size = write_c_touch(folder, touchable, solid, mu, *([c_meet.MOST] if soft else []))
     found: dict[str, Any] = {"patches": len(touchable.patches), "bytes": size, "parity": None}
-    if not compiler():
-        return found
-    compiled, worst, mu = CompiledTouch(folder), 0.0, spec.contact.friction
-    for end in s[:STATES]:
+    if not soft:
+        return found | ({"parity": touch_parity(folder, touchable, solid, mu, s[:STATES])} if compiler() else {})
+    same = {"model": model_folder.absolute()}
+    courses = [one.model_copy(update=same).course(scene.parent) for one in met]
+    robots = [PlacedModel(touchable, itself=itself), *(PlacedModel(touchable, one.R, one.t, False) for one in courses)]
+    found["bytes"] += c_meet.write_c_meet(folder, robots)
+    meeting = Meeting(robots, ObstacleSet.of(solid), mu)
+    try:
+        ways = [way(meeting, courses, end) for end in s[:STATES]]
+    except InputError as error:
+        raise InputError(error.what, where=error.where or "c.obstacles", do=error.do) from None
+    c_meet.write_way(folder, max(ways, key=lambda one: one[-1].pressed))
+    return found | {"robots": len(robots), "parity": meet_parity(folder, meeting, ways) if compiler() else None}
+
+
+def touch_parity(folder: Path, touchable: Touchable, solid: Sequence[Obstacle], mu: float, s: np.ndarray) -> float:
+    compiled, worst = CompiledTouch(folder), 0.0
+    for end in s:
         before = None
         compiled.reset()
         for share in np.arange(1, STEPS + 1) / STEPS:
-            before = touch_step(touchable, share * end, obstacles, mu=mu, before=before)
-            here = compiled(share * end, obstacles, mu)
+            before = touch_step(touchable, share * end, solid, mu=mu, before=before)
+            here = compiled(share * end, solid, mu)
             if not before.converged or here.status:
                 break
             forces = [np.zeros((len(touchable.patches), 3)) for _ in range(2)]
@@ -51,4 +76,30 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
                 one[state.patches] = state.forces
             pairs = [forces, (before.delta_e, here.delta_e), (before.lambda_a, here.lambda_a)]
             worst = max([worst, *(np.abs(a - b).max() / max(np.abs(a).max(), 1e-9) for a, b in pairs)])
-    return {**found, "parity": float(worst)}
+    return float(worst)
+
+
+def way(meeting: Meeting, courses: Sequence[ActuatedRobot], end: np.ndarray) -> list[Met]:
+    """States of the first robot from rest to end (n_a,) mm, while the others go along their courses, up to one that
+    does not converge. InputError where robots overlap at the begin."""
+    found = [meeting.start([0 * end, *(one.deltas(0.0) for one in courses)])]
+    for share in np.arange(1, FINE + 1) / FINE:
+        now = meeting.step([share * end, *(one.deltas(share) for one in courses)], found[-1])
+        if not now.converged:
+            break
+        found.append(now)
+    return found
+
+
+def meet_parity(folder: Path, meeting: Meeting, ways: Sequence[Sequence[Met]]) -> float:
+    compiled, worst, solid = CompiledMeet(folder), 0.0, meeting.obstacles.obstacles
+    for states in ways:
+        compiled.reset()
+        for state in states:
+            here = compiled(state.deltas, solid, meeting.mu)
+            if here.status:
+                return float("inf")
+            for name in ("forces", "delta_e", "lambda_a"):
+                off = np.abs(np.concatenate(getattr(state, name)) - np.concatenate(getattr(here, name))).max()
+                worst = max(worst, float(off) / max(c_meet.scale(states, name), 1e-9))
+    return worst

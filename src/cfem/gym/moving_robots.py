@@ -55,7 +55,7 @@ class MovingRobots:
 
         if any(one.prony for one in model.losses):
             raise InputError(
-                "batches of robots that move know no Prony terms", do="use a material with relaxation alone"
+                "batches of moving robots do not support Prony terms", do="use a material with relaxation alone"
             )
         self.model, self.kind, self.forces = model, kind, kind == "force"
         self.tick, self.substeps, self._tolerance, self._ticks = tick, substeps, tolerance, ticks

@@ -50,7 +50,7 @@ class Robots:
         self.model, self._equilibria, self._loaded = model, equilibria, list(loaded)
         n_a, n_e = model.rows.n_a, model.rows.n_e
         if loaded and max(loaded) >= n_e:
-            raise InputError("to carry, a robot needs an effector with rows x, y and z")
+            raise InputError("a payload needs an effector with rows x, y and z", do="use a scene with such an effector")
         parts, series = layout(n_a, n_e), model.arrays["series"]
         rows = {name: series[parts[name]] for name in ("gradient", "hessian", "effector", *needs)}
         if loaded:

@@ -22,14 +22,14 @@ def read_recording(path: Path, unit: float | None = None) -> Recording:
     """unit: mm of one unit of the file's numbers, where it states none or a wrong one. InputError where the file is no
     export that is known."""
     if not path.exists():
-        raise InputError("no such file", where=str(path))
+        raise InputError("no such file", where=str(path), do="check the path")
     if path.suffix.lower() == ".c3d":
         return _c3d(path, unit)
     try:
         with open(path, newline="", encoding="utf-8-sig", errors="replace") as file:
             rows = [[cell.strip() for cell in row] for row in read_rows(file)]
     except csv.Error:
-        raise InputError("is not a table of comma-separated values", where=str(path)) from None
+        raise InputError("is not a table of comma-separated values", where=str(path), do="export it as CSV") from None
     if rows and rows[0] and rows[0][0] == "Format Version":
         return _optitrack(path, rows, unit)
     if rows and rows[0] and rows[0][0].lower() == "trajectories":
@@ -138,7 +138,7 @@ def _c3d(path: Path, unit: float | None) -> Recording:
     except Exception as error:  # the reader's own errors share no base class
         raise InputError(f"cannot be read as .c3d: {error}", where=str(path)) from None
     if not frames:
-        raise InputError("holds no frames of markers", where=str(path))
+        raise InputError("holds no frames of markers", where=str(path), do="export the positions of the markers")
     data = np.array([points for _, points in frames], float)
     points = data[:, : len(labels), :3] * _size(path, name, unit)
     points[data[:, : len(labels), 3] < 0] = np.nan  # the residual of what was not seen

@@ -25,7 +25,8 @@ def name_markers(
         _, more = _best(seen * [1.0, 1.0, -1.0], labels, places, tolerance)
         if len(more) > len(found):
             what = (
-                f"its frame is left-handed: mirrored {len(more)} of its markers are at their places, else {len(found)}"
+                f"its frame is left-handed: {len(more)} of its markers are at their places after mirroring, "
+                f"{len(found)} without"
             )
             raise InputError(what, where=source, do="export it again with right-handed axes: one has its sign wrong")
     if best is None:

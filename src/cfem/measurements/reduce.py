@@ -41,7 +41,7 @@ def reduce_recording(recording: Recording, asked: RecordingSpec, spec: Measureme
     recording = make_recording(recording.time, list(recording.labels), tracks, recording.source)
     calm = settled(recording, spec.settle.window, spec.settle.within)
     if spec.rest and len(calm) < 2:
-        what = f"settles once only, from {recording.time[calm[0].first]:.2f} s on: it shows no rest before the load"
+        what = f"settles only once, from {recording.time[calm[0].first]:.2f} s on: it shows no rest before the load"
         raise InputError(what, where=recording.source, do="record from before the load, or set rest: false")
     first, last = calm[0], calm[-1]
     places = {name: np.asarray(place, float) for name, place in spec.markers.items()}

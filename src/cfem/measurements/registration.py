@@ -49,7 +49,8 @@ def register(seen: np.ndarray, places: np.ndarray, source: str, tolerance: float
     if left > tolerance:
         _, mirrored = _turn(a, b, proper=False)
         if mirrored < _MIRRORED * left:
-            what = f"its frame is left-handed: mirrored its markers fit to {mirrored:.2g} mm, as they are to {left:.2g}"
+            fit = f"its markers fit to {mirrored:.2g} mm after mirroring, to {left:.2g} mm without"
+            what = f"its frame is left-handed: {fit}"
             raise InputError(what, where=source, do="export it again with right-handed axes: one has its sign wrong")
         what = f"its markers miss their places by {left:.3g} mm (root mean square), more than {tolerance:g} mm"
         raise InputError(what, where=source, do="check the places, or allow more by registration.tolerance")
@@ -73,5 +74,7 @@ def _demand_unit(a: np.ndarray, b: np.ndarray, source: str) -> None:
     if not 1 / _OTHER_UNIT < ratio < _OTHER_UNIT:
         near = min(_NAMES, key=lambda size: abs(np.log(size / ratio)))
         guess = f", as if recorded in {_NAMES[near]}" if abs(np.log(near / ratio)) < 0.3 else ""
-        what = f"the distances between its markers are {1 / ratio:.3g} of what they should be{guess}: another unit"
+        what = (
+            f"the distances between its markers are {1 / ratio:.3g} of what they should be{guess}: the unit is another"
+        )
         raise InputError(what, where=source, do="state `unit` of the recording, such as '1 m'")

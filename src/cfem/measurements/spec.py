@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -64,8 +64,7 @@ class MeasurementsSpec(Spec):
     registration: RegistrationSpec = RegistrationSpec()
     """How the cameras' frame is laid on the scene's."""
 
-    @model_validator(mode="after")
-    def _enough(self):
+    def check(self) -> None:
         if len(self.markers) < 3:
             raise ValueError(f"markers: three places at least are needed to lay a frame, got {len(self.markers)}")
         strange = [name for name in self.registration.by or [] if name not in self.markers]
@@ -73,4 +72,3 @@ class MeasurementsSpec(Spec):
             raise ValueError(f"registration.by: '{strange[0]}' is none of the markers {', '.join(self.markers)}")
         if not self.rest and self.registration.by is None:
             raise ValueError("registration.by: without rest, name the markers that do not move")
-        return self

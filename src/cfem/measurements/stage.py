@@ -2,43 +2,20 @@
 
 import csv
 import io
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cfem.core.files import write_json, write_whole
-from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.measurements.spec import MeasurementsSpec
 
 TABLE, RESULT = "cases.csv", "measurements.json"
 
 
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: registration and noise of each recording."""
-    made = stage(spec_path, overrides, out)
-    return run_stage(made, partial(_work, spec=made.spec, base=spec_path.parent), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, MeasurementsSpec, overrides), spec_path.parent
-    inputs = {f"recording {i + 1}": base / one.file for i, one in enumerate(spec.recordings)}
-    return Stage(
-        name="measurements",
-        version=1,
-        spec=spec,
-        inputs=inputs,
-        out=out or base / spec.out,
-        paths=("out",),
-        spec_path=spec_path,
-        overrides=overrides,
-    )
-
-
 def _work(folder: Path, spec: MeasurementsSpec, base: Path) -> dict[str, Any]:
+    """Results: registration and noise of each recording."""
     from cfem.measurements.exports import read_recording
     from cfem.measurements.reduce import reduce_recording
 
@@ -67,13 +44,13 @@ def _work(folder: Path, spec: MeasurementsSpec, base: Path) -> dict[str, Any]:
     write_whole(folder / TABLE, text.getvalue().encode())
     worst = max(one["registration_mm"] for one in recordings)
     headline.append(f"{len(recordings)} recordings, {len(spec.markers)} markers, in {TABLE}")
-    headline.append(f"frames laid to {worst:.2g} mm at worst (root mean square); noise up to {noisiest:.2g} mm")
+    headline.append(f"frames aligned to {worst:.2g} mm or better (root mean square); noise up to {noisiest:.2g} mm")
     if missing:
-        headline.append(f"hidden: {', '.join(missing)}")
+        headline.append(f"markers hidden in some frames: {', '.join(missing)}")
     renamed = sorted({f"{label} is {name}" for one in recordings for name, label in one["labels"].items()
                       if not label.lower().endswith(name.lower())})  # fmt: skip
     if renamed:
-        headline.append(f"named by their places: {', '.join(renamed)}")
+        headline.append(f"markers named by their places: {', '.join(renamed)}")
     write_json(folder / RESULT, {"recordings": recordings})
     return {"headline": headline, "recordings": recordings}
 
@@ -93,3 +70,13 @@ def _account(case: str, recording: Any, found: Any, spec: MeasurementsSpec) -> d
         "turn_sd_deg": [float(n) for n in np.degrees(frame.turn_sd)],
         "shift_sd_mm": [float(n) for n in frame.shift_sd],
     }
+
+
+COMMAND = Command(
+    "measurements",
+    1,
+    MeasurementsSpec,
+    _work,
+    reads=lambda spec, base: {f"recording {i + 1}": base / one.file for i, one in enumerate(spec.recordings)},
+)
+run, stage = COMMAND.run, COMMAND.stage

@@ -43,7 +43,7 @@ def read_commands(path: Path, model: MotionModel) -> Commands:
     wanted = ["time", *(f"{name}.{kinds[0]}" for name in actuators)]
     missing = next((name for name in wanted if name not in columns), None)
     if missing is not None:
-        raise InputError(f"has no column '{missing}'", where=str(path))
+        raise InputError(f"has no column '{missing}'", where=str(path), do="add it")
     table = np.stack([columns[name] for name in wanted], axis=1)
     if not len(table) or not np.isfinite(table).all():
         what = "has no rows" if not len(table) else f"row {int((~np.isfinite(table)).any(axis=1).argmax()) + 1}: a gap"

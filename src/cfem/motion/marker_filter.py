@@ -179,7 +179,7 @@ class MarkerFilter:
 
     def _answer(self, found: Minimum, y: np.ndarray, P: np.ndarray, there: np.ndarray) -> Estimate:
         n_a, n_q = self.motion.n_a, self.motion.n_q
-        s, by_y = self.markers.modes(y)
+        s, _ = self.markers.modes(y)
         own, marker, self.last = np.r_[0:n_a, n_q : len(y) - 1], found.r[: 3 * int(found.kept.sum())], (y, P)
         weak = np.sqrt(np.diag(P)) > UNSEEN * self.scale
         return Estimate(
@@ -188,7 +188,6 @@ class MarkerFilter:
             y[n_q:-1],
             P[np.ix_(own, own)],
             s,
-            by_y @ P @ by_y.T,
             self._effectors(y),
             tuple(int(number) for number in np.flatnonzero(there & ~found.kept)),
             tuple(name for name, one in zip(self.unknowns, weak, strict=True) if one),

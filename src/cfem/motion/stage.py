@@ -1,7 +1,5 @@
 """`cfem simulate`: a model that moves under commands over time, and full finite elements beside it where asked."""
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,43 +8,30 @@ import numpy as np
 from cfem.core.actuator_units import CABLE
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.motion.spec import SimulateSpec
 
 TABLE, FULL = "motion.parquet", "full.parquet"
 _STEPS_A_PERIOD = 50
 
 
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: steps, travel of each effector, largest forces, slack cables, when the motion left what
-    the model has learned from, and the distance from full finite elements."""
-    made, spec = stage(spec_path, overrides, out), load_spec(spec_path, SimulateSpec, overrides)
-    return run_stage(made, partial(_work, spec=spec, base=spec_path.parent, mesh=made.inputs.get("mesh")), options)
+def _mesh(spec: SimulateSpec, base: Path) -> Path:
+    """Of the full finite elements."""
+    from cfem.robot.spec import SceneSpec
+
+    scene = base / spec.full.scene
+    return base / spec.full.mesh if spec.full.mesh else scene.parent / load_spec(scene, SceneSpec).out
 
 
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, SimulateSpec, overrides), spec_path.parent
-    inputs, extra = {"model": base / spec.model, "commands": base / spec.commands}, {}
-    if spec.full is not None:
-        from cfem.robot.spec import SceneSpec, scene_meaning
+def _extra(spec: SimulateSpec, base: Path) -> dict[str, Any]:
+    from cfem.robot.spec import scene_meaning
 
-        scene = base / spec.full.scene
-        inputs["mesh"] = base / spec.full.mesh if spec.full.mesh else scene.parent / load_spec(scene, SceneSpec).out
-        extra = {"scene": scene_meaning(scene)}
-    return Stage(
-        name="simulate",
-        version=1,
-        spec=spec.model_copy(update={"full": None}),
-        inputs=inputs,
-        out=out or base / spec.out,
-        paths=("model", "commands", "out"),
-        extra=extra | {"full": spec.full is not None},
-        spec_path=spec_path,
-        overrides=overrides,
-    )
+    return {"full": spec.full is not None} | ({"scene": scene_meaning(base / spec.full.scene)} if spec.full else {})
 
 
-def _work(folder: Path, spec: SimulateSpec, base: Path, mesh: Path | None) -> dict[str, Any]:
+def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
+    """Results: steps, travel of each effector, largest forces, slack cables, when the motion left what the model has
+    learned from, and the distance from full finite elements."""
     from cfem.core.progress import doing
     from cfem.motion.commands import read_commands, starting
     from cfem.motion.load import load_motion
@@ -58,7 +43,11 @@ def _work(folder: Path, spec: SimulateSpec, base: Path, mesh: Path | None) -> di
     commands = read_commands(base / spec.commands, model)
     until = float(commands.t[-1]) if spec.until is None else spec.until
     if not until > commands.t[0]:
-        raise SpecError(f"the motion ends at {until:g} s, and its commands begin at {commands.t[0]:g} s", where="until")
+        raise SpecError(
+            f"the motion ends at {until:g} s, and its commands begin at {commands.t[0]:g} s",
+            where="until",
+            do="raise it",
+        )
     payload, unilateral = _payload(spec, model), _unilateral(spec, model)
     start = starting(model, commands, payload)
     held = commands.kind == "displacement"
@@ -89,19 +78,15 @@ def _work(folder: Path, spec: SimulateSpec, base: Path, mesh: Path | None) -> di
         f"the effectors travel {max(travel):.3g} mm; {TABLE}",
     ]
     if run.left is not None:
-        headline.insert(
-            0, f"from {run.left:.4g} s on the motion is unlike the training states: nothing is known of how right it is"
-        )
+        headline.insert(0, f"from {run.left:.4g} s on the motion leaves the training states: its error is unknown")
     if run.shortened:
         t, length, why = run.shortened[0]
         headline.append(f"{len(run.shortened)} steps were halved; the first, of {length:.3g} s at {t:.4g} s: {why}")
     slack = [name for name, count in zip(model.rows.actuators, results["slack_steps"], strict=True) if count]
     if slack:
-        headline.append(f"slack for a while: {', '.join(slack)}")
+        headline.append(f"cables that were slack for a while: {', '.join(slack)}")
     if spec.full is not None:
-        results["full"] = beside = _beside(
-            folder, spec, base, mesh, (model, commands, payload, unilateral), found, dt, until
-        )
+        results["full"] = beside = _beside(folder, spec, base, (model, commands, payload, unilateral), found, dt, until)
         headline.append(
             f"full finite elements: the effectors differ by {beside['largest_mm']:.3g} mm at most, "
             f"{beside['percent_of_travel']:.2g} % of their travel"
@@ -151,7 +136,7 @@ def _write(path: Path, model: Any, found: dict[str, np.ndarray]) -> None:
 
 
 def _beside(
-    folder: Path, spec: SimulateSpec, base: Path, mesh: Path, motion: tuple, found: dict, dt: float, until: float
+    folder: Path, spec: SimulateSpec, base: Path, motion: tuple, found: dict, dt: float, until: float
 ) -> dict[str, Any]:
     from cfem.motion.full import simulate_full
     from cfem.robot.build import build_robot
@@ -159,7 +144,7 @@ def _beside(
     from cfem.robot.same import demand_robot
 
     model, commands, payload, unilateral = motion
-    scene, read = load_scene_and_mesh(base / spec.full.scene, mesh)
+    scene, read = load_scene_and_mesh(base / spec.full.scene, _mesh(spec, base))
     demand_robot(
         scene, model.static.meta.get("robot"), base / spec.model, "name the scene that the model was trained of"
     )
@@ -179,3 +164,16 @@ def _beside(
         "percent_of_travel": 100 * largest / max(max(_travel(arrays["delta_e"])), 1e-12),
         "why": run.why,
     }
+
+
+COMMAND = Command(
+    "simulate",
+    1,
+    SimulateSpec,
+    _work,
+    ("model", "commands"),
+    outside=("full",),
+    reads=lambda spec, base: {"mesh": _mesh(spec, base)} if spec.full else {},
+    extra=_extra,
+)
+run, stage = COMMAND.run, COMMAND.stage

@@ -7,7 +7,7 @@ from typing import Any
 from cfem.core.errors import SpecError
 from cfem.core.judgement import sentences
 from cfem.core.progress import say
-from cfem.core.shown import duration, length
+from cfem.core.shown import duration, length, times
 from cfem.core.stage import Options, read_manifest
 from cfem.pipeline.plan import Step
 from cfem.pipeline.robots import ROBOTS, copy_robot, robots
@@ -27,39 +27,30 @@ STAGES = {
 
 
 def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
-    """Copies the robot's specs to `folder` where they are not there yet, compiles what has to be compiled, and runs
-    what is not up to date. Returns what `cfem run` does; results also: numbers, the sentences to read first."""
+    """Copies the robot's specs to `folder` where they are not there yet, and runs what is not up to date. Returns what
+    `cfem run` does; results also: numbers, the sentences to read first."""
     place = folder / robot
     if not place.is_dir():
         if not (ROBOTS / robot / "control.yaml").is_file() and robot in robots():
             shown = sorted(path.parent.name for path in ROBOTS.glob("*/control.yaml"))
-            raise SpecError(f"{robot} follows no curve", where="demo", do=f"use one of {', '.join(shown)}")
+            raise SpecError(
+                f"{robot} comes without a curve to follow", where="demo", do=f"use one of {', '.join(shown)}"
+            )
         copy_robot(robot, robot, folder)
     if not options.quiet:
-        say(f"the robot's specs are in {place}; what is made of them goes to data and models")
+        say(f"the robot's YAML files are in {place}; results go to the folders data and models")
 
     def line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
-        if number == 0:
-            _compile(len(steps), bool(why))
         step = steps[number]
         what, about = STAGES.get(step.spec.stem, STAGES.get(step.kind, (step.command, "")))
         left = "up to date" if not why else f"about {about}" if robot == FINGER and about else ""
-        return f"step {number + 2}/{len(steps) + 1}: {what}" + (f" ({left})" if left else "")
+        return f"step {number + 1}/{len(steps)}: {what}" + (f" ({left})" if left else "")
 
     outcome = run([place], [], options, line=None if options.quiet else line)
     results = outcome["results"]
     runs = [read_manifest(Path(one["out"]))["results"] for one in results["stages"] if one["stage"] == "control"]
     said = [line for one in runs if "trajectories" in one for line in numbers(one)]
     return outcome | {"results": results | {"numbers": said}}
-
-
-def _compile(steps: int, needed: bool) -> None:
-    from cfem.stability.warm_up import is_warm, warm_up
-
-    warm = not needed or is_warm()
-    say(f"step 1/{steps + 1}: compiling the solver ({'up to date' if warm else 'once per installation, about 20 s'})")
-    if not warm:
-        warm_up()
 
 
 def numbers(control: Mapping[str, Any]) -> list[str]:
@@ -70,7 +61,8 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
     error = f"{length(near['mean'])} on average" if near else "none, as no goal is in reach"
     if "tip_mm" in mesh:
         error += (
-            f"; the mesh itself leaves {mesh['tip_mm']:.2g} mm ({mesh['tip_percent']:.2g} % of the length) uncertain"
+            f" on this mesh; a much finer mesh would move the tip by about {length(mesh['tip_mm'], digits=2)} "
+            f"({mesh['tip_percent']:.2g} % of the robot's length)"
         )
     else:
         error += f"; the discretisation error is not known: {mesh['left_out']}"
@@ -78,11 +70,11 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
     against = ""
     if cost and cost["solves"]:
         solve = cost["seconds"] / cost["solves"]
-        against = f"; one FE solve takes {duration(solve)}, {float(f'{solve / step:.2g}'):.0f} times as long"
+        against = f"; one FE solve takes {duration(solve)}, {times(solve / step)} times as long"
     return [
-        f"goals reached:      {found['reached']} of {found['goals']} on {name}, judged by the FE robot",
+        f"goals reached:      {found['reached']} of {found['goals']} of the curve '{name}', in finite elements (FE)",
         f"tracking error:     {error}",
-        f"time per step:      {duration(step)}{against}",
+        f"time per step:      {duration(step)} with the learned model{against}",
     ]
 
 
@@ -96,4 +88,5 @@ def as_text(outcome: Mapping[str, Any]) -> str:
     results = outcome["results"]
     pages = [f"report:             {page}" for page in results["pages"]]
     pages += [f"robot to move:      {page}" for page in results["moved"]]
+    pages += ["open both pages in a browser"] if len(pages) > 1 else []
     return "\n".join([*sentences(results), *results["numbers"], *pages])

@@ -49,7 +49,11 @@ def own_specs(folder: Path) -> list[Path]:
         raise InputError("no such folder", where=str(folder), do="name a folder of specs, or a spec")
     found = [folder / f"{kind}.yaml" for kind in KINDS if (folder / f"{kind}.yaml").is_file()]
     if not found:
-        raise InputError(f"holds none of {', '.join(f'{kind}.yaml' for kind in KINDS)}", where=str(folder))
+        raise InputError(
+            f"holds none of {', '.join(f'{kind}.yaml' for kind in KINDS)}",
+            where=str(folder),
+            do="name a folder of specs, such as pipelines/soft-finger",
+        )
     return found
 
 

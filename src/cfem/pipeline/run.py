@@ -115,8 +115,10 @@ def _figures(steps: Sequence[Step]) -> dict[str, Any]:
     """judgement: of all stages; headline: of control, calibration and design, or of the last stage that has one, and
     where the pages are; pages: of reports; moved: beside these, the pages in which the reader moves the robot."""
     results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
-    told = [(step.kind in FIGURES, one["headline"]) for step, one in results if one.get("headline")]
-    lines = [line for wanted, headline in told if wanted for line in headline] or (told[-1][1] if told else [])
+    told = [(step, one["headline"]) for step, one in results if one.get("headline")]
+    chosen = [(step, lines) for step, lines in told if step.kind in FIGURES] or told[-1:]
+    several = len(chosen) > 1
+    lines = [line for step, own in chosen for line in ([f"{step.spec}:", *own] if several else own)]
     pages = [str((step.stage.out / one["page"]).resolve()) for step, one in results if one.get("page")]
     moved = [str((step.stage.out / one["moved"]).resolve()) for step, one in results if one.get("moved")]
     judged = {judged["what"]: judged for _, one in reversed(results) for judged in reversed(one.get(KEY, []))}

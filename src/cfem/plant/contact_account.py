@@ -16,6 +16,8 @@ class ContactAccount:
         self.commands = self.steps = self.iterations = self.failures = 0
         self.worst = 0.0
 
+    COUNTED = ("counts", "commands", "failures", "steps", "iterations", "worst")
+
     def seen(self, modes: Iterable[Mode], residual: float) -> None:
         """The state in which a command ended."""
         self.counts.append(dict(Counter(mode.value for mode in modes)))

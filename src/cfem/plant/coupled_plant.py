@@ -8,8 +8,9 @@ import numpy as np
 from cfem.condensed.coupling import Coupled, Held, Hold, RigidObject
 from cfem.condensed.pose import turn
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.problem import Problem
 from cfem.plant.fem_patch import FemPatch
-from cfem.plant.protocol import Command, Measurement
+from cfem.plant.protocol import Changing, Command, Measurement
 
 PUSH = 1e-7  # N, or 1e-6 of the largest tension: what a cable may seem to push by the search's tolerance
 ITERATIONS = 20
@@ -32,6 +33,15 @@ class CoupledPlant:
         self._shape = shape
         self._last: Held | None = None
         self.imbalance, self.softest, self.updates = 0.0, np.inf, 0
+
+    @property
+    def changing(self) -> Changing:
+        own = [(self, ("_last", "_t", "imbalance", "softest", "updates")), (self.coupled, ("_last", "_slope"))]
+        return [*own, *(pair for one in self._fem for pair in one.changing)]
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [problem for one in self._fem for problem in one.problems]
 
     @property
     def solves(self) -> int:
@@ -64,7 +74,7 @@ class CoupledPlant:
             held = self._without_push(np.asarray(u, float))
         except NumericalError as error:
             return Measurement.failed(n_e, len(u), self._t, str(error))
-        x_e = self.coupled.object.centre + held.delta_e
+        x_e = self.coupled.object.rest_e + held.delta_e
         return Measurement(x_e, held.delta_a, held.lambda_a, self._t, "converged")
 
     def _object(self) -> np.ndarray:

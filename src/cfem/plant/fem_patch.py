@@ -9,6 +9,7 @@ from cfem.equilibrium.held_patch import contact_points, held, patch_of
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_robot import FemRobot
+from cfem.plant.protocol import Changing
 
 MEMORY = 100  # solved states that predictions draw on
 APART = 1e-3  # mm or rad: states nearer to each other teach nothing new
@@ -22,6 +23,10 @@ class FemPatch(FemRobot):
         self.rows = robot.rows
         self.patch = patch_of(contact_points(self._problem), turns)
         self._at: tuple[np.ndarray, Condensed] | None = None
+
+    @property
+    def changing(self) -> Changing:
+        return [*super().changing, (self, ("_at",))]
 
     def at_displacement(self, delta: np.ndarray) -> Condensed:
         """Condensed FE at delta (n_a + n,): actuators (mm), bilateral, then the patch's pose. NumericalError where it

@@ -14,7 +14,7 @@ from cfem.equilibrium.actuation import displacement, force, pull
 from cfem.equilibrium.patch_effectors import with_patches
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_robot import FemRobot
-from cfem.plant.protocol import Command, Measurement
+from cfem.plant.protocol import Changing, Command, Measurement
 
 MEMORY = 200  # solved states that predictions draw on
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new
@@ -38,6 +38,10 @@ class FemPlant(FemRobot):
     def __init__(self, robot: Robot):
         super().__init__(robot, MEMORY, APART * float(np.abs(robot.reach).max()))
         self._t = 0
+
+    @property
+    def changing(self) -> Changing:
+        return [*super().changing, (self, ("_t",))]
 
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
         """Condensed FE at delta_a (n_a,) mm, all actuators bilateral, as the linearisation of the inverse step

@@ -13,6 +13,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import DEFAULT, solve
+from cfem.plant.protocol import Changing
 
 
 class FemRobot:
@@ -30,6 +31,14 @@ class FemRobot:
         self._known: deque[Knot] = deque(maxlen=memory)
         self.state: Equilibrium | None = None
         self.solves, self.factorizations, self.seconds = 0, 0, 0.0
+
+    @property
+    def changing(self) -> Changing:
+        return [(self, ("_known", "state", "solves", "factorizations", "seconds"))]
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [self._problem]
 
     @property
     def x(self) -> np.ndarray:

@@ -13,16 +13,18 @@ from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.grip import Free, grip
 from cfem.equilibrium.ground import Pads
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
-from cfem.equilibrium.touch import Touch, Touching
+from cfem.equilibrium.touch import PlacedRobot, Touch, Touching
 from cfem.plant.contact_account import ContactAccount
-from cfem.plant.protocol import Command, Measurement
+from cfem.plant.protocol import Changing, Command, Measurement
 
 LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
 HANDED = 0.25  # of the load: what the robots take over in one step
 OPENING = 0.1  # mm that an actuator goes in one step while the robots let go
 SLIDES = 0.05  # mm that an object which nothing holds slides down in a first step
 FASTER, SLOWER, LASTS = 2.0, 0.25, 60  # how that changes from step to step, and where a step fails; steps
+ROUNDING = 1e-8  # of the normal force, to which the law is solved: less friction is none
 LEVERAGE = 10.0  # mm that an object goes for each of an actuator: more is another contact state, not a step of this one
 
 
@@ -57,6 +59,14 @@ class GripPlant(ContactAccount):
         super().__init__()
 
     @property
+    def changing(self) -> Changing:
+        return [(self, ("at", "last", "load", "margins", "borne", "stuck", *self.COUNTED))]
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [one.problem for one in self.fingers]
+
+    @property
     def x(self) -> np.ndarray:
         """(n, 3) mm nodes of all FE robots, one after the other, and the points of the object."""
         last = self.last
@@ -71,6 +81,9 @@ class GripPlant(ContactAccount):
         """Displacements (n_a,) mm, by way of those in `via`, in quasi-static steps; where a step fails it is halved,
         and where the shortest fails the state is the last one that was found, and the status says why."""
         self.commands += 1
+        for one in self.fingers:
+            if isinstance(one, PlacedRobot):
+                one.forget()  # an interrupted run goes on to the same figures
         status = self.grasp()
         status = CONVERGED if status == CONVERGED else f"grasp: {status}"
         for there in (*via, u):
@@ -79,7 +92,7 @@ class GripPlant(ContactAccount):
             self.failures += 1
         last = self.last
         if last is None or kind != "displacement":
-            n_e = 3 if self._margin is None else 3 + len(self.fingers)
+            n_e = len(self._held.delta_e) + (0 if self._margin is None else len(self.fingers))
             return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last.modes, last.check.largest if last.check else 0.0)
         self.account_of_grip()
@@ -105,9 +118,10 @@ class GripPlant(ContactAccount):
         self.borne.append(self.on_table())
 
     def effectors(self) -> np.ndarray:
-        """(n_e,) mm and N: the object's place, and what each grip has left, mu N - margin |T|, where that is asked
-        for."""
-        place = self._held.centre + self.last.around.x
+        """(n_e,) mm, rad and N: the object's place, its rotation vector where it is oriented, and what each grip has
+        left, mu N - margin |T|, where that is asked for."""
+        place = self.last.around.delta_e
+        place = np.concatenate([self._held.centre + place[:3], place[3:]])
         if self._margin is None:
             return place
         normal, friction = self.pushes()
@@ -149,7 +163,7 @@ class GripPlant(ContactAccount):
         used = np.linalg.norm(friction, axis=1)
         if not normal.all():
             return 0.0
-        return float((self._mu * normal / np.maximum(used, 1e-12 * normal)).min())
+        return float((self._mu * normal / np.maximum(used, ROUNDING * normal)).min())
 
     def reset(self) -> None:
         """Back to rest, nothing held."""

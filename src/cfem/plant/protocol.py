@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 Command = Literal["displacement", "force"]
+Changing = list[tuple[object, tuple[str, ...]]]  # objects, and the names of their attributes that a run changes
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Patches that are near something are contact points of the finite elements (`cfem.equilibrium.meet`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +12,11 @@ from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
-from cfem.equilibrium.meet import SHARE, Meeting, MetRobots, Skinned
+from cfem.equilibrium.meet import Meeting, MetRobots, Skinned
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.plant.contact_account import ContactAccount
-from cfem.plant.protocol import Command, Measurement
+from cfem.plant.protocol import Changing, Command, Measurement
 from cfem.predict.contact_model import LONGEST
 
 
@@ -45,6 +46,15 @@ class TouchPlant(ContactAccount):
         super().__init__()
 
     @property
+    def changing(self) -> Changing:
+        moved = ("_obstacles", "_meeting", "_share", "_blocked") if self._courses or self._others else ()
+        return [(self, ("_at", "met", *moved, *self.COUNTED))]
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [one.problem for one in self._meeting.robots]
+
+    @property
     def x(self) -> np.ndarray:
         """(n, 3) mm nodes of the robot now."""
         return self._robot.problem.rest if self.met is None else self.met.solved[0].state.x
@@ -54,11 +64,11 @@ class TouchPlant(ContactAccount):
         found, and the status says why."""
         self.commands += 1
         robot = self._robot.robot
-        u, longest = np.asarray(u, float), SHARE * np.abs(robot.reach).max(axis=1)
+        u, longest = np.asarray(u, float), self._meeting.longest[0]
         n_e = robot.rows.n_e + len(self._pressed) + len(self._avoided)
         if kind != "displacement":
             return Measurement.failed(n_e, len(u), self.commands, "contact takes displacements")
-        status = carried_out(self._at, u, longest, self._go) if self._blocked == CONVERGED else self._blocked
+        status = carried_out(self._at, u, longest, self._go_short) if self._blocked == CONVERGED else self._blocked
         self.failures += status != CONVERGED
         if self.met is None:
             return Measurement.failed(n_e, len(u), self.commands, status)
@@ -87,10 +97,13 @@ class TouchPlant(ContactAccount):
                 self._obstacles, self._meeting, self.met, self._share = before
                 return
 
-    def _go(self, u: np.ndarray) -> str:
-        """One quasi-static step."""
+    def _go_short(self, u: np.ndarray) -> str:
+        return self._go(u, self._meeting.short_step)
+
+    def _go(self, u: np.ndarray, step: Callable[..., MetRobots] | None = None) -> str:
+        """One quasi-static step; step: of the meeting."""
         deltas = [u, *(one.deltas(self._share) for _, one in self._others.values())]
-        found: MetRobots = self._meeting.step(deltas, self.met)
+        found = (step or self._meeting.step)(deltas, self.met)
         self.steps += 1
         self.iterations += found.iterations
         if found.converged:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from cfem.condensed.card import MOST, Pair, ParameterCard, RowsCard, Units
 from cfem.core.names import Name
@@ -90,8 +90,7 @@ class ModelCard(Data):
         """Keys and coordinates of the parameters that are inputs."""
         return [(one.key, one.coordinate) for one in self.parameters if not one.exact]
 
-    @model_validator(mode="after")
-    def _sizes(self) -> "ModelCard":
+    def check(self) -> None:
         n_e, n_a = len(self.rows.effectors), len(self.rows.actuators)
         n_q = len(self.learned)
         domain = self.domain
@@ -113,17 +112,6 @@ class ModelCard(Data):
             raise ValueError("reach: the smaller number comes first")
         if self.rows.contacts:
             raise ValueError("rows: the pose of a held patch belongs to the actuators")
-        return self
-
-    @field_validator("kind")
-    @classmethod
-    def _known(cls, kind: str) -> str:
-        if kind not in KINDS:
-            raise ValueError(f"expected one of {', '.join(KINDS)}")
-        return kind
-
-    @model_validator(mode="after")
-    def _kinds(self) -> "ModelCard":
         if (self.kind == "mlp") != (self.activation is not None):
             raise ValueError("activation belongs to kind mlp")
         rest = self.at_rest
@@ -134,7 +122,13 @@ class ModelCard(Data):
             raise ValueError("row and modules belong to kind serial")
         if serial:
             self._demand_modules()
-        return self
+
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in KINDS:
+            raise ValueError(f"expected one of {', '.join(KINDS)}")
+        return kind
 
     def _demand_modules(self) -> None:
         if any(one.model >= len(self.modules) for one in self.row):

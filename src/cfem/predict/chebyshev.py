@@ -73,3 +73,9 @@ def _product(table: np.ndarray, indices: np.ndarray, first: int) -> np.ndarray:
     for axis in range(1, indices.shape[1]):
         product = product * table[indices[:, axis], first + axis]
     return product
+
+
+def union(*bases: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """(M, n) degrees that are in any of the bases, and the place of each of theirs."""
+    found, place = np.unique(np.vstack(bases), axis=0, return_inverse=True)
+    return found, np.split(place.ravel(), np.cumsum([len(one) for one in bases])[:-1])

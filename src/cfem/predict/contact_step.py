@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cfem.contact.detection import NEVER
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.predict.meeting import Meeting, Met
@@ -102,14 +101,8 @@ class SoftSteps:
         found = state.between(0, number)
         if found:
             return found
-        near = state.among(0, number)
-        if near.any():
-            return -float(max(state.pairs.gaps[near].min(), 0.0))
         own, others = self.meeting.own[0], len(self.meeting.own)
         if number >= others:
             gaps = self.meeting.obstacles.obstacles[number - others].distance(state.places[own])
             return -float(max(gaps.min(), 0.0))
-        other = self.meeting.own[number]
-        apart = np.linalg.norm(state.places[own, None] - state.places[other], axis=2)
-        meet = self.meeting.surroundings.may_meet[own, other] > NEVER
-        return -float(apart[meet].min(initial=self.meeting.length))
+        return -self.meeting.separation(state, 0, number)

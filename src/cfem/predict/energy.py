@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import symmetric3_indices, upper_indices
+from cfem.condensed.packing import symmetric3_indices, symmetric4_indices, upper_indices
 from cfem.predict.semidefinite import nearest, with_nearest
 
 Form = Literal["displacement", "force"]
@@ -49,11 +49,24 @@ def unpacking(n: int) -> np.ndarray:
 
 THIRD = "third"  # array (n_e (n_e + 1) (n_e + 2) / 6, M): series of D, entries i <= j <= k
 
+# array (n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24, M): series of d2C/dw2, entries i <= j <= k <= l, of a basis of its own,
+# whose degrees are the other array (M, n)
+FOURTH, FOURTH_INDICES = "fourth", "fourth_indices"
+
 
 def unpacking3(n: int) -> np.ndarray:
     """(n, n, n) position of each entry of a symmetric tensor among those with i <= j <= k."""
     position = np.empty((n, n, n), dtype=np.int64)
     for number, one in enumerate(symmetric3_indices(n).T.tolist()):
+        for place in permutations(one):
+            position[place] = number
+    return position
+
+
+def unpacking4(n: int) -> np.ndarray:
+    """(n, n, n, n) likewise."""
+    position = np.empty((n, n, n, n), dtype=np.int64)
+    for number, one in enumerate(symmetric4_indices(n).T.tolist()):
         for place in permutations(one):
             position[place] = number
     return position

@@ -260,7 +260,7 @@ class Estimator:
         covariance = np.linalg.inv(normal) * np.outer(self.scale, self.scale)
         weak = np.sqrt(np.diag(covariance)) > UNSEEN * self.scale
         weak |= np.linalg.norm(scaled, axis=0) < 1.0  # nothing moves with it
-        s, by_x = self.mode_series(*self._apart(found.x))
+        s, _ = self.mode_series(*self._apart(found.x))
         n_a, marker = self.model.rows.n_a, found.r[: 3 * int(found.kept.sum())]
         return Estimate(
             found.status,
@@ -268,7 +268,6 @@ class Estimator:
             found.x[n_a:],
             covariance,
             s,
-            by_x @ covariance @ by_x.T,
             self._effectors(found.x),
             tuple(int(number) for number in np.flatnonzero(there & ~found.kept)),
             tuple(name for name, one in zip(self.unknowns, weak, strict=True) if one),

@@ -11,7 +11,7 @@ from cfem.predict.estimate_fit import EstimateStatus
 @dataclass(frozen=True)
 class Estimate:
     """One state. delta_a (n_a,) mm; loads (n_w,) N on the chosen rows; covariance (n_a + n_w, n_a + n_w) of both in
-    this order; rows (k,) mm of the skin, and their covariance (k, k); delta_e (n_e,) mm; outliers: numbers of markers
+    this order; rows (k,) mm of the skin; delta_e (n_e,) mm; outliers: numbers of markers
     that do not fit; unseen: names of unknowns that the measurements do not tell; noise: root mean square of the
     residuals of the other markers over their standard deviation, about 1 or less where all is as assumed; innovation:
     the square of what the frame missed of what was known before it, over its covariance, and of how many numbers, which
@@ -22,7 +22,6 @@ class Estimate:
     loads: np.ndarray
     covariance: np.ndarray
     rows: np.ndarray
-    rows_covariance: np.ndarray
     delta_e: np.ndarray
     outliers: tuple[int, ...]
     unseen: tuple[str, ...]

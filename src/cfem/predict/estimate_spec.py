@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
@@ -27,11 +27,9 @@ class LoadsSpec(Spec):
     """Direction of the force where it is known, a number for each of the rows: the normal of the surface where
     something touches it."""
 
-    @model_validator(mode="after")
-    def _direction_of_all(self):
+    def check(self) -> None:
         if self.along is not None and (len(self.along) != len(self.rows) or not any(self.along)):
             raise ValueError(f"along: expected {len(self.rows)} numbers, one for each row, and not all 0")
-        return self
 
 
 class DynamicsSpec(Spec):

@@ -62,7 +62,9 @@ class LearnedFinger:
     def points(self) -> np.ndarray:
         return self.patch.points @ self.turn.T + self.shift
 
-    def respond(self, actuators, delta_c: np.ndarray, before: Response | None) -> tuple[Response, np.ndarray]:
+    def respond(
+        self, actuators, delta_c: np.ndarray, before: Response | None, tolerance: float = 0.0
+    ) -> tuple[Response, np.ndarray]:
         """actuators: held at their targets, whether they pull or push."""
         delta_a = actuators.target
         X, size, M = self._placed(delta_c, np.zeros(6) if before is None else before.X)

@@ -41,7 +41,7 @@ def load_model(folder: Path, runtime: Runtime = "arrays", whole: bool = False) -
             continue
         if known == stamp(folder):
             return found
-    raise InputError("is replaced all the time", where=str(folder), do="wait until the training ends")
+    raise InputError("is being replaced again and again", where=str(folder), do="wait until the training ends")
 
 
 def stamp(folder: Path) -> tuple[int, int] | None:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import SpecError
@@ -28,15 +28,13 @@ class LoadSpec(Spec):
     """Acceleration of gravity along x, y and z, which gives the payload its weight. Without a mass: on the robot's own,
     in addition to what the scene has."""
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> "LoadSpec":
+    def check(self) -> None:
         if (self.force is None) == (self.gravity is None) or (self.mass is not None and self.gravity is None):
             raise ValueError(
                 "expected force, or gravity with or without mass, such as {mass: 20 g, gravity: {m/s^2: [0, 0, -9.81]}}"
             )
         if (self.at is None) != (self.radius is None):
             raise ValueError("a patch of the surface has both at and radius")
-        return self
 
     def newtons(self, own: float | None = None) -> np.ndarray | None:
         """(3,) N; own: t, the mass whose centre the effector is. None where no mass is known."""

@@ -75,7 +75,7 @@ def loaded(
         what = f"loads need a model of kind spectral, or of kind serial made of such, not {other}"
         raise InputError(what, do="train one")
     if wrench.shape != (model.rows.n_e,) or not np.isfinite(wrench).all():
-        raise InputError(f"a wrench has {model.rows.n_e} finite numbers, one for each effector row")
+        raise InputError(f"a wrench must have {model.rows.n_e} finite numbers, one for each effector row")
     if serial:
         meta = {**model.meta, "wrench": wrench.tolist()}
         found = LoadedSerialPredictor(meta, model.arrays, row_patches(model, patches))

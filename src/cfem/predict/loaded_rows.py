@@ -14,7 +14,7 @@ import numpy as np
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.patch_effectors import PatchYield
-from cfem.predict.chebyshev import basis
+from cfem.predict.chebyshev import basis, union
 from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.skin import LearnedSkin
 from cfem.predict.spectral import SpectralPredictor
@@ -109,9 +109,3 @@ def on_modes(skin: LearnedSkin, patches: Sequence[PatchLoad]) -> np.ndarray:
             what = "the body is held here, so that no force moves it"
             raise SpecError(what, where=f"loads.{one.name}", do="take a place where it is free")
     return np.hstack(found)
-
-
-def union(*bases: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """(M, n) degrees that are in any of the bases, and the place of each of theirs."""
-    found, place = np.unique(np.vstack(bases), axis=0, return_inverse=True)
-    return found, np.split(place.ravel(), np.cumsum([len(one) for one in bases])[:-1])

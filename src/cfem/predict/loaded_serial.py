@@ -30,6 +30,7 @@ from cfem.predict.wrench_series import NEAR, Held, Loaded, WrenchSeries
 
 ITERATIONS = 50
 STEP = 1e-5  # of the reach: by which shapes are differenced
+FITTED = 0.2  # of the error of D and E, of the sum over a module's rows: errors of rows take off from each other
 STATES = 16  # at which the error is estimated
 FARTHEST = 6.0  # lengths of a module and radians: no pose of a module is farther away
 TOLERANCE = 1e-11  # of a module's length and of a radian: largest Newton step of a converged row
@@ -129,10 +130,11 @@ class LoadedSerialPredictor(SerialPredictor):
         """mm: about how far the tip is wrong at one state, n_a actuators. Without D as
         `cfem.predict.loaded.wrench_error`.
 
-        With it, each module leaves out terms of the third order. Some follow the second as that follows the first,
-        others are of large rotations: the first times the square of its rotation. The first is wrong by as much as the
-        model's W is (`frame_loss`). The row carries them to the tip. Twice their sum, of all rows of all modules, is at
-        the safe side of most (docs/loads.md)."""
+        With it, each module leaves out what follows its last term. With E that is the third, and what follows is
+        smaller by the mean ratio of its terms. Without, some follows the second as that follows the first, and some is
+        of large rotations: the first times the square of its rotation. The first is wrong by twice as much as W of the
+        model (`frame_loss`), the others by a share of what D and E are (FITTED). The row carries all to the tip. Their
+        sum, of all rows of all modules, is at the safe side of most (docs/loads.md)."""
         modules = self._held(np.asarray(delta_a, float))
         row, parts = self._settle(modules)
         if any(one.D is None for one in modules):
@@ -143,14 +145,20 @@ class LoadedSerialPredictor(SerialPredictor):
         carried = (row.B[:3] @ np.linalg.inv(np.eye(len(V)) + C @ V)).reshape(3, len(parts), -1)
         wrenches, total = self.softer[:, None] * (self._forces @ row.B).reshape(len(parts), -1), 0.0
         for i, (one, w) in enumerate(zip(modules, wrenches, strict=True)):
-            first, second = one.C[0] @ w, one.D[0] @ w @ w / 2
-            sizes = [np.linalg.norm(each / self._units) for each in (first, second)]
-            following = second * sizes[1] / max(sizes[0], 1e-300)
-            turning = first * (first[3:END] @ first[3:END])
-            fit = np.sqrt(self.models[self.which[i]].meta.get("errors", {}).get("frame_loss", 0.0))
-            for left in (following, turning, fit * first):
-                total += np.linalg.norm(carried[:, i] * left, axis=0).sum()
-        return 2.0 * float(total) + self._error_of_patches(row, parts)
+            errors = self.models[self.which[i]].meta.get("errors", {})
+            fits = [FITTED * errors.get("of_loads", {}).get(name, 0.0) for name in ("dC", "d2C")]
+            terms = [one.C[0] @ w, one.D[0] @ w @ w / 2]
+            if one.E is not None:
+                terms.append(np.zeros_like(w))
+                terms[2][: one.E.watched] = one.E.cubic(w[: one.E.watched])[0]
+            sizes = [np.linalg.norm(each / self._units) for each in terms]
+            ratio = (sizes[-1] / max(sizes[0], 1e-300)) ** (1 / (len(terms) - 1))
+            parts_left = [ratio * terms[-1], 2.0 * np.sqrt(errors.get("frame_loss", 0.0)) * terms[0]]
+            parts_left += [fit * term for fit, term in zip(fits, terms[1:], strict=False)]
+            if one.E is None:
+                parts_left.append(terms[0] * (terms[0][3:END] @ terms[0][3:END]))
+            total += sum(np.linalg.norm(carried[:, i] * left, axis=0).sum() for left in parts_left)
+        return float(total) + self._error_of_patches(row, parts)
 
     def _error_of_patches(self, row: Row, parts: list[Loaded]) -> float:
         """mm: as `cfem.predict.loaded.wrench_error` without D, of what a patch moves its own module by."""

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
+from cfem.predict.chebyshev import union
 from cfem.predict.energy import unpacking
-from cfem.predict.loaded_rows import on_modes, union
+from cfem.predict.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
 from cfem.predict.skin import LearnedSkin
 

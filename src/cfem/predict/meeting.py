@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from cfem.contact.detection import patch_normals
+from cfem.contact.detection import NEVER, patch_normals, separation
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
@@ -102,6 +102,21 @@ class Meeting:
             at = "are at 0" if not any(np.any(one) for one in deltas) else "begin"
             raise InputError(f"the robots overlap by {-gap:.3g} mm where their actuators {at}", do="move one of them")
         return step.run()
+
+    def normals(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """(N, 3) outward of all patches in the scene, by the rows of each robot's skin."""
+        found = []
+        for robot, mine in zip(self.robots, rows, strict=True):
+            of, skin = robot.touchable.patches, robot.touchable.model.skin
+            found.append(patch_normals(skin.surface(mine), skin.triangles, of.of, len(of)) @ robot.R.T)
+        return np.concatenate(found)
+
+    def separation(self, state: Met, body: int, other: int) -> float:
+        """mm, the smallest gap of two bodies, or of one and itself, that do not press each other."""
+        here, there = (self.surroundings.bodies == one for one in (body, other))
+        both = here[:, None] & there | there[:, None] & here
+        may = np.where(both, self.surroundings.may_meet, NEVER)
+        return separation(state.places, self.normals(state.rows), may, self.surroundings.spacing)
 
     def step(self, deltas: Sequence[np.ndarray], before: Met) -> Met:
         """One quasi-static step, which ends as `go` does."""
@@ -213,11 +228,8 @@ class _Step:
     def _look(self) -> None:
         """And what is before them."""
         self._place()
-        normals = []
-        for robot, held in zip(self.of.robots, self.held, strict=True):
-            of, skin = robot.touchable.patches, robot.touchable.model.skin
-            normals.append(patch_normals(skin.surface(held.rows), skin.triangles, of.of, len(of)) @ robot.R.T)
-        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self._moved)
+        normals = self.of.normals([held.rows for held in self.held])
+        self.pairs = self.of.surroundings.pairs(self.places, normals, self.faces, self._moved)
 
     def _compliance(self, pressed: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N of chosen patches, in the scene; pressed: as the forces have changed it."""

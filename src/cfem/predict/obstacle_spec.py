@@ -4,13 +4,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere, tangents
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, Translation
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError
 from cfem.core.spec import Spec
 from cfem.core.stl import read_stl
 from cfem.core.units import Force, Length, Point, Points
@@ -32,11 +32,9 @@ class _Any(Spec):
     """Displacements that it goes through from the first goal to the last, evenly spread, straight from one to the next.
     It stands still unless given."""
 
-    @model_validator(mode="after")
-    def _press_or_avoid(self):
+    def check(self) -> None:
         if self.avoid is not None and (self.press is not None or self.largest_force is not None):
             raise ValueError("an obstacle is pressed or avoided; leave one of them out")
-        return self
 
     @property
     def pressed(self) -> bool:
@@ -105,11 +103,10 @@ class CapsuleObstacle(_Any):
     radius: Annotated[Length, Field(gt=0)]
     """Its radius."""
 
-    @model_validator(mode="after")
-    def _two_ends(self):
+    def check(self) -> None:
+        super().check()
         if len(self.ends) != 2 or np.allclose(self.ends[0], self.ends[1]):
             raise ValueError("ends: expected two points that differ")
-        return self
 
     def made(self, folder: Path) -> Obstacle:
         first, second = np.asarray(self.ends, float)
@@ -159,14 +156,10 @@ class RobotObstacle(_Any):
     translate: Point | None = None
     """Movement after the rotation."""
 
-    @model_validator(mode="after")
-    def _one_way(self):
+    def check(self) -> None:
+        super().check()
         if self.path is not None:
             raise ValueError("path: another robot moves by its actuators, state `shares`")
-        return self
-
-    def made(self, folder: Path) -> Obstacle:
-        raise SpecError("another robot has no C code yet", where="c.obstacles", do="leave it out")
 
     def course(self, folder: Path) -> ActuatedRobot:
         where = str(folder / self.model)
@@ -192,14 +185,10 @@ class ItselfObstacle(_Any):
     kind: Literal["itself"]
     """The robot touches itself. Parts that are nearer than 0.3 of its length along its surface never meet."""
 
-    @model_validator(mode="after")
-    def _touched_alone(self):
+    def check(self) -> None:
+        super().check()
         if self.path is not None or self.avoid is not None:
             raise ValueError("itself takes press or largest_force, and neither path nor avoid")
-        return self
-
-    def made(self, folder: Path) -> Obstacle:
-        raise SpecError("a robot that touches itself has no C code yet", where="c.obstacles", do="leave it out")
 
 
 ObstacleSpec = Annotated[

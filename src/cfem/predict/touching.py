@@ -43,9 +43,10 @@ class TouchedStatus(Enum):
 class Touched:
     """One state. patches (c,): numbers of those that touch; forces (c, 3) N on them, normals (c, 3) of what they touch
     and places (c, 3) mm; everywhere (N, 3) mm: places of all patches; gaps (c,) mm; obstacles (c,): numbers of those
-    that they touch; modes: of each patch; delta_e (n_e,) mm and lambda_a (n_a,) N of the touched robot; rows (k,) mm of
-    the skin, from which `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds
-    each patch, NaN where it does not; near (d,): numbers of these patches and of those that may touch next."""
+    that they touch; modes: of each patch; delta_e (n_e,) mm of the touched robot, at delta_a (n_a,) mm under lambda_a
+    (n_a,) N, negative where a cable would have to push (`cfem.predict.slack`); rows (k,) mm of the skin, from which
+    `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds each patch, NaN where
+    it does not; near (d,): numbers of these patches and of those that may touch next."""
 
     status: TouchedStatus
     patches: np.ndarray
@@ -57,6 +58,7 @@ class Touched:
     obstacles: np.ndarray
     modes: tuple[Mode, ...]
     delta_e: np.ndarray
+    delta_a: np.ndarray
     lambda_a: np.ndarray
     rows: np.ndarray
     stuck: np.ndarray
@@ -235,6 +237,7 @@ class _Step:
             self.which[chosen],
             tuple(mode for mode, one in zip(self.modes, meets, strict=False) if one),
             base.delta_e + (held.tip() if bears.any() else 0.0),
+            held.delta,
             base.lambda_a - (held.relief() if bears.any() else 0.0),
             held.rows,
             self.stuck,

@@ -15,7 +15,7 @@ from cfem.report.chart import Chart, chart, panel
 from cfem.report.estimates import estimate_chart, estimate_table
 from cfem.report.page import Section
 from cfem.report.style import GOAL, colour_of
-from cfem.report.tables import Table, milliseconds, number, spread, tabulate
+from cfem.report.tables import Table, durations, lengths, number, spread, tabulate
 from cfem.report.tracking import FLOOR, planes
 
 COLUMNS = ["trajectory", "controller", "seed", "seconds", "goal_index", "goal", "x_e", "error"]
@@ -59,9 +59,9 @@ def loop_table(results: Mapping[str, Mapping[str, dict]]) -> Table:
             "goals reached": lambda row: f"{row[2]['reached']['mean']:g} of {row[2]['goals']}",
             "time (s)": lambda row: number(row[2]["seconds"]),
             "ticks until it stays, median / max": lambda row: spread(row[2]["ticks_to_converge"], "median", "max"),
-            "error when the next goal was due, mean / max (mm)": lambda row: spread(row[2]["error_at_goals"]),
-            "error at every tick, mean / max (mm)": lambda row: spread(row[2]["error"]),
-            "CPU per tick, median / p99 (ms)": lambda row: milliseconds(row[2]["step_us"]),
+            "error when the next goal was due, mean / max": lambda row: lengths(row[2]["error_at_goals"]),
+            "error at every tick, mean / max": lambda row: lengths(row[2]["error"]),
+            "CPU per tick, median / p99": lambda row: durations(row[2]["step_us"]),
         },
     )
 

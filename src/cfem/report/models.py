@@ -1,25 +1,22 @@
 """Models of one robot side by side: what their errors are, what they cost, how they learned."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError
+from cfem.core.shown import duration
 from cfem.report.chart import Chart, chart, panel
+from cfem.report.choices import QUANTITIES, choice_table
 from cfem.report.page import Section
 from cfem.report.spec import Published
 from cfem.report.style import INK, LEARNED
-from cfem.report.tables import Table, number, spread, tabulate
+from cfem.report.tables import Table, lengths, number, spread, tabulate
 from cfem.report.trust import Trust, trust_chart, trust_summary, trust_table
 
 KINDS = {"spectral": LEARNED[0], "energy_net": LEARNED[1], "mlp": LEARNED[2]}
 MARKS = "os^Dv"
 FLOORS = {"loss": 1e-18, "tip": 1e-12, "force": 1e-12}  # smaller is nothing
-# Of a result of `cfem train`, all but these is what the kind of model chose for itself.
-COMMON = {
-    "kind", "form", "samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors", "history",
-    "positive_definite", "learning_curve", "headline", "module", "judgement",
-}  # fmt: skip
 ERRORS = {
     "loss": ("loss", lambda point: point["errors"]["loss"]),
     "tip": ("largest tip error (mm)", lambda point: point["errors"]["tip_mm"]["max"]),
@@ -55,9 +52,9 @@ def models_section(
         parts += [trust_chart(trusts, prefix), trust_table(summaries)]
     text = (
         "All errors are those at the test states, which no training has seen. The paper's loss is the mean squared "
-        "error of the entries of W and delta_free, standardised by the test set. cfem train judges the model by that "
-        "of whole vectors, which does not depend on the axes of the scene, and prints both. W is checked at random "
-        "states between samples."
+        "error of the entries of W and delta_free, each divided by its standard deviation over the test set. It "
+        "depends on the axes of the scene. cfem train prints it, and judges the model by the same error of whole "
+        "vectors, which does not. W is checked at random states between the samples."
     )
     facts = {"models": {name: dict(results) for name, results in models.items()}, "trust": summaries}
     return Section(title, text, tuple(parts), facts)
@@ -77,13 +74,17 @@ def model_table(models: Models, published: Published | None = None, default: str
             "model": lambda row: row[0],
             "samples": lambda row: str(row[1]["samples"]),
             "the paper's loss": lambda row: number(row[1]["errors"]["loss"]),
-            "tip error, mean / max (mm)": lambda row: spread(row[1]["errors"]["tip_mm"]),
+            "tip error, mean / max": lambda row: lengths(row[1]["errors"]["tip_mm"]),
             f"force error, mean / max ({force})": lambda row: spread(row[1]["errors"]["force_N"]),
-            "sampling (CPU s)": lambda row: number(row[1]["seconds_sampling"]),
-            "training (s)": lambda row: number(row[1]["seconds_fit"]),
-            "query (µs)": lambda row: number(row[1]["microseconds_query"]),
+            "CPU time of sampling": lambda row: _time(row[1]["seconds_sampling"]),
+            "training time": lambda row: _time(row[1]["seconds_fit"]),
+            "one query": lambda row: _time(row[1]["microseconds_query"], 1e-6),
         },
     )
+
+
+def _time(value: float | None, unit: float = 1.0) -> str:
+    return "–" if value is None else duration(unit * value)
 
 
 def definite_table(models: Models) -> Table:
@@ -106,39 +107,12 @@ def definite_table(models: Models) -> Table:
         {
             "model": lambda row: row[0],
             "W not positive definite at": lambda row: lacking(row[1]["positive_definite"]),
-            "smallest eigenvalue, W scaled to unit diagonal": lambda row: number(
+            "smallest eigenvalue of W, its diagonal scaled to 1": lambda row: number(
                 row[1]["positive_definite"]["smallest_eigenvalue"]
             ),
             "worst at": lambda row: where(row[1]),
         },
     )
-
-
-def choice_table(models: Models) -> Table:
-    """What each model chose for itself: terms and weights of series, best epochs of networks."""
-    rows = [(name, what, value) for name, results in models.items() for what, value in chosen(results)]
-    return Table(("model", "chosen", "value"), rows, words=True)
-
-
-def chosen(results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """What a model chose for itself and its value, for a reader: what it says of each of its quantities by itself, the
-    rest in one."""
-
-    def text(value: Any) -> str:
-        if isinstance(value, list | tuple):
-            return " ".join(text(one) for one in value)
-        return number(value, 2) if isinstance(value, float) else str(value)
-
-    def joined(facts: Mapping[str, Any]) -> str:
-        return ", ".join(f"{name} {text(one)}".replace("_", " ") for name, one in facts.items())
-
-    own = {name: value for name, value in results.items() if name not in COMMON and value not in (None, {}, [])}
-    plain = {name: value for name, value in own.items() if not isinstance(value, dict)}
-    for name, value in own.items():
-        if parts := isinstance(value, dict) and {k: one for k, one in value.items() if not isinstance(one, dict)}:
-            yield name, joined(parts)
-    if plain:
-        yield "", joined(plain)
 
 
 def looks(models: Models) -> dict[str, dict[str, Any]]:
@@ -203,7 +177,13 @@ def label(name: str, default: str | None) -> str:
 def training_chart(models: Models, prefix: str = "") -> Chart:
     """Error of states held out, against terms or epochs. One panel a model."""
     axes = [(_terms if "terms" in one["history"][0] else _epochs)(name, one) for name, one in models.items()]
-    text = "Error at states held out while the models learn. A ring marks the number of terms chosen."
+    text = "Error at states held out while the models learn."
+    if any("terms" in one["history"][0] for one in models.values()):
+        text += (
+            " Solid lines: the degree of the series counts alike along all input directions. Dashed lines: the "
+            "directions have weights found by search; dotted lines: weights from the decay of the coefficients. A ring "
+            "marks the number of terms chosen."
+        )
     return chart(f"{prefix}training", text, axes)
 
 
@@ -211,14 +191,14 @@ def _terms(name: str, results: Mapping[str, Any]):
     """A colour a quantity; solid where all coordinates count alike, dashed and dotted where their weights were searched
     for or are of a first fit; a ring marks what was chosen."""
     axis = panel(f"{name}: relative error", "terms", log="xy")
-    said = {"equal": "", "searched": ", weights searched", "decay": ", weights by decay"}
     for colour, quantity in zip(LEARNED, dict.fromkeys(row["quantity"] for row in results["history"]), strict=False):
+        told = QUANTITIES.get(quantity, quantity)
         for weights, style in (("equal", "o-"), ("searched", "s--"), ("decay", "D:")):
             rows = [row for row in results["history"] if (row["quantity"], row["weights"]) == (quantity, weights)]
             if rows:
                 terms, errors = [row["terms"] for row in rows], [row["error"] for row in rows]
-                text = quantity.replace("_", " ") + said[weights]
-                axis.plot(terms, errors, style, ms=2.5, lw=1.1, color=colour, label=text)
+                axis.plot(terms, errors, style, ms=2.5, lw=1.1, color=colour, label=told)
+                told = None
         best = min((row for row in results["history"] if row["quantity"] == quantity), key=lambda row: row["error"])
         axis.plot(best["terms"], best["error"], "o", ms=9, mfc="none", color=colour)
     return axis

@@ -27,7 +27,8 @@ def units_of(data: Dataset) -> dict[str, tuple[str, str]]:
 def samples_section(splits: Mapping[str, Dataset], results: Mapping[str, Any]) -> Section:
     """results: of `cfem simulate-sample`."""
     rows = ", ".join(f"{count} {split}" for split, count in results["rows"].items())
-    text = f"States solved by finite elements: {rows}; {results['failed']} of them did not converge."
+    lost = f"all but {results['failed']} of them" if results["failed"] else "all of them"
+    text = f"States solved by finite elements: {rows}; {lost} converged."
     return Section("The samples", text, (coverage_chart(splits),), facts={"samples": results})
 
 

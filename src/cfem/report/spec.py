@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from cfem.core.names import Label
 from cfem.core.spec import Spec
@@ -24,11 +24,9 @@ class MeshCase(Spec):
     radius: Length | None = Field(default=None, ge=0)
     """Radius of all attachments instead of the scene's; 0 attaches to mathematical points."""
 
-    @model_validator(mode="after")
-    def _one(self):
+    def check(self) -> None:
         if (self.size is None) == (self.cells is None):
             raise ValueError("a mesh case needs either a size or a number of cells")
-        return self
 
 
 class Discretisation(Spec):
@@ -73,11 +71,9 @@ class SurrogateScene(Spec):
     published: Published | None = None
     """Figures from the literature."""
 
-    @model_validator(mode="after")
-    def _default_is_known(self):
+    def check(self) -> None:
         if self.default is not None and self.default not in self.models:
             raise ValueError(f"default: '{self.default}' is none of the models {', '.join(self.models)}")
-        return self
 
 
 class SizedMesh(Spec):
@@ -126,8 +122,7 @@ class ReportSpec(Spec):
     """Folders of `cfem train` whose models move, by name: their natural frequencies and damping along the workspace.
     Of `models` that move, the page shows them without being asked."""
 
-    @model_validator(mode="after")
-    def _whole(self):
+    def check(self) -> None:
         artefacts = {"mesh": self.mesh, "samples": self.samples, "models": self.models, "control": self.control}
         lacking = [name for name, value in artefacts.items() if not value]
         if 0 < len(lacking) < len(artefacts):
@@ -141,4 +136,3 @@ class ReportSpec(Spec):
             raise ValueError(
                 "nothing to report: give artefacts, a discretisation, surrogates, a study, loops or moving"
             )
-        return self

@@ -1,6 +1,6 @@
 """`cfem report`: reads artefacts, writes report.html, its pictures as files, and results.json."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,41 +9,12 @@ from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import poor, sentences, with_inherited
 from cfem.core.optional import demand
 from cfem.core.spec import load_spec, meaning
-from cfem.core.stage import Options, Stage, read_manifest, run_stage
+from cfem.core.stage import Command, read_manifest
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
-VERSION = 8
-PATHS = ("scene", "mesh", "samples", "models", "control", "page", "out", "surrogates", "sampling", "meshes")
-PATHS += ("loops", "moving")
+PATHS = ("scene", "mesh", "samples", "models", "control", "page", "surrogates", "sampling", "meshes", "loops", "moving")
 FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "model", "control")}
-
-
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest. Results: path of the page, headline figures."""
-    made = stage(spec_path, overrides, out)
-    scene_path = spec_path.parent / made.spec.scene if made.spec.scene else None
-    scene = load_spec(scene_path, SceneSpec) if scene_path else None
-    return run_stage(made, lambda folder: _work(folder, made.spec, scene, scene_path, made.inputs), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, ReportSpec, overrides), spec_path.parent
-    extra: dict[str, Any] = {"scene": scene_meaning(base / spec.scene)} if spec.scene else {}
-    for name, folders in FOLDERS.items():
-        if given := getattr(spec, name):
-            extra[name] = {key: meaning(one, folders) for key, one in given.items()}
-    return Stage(
-        name="report",
-        version=VERSION,
-        spec=spec,
-        inputs=artefacts(spec, base),
-        out=out or base / spec.out,
-        paths=PATHS,
-        extra=extra,
-        spec_path=spec_path,
-        overrides=overrides,
-    )
 
 
 def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
@@ -65,13 +36,16 @@ def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
     return {name: base / path for name, path in found.items() if path}
 
 
-def _work(
-    folder: Path,
-    spec: ReportSpec,
-    scene: SceneSpec | None,
-    scene_path: Path | None,
-    inputs: dict[str, Path],
-) -> dict[str, Any]:
+def _extra(spec: ReportSpec, base: Path) -> dict[str, Any]:
+    extra: dict[str, Any] = {"scene": scene_meaning(base / spec.scene)} if spec.scene else {}
+    for name, folders in FOLDERS.items():
+        if given := getattr(spec, name):
+            extra[name] = {key: meaning(one, folders) for key, one in given.items()}
+    return extra
+
+
+def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
+    """Results: path of the page, headline figures."""
     demand("matplotlib", where="cfem report")
     from cfem.core.progress import progress
     from cfem.report.discretisation import headline, study
@@ -79,6 +53,9 @@ def _work(
     from cfem.report.page import Summary, page
     from cfem.report.parts import compared, learned, over_time, provenance
 
+    scene_path = base / spec.scene if spec.scene else None
+    scene = load_spec(scene_path, SceneSpec) if scene_path else None
+    inputs = artefacts(spec, base)
     manifests = {name: (path, read_manifest(path)) for name, path in inputs.items()}
     if spec.control:
         _demand_one_robot(scene, scene_path, spec, manifests)
@@ -146,3 +123,7 @@ def _about(spec: ReportSpec) -> str:
     if spec.moving and not spec.discretisation:
         return f"How {', '.join(spec.moving)} vibrates, by what its learned model says."
     return "The error of the discretisation, and what it costs to lower it."
+
+
+COMMAND = Command("report", 9, ReportSpec, _work, outside=PATHS, reads=artefacts, extra=_extra)
+run, stage = COMMAND.run, COMMAND.stage

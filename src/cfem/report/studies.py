@@ -7,12 +7,13 @@ import numpy as np
 
 from cfem.control.spec import FE_BASED
 from cfem.core.errors import InputError
+from cfem.core.shown import duration
 from cfem.report.chart import chart, panel
 from cfem.report.models import ERRORS, FLOORS, KINDS, MARKS
 from cfem.report.page import Section
 from cfem.report.spec import Published
 from cfem.report.style import FE, INK, LEARNED, ticks_at
-from cfem.report.tables import Table, number, spread, tabulate
+from cfem.report.tables import Table, lengths, number, spread, tabulate
 
 
 def sampling_rows(method: str, model: str, trained: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -92,9 +93,9 @@ def sampling_table(rows: Sequence[Mapping[str, Any]]) -> Table:
             "model, method": lambda row: f"{row['model']}, {row['method']}",
             "rows": lambda row: str(row["samples"]),
             "the paper's loss": lambda row: number(row["errors"]["loss"]),
-            "tip error, mean / max (mm)": lambda row: spread(row["errors"]["tip_mm"]),
+            "tip error, mean / max": lambda row: lengths(row["errors"]["tip_mm"]),
             "force error, mean / max (N)": lambda row: spread(row["errors"]["force_N"]),
-            "training (s)": lambda row: number(row["seconds_fit"]),
+            "training": lambda row: duration(row["seconds_fit"]),
         },
     )
 
@@ -143,14 +144,14 @@ def sizes_table(rows: Sequence[Mapping[str, Any]]) -> Table:
             "mesh": lambda line: line[0],
             "samples": lambda line: str(line[1]["samples"]),
             "the paper's loss": lambda line: number(line[1]["errors"]["loss"]),
-            "tip error, mean / max (mm)": lambda line: spread(line[1]["errors"].get("tip_mm")),
+            "tip error, mean / max": lambda line: lengths(line[1]["errors"].get("tip_mm")),
             "samples per second, one core": lambda line: (
                 number(line[1]["samples"] / line[1]["seconds_sampling"]) if "seconds_sampling" in line[1] else ""
             ),
             "steps per second, learned": lambda line: number(line[2]["steps_learned"]) if line[2] else "",
             "steps per second, FE-based": lambda line: number(line[2]["steps_fe"], 2) if line[2] else "",
-            "mean distance to the goals, learned / FE-based (mm)": lambda line: (
-                spread(line[2], "missed_learned_mm", "missed_fe_mm") if line[2] else ""
+            "mean distance to the goals, learned / FE-based": lambda line: (
+                lengths(line[2], "missed_learned_mm", "missed_fe_mm") if line[2] else ""
             ),
         },
     )

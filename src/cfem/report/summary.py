@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cfem.control.spec import FE_BASED
+from cfem.core.shown import duration, length, times
 from cfem.report.page import Number, Summary
-from cfem.report.tables import number
 from cfem.report.tracking import Tracking
 
 
@@ -40,19 +40,19 @@ def tracking_summary(found: Tracking) -> Summary:
     able, reached = int(one.reachable.sum()), int((one.error[one.reachable] <= limit).sum())
     away = len(one.error) - able
     plant = "finite-element robot" if found.plant == "fem" else "model"
-    sentence = f"The {plant} reaches {reached} of {able} goals in reach with the learned model {one.who}."
+    sentence = f"The {plant} reaches {reached} of {able} goals within reach, driven by the learned model '{one.who}'."
     if away:
-        sentence += f" {away} goal{'s lie' if away > 1 else ' lies'} out of its reach; it ends at the nearest point."
-    within = (f"within {number(limit)} mm", *((f"{away} more out of reach",) if away else ()))
+        sentence += f" {away} goal{'s lie' if away > 1 else ' lies'} out of its reach: it ends at the nearest point."
+    within = (f"within {length(limit)}", *((f"{away} more out of reach",) if away else ()))
     numbers = [Number(f"{reached} of {able}", "goals reached", within)]
     known = one.error[one.reachable & np.isfinite(one.error)]
     if len(known):
         mesh = (found.discretisation or {}).get("tip_mm", 0.0)
         if mesh > known.max():
             sentence += (
-                f" The mesh itself leaves {number(mesh, 2)} mm uncertain at the tip, more than the tracking error."
+                f" The mesh itself leaves {length(mesh, digits=2)} uncertain at the tip, more than the tracking error."
             )
-        numbers.append(Number(f"{number(known.mean(), 2)} mm", "mean tracking error", _beside(known, found)))
+        numbers.append(Number(length(known.mean()), "mean tracking error", _beside(known, found)))
     numbers.append(_time(found, one.step_us))
     return Summary(sentence, tuple(_concerns(one, found, reached)), tuple(numbers))
 
@@ -60,7 +60,7 @@ def tracking_summary(found: Tracking) -> Summary:
 def _concerns(one: Outcome, found: Tracking, reached: int) -> Iterator[str]:
     able, limit = int(one.reachable.sum()), found.spec["reached"]
     if reached < able:
-        yield f"{one.who} misses {able - reached} of the {able} goals in reach by more than {number(limit)} mm"
+        yield f"{one.who} misses {able - reached} of the {able} goals in reach by more than {length(limit)}"
     if not able:
         yield f"none of the {len(one.error)} goals is in reach of the robot"
     outside = int((one.reachable & ~one.inside).sum())
@@ -70,22 +70,20 @@ def _concerns(one: Outcome, found: Tracking, reached: int) -> Iterator[str]:
 
 def _beside(error: np.ndarray, found: Tracking) -> tuple[str, str]:
     """What to hold beside the mean tracking error."""
-    text, mesh = f"largest {number(error.max(), 2)} mm, on the mesh of the model", found.discretisation or {}
+    text, mesh = f"largest {length(error.max())}, on the mesh of the model", found.discretisation or {}
     if "tip_mm" in mesh:
-        return text, f"discretisation error of the tip: {number(mesh['tip_mm'], 2)} mm (estimated)"
+        return text, f"discretisation error of the tip: {length(mesh['tip_mm'], digits=2)} (estimated)"
     why = f": {mesh['left_out']}" if "left_out" in mesh else ""
     return text, f"discretisation error: not estimated{why}"
 
 
 def _time(found: Tracking, step_us: np.ndarray) -> Number:
     """Per control step, beside an FE solve."""
-    step = float(np.median(step_us)) / 1000
-    if not found.fe_seconds:
-        return Number(f"{number(step)} ms", "per control step (median)")
-    solve = 1000 * found.fe_seconds
-    shown = f"{number(solve)} ms" if solve < 1000 else f"{number(solve / 1000)} s"
-    note = f"an FE solve of this robot takes {shown}: {number(solve / step, 2)} times longer"
-    return Number(f"{number(step)} ms", "per control step (median)", (note,))
+    step, solve, name = 1e-6 * float(np.median(step_us)), found.fe_seconds, "per control step (median)"
+    if not solve:
+        return Number(duration(step), name)
+    note = f"one FE solve of this robot takes {duration(solve)}, {times(solve / step)} times as long"
+    return Number(duration(step), name, (note,))
 
 
 def loops_summary(loops: Mapping[str, Mapping[str, Mapping[str, dict]]]) -> Summary:
@@ -98,15 +96,16 @@ def loops_summary(loops: Mapping[str, Mapping[str, Mapping[str, dict]]]) -> Summ
         f"in {name} no controller reaches all goals; the best, {who}, reaches {_goals(one)}" for name, who, one in poor
     ]
     if len(best) > 1:
-        sentence = f"In {len(best) - len(poor)} of {len(best)} runs over time a controller reaches every goal."
+        reached = len(best) - len(poor)
+        sentence = f"In {reached} of {len(best)} runs over time at least one controller reaches every goal."
         return Summary(sentence, tuple(concerns))
     ((_, who, one),) = best
     sentence = f"Controller {who} reaches {_goals(one)} goals over time."
     numbers = [Number(_goals(one), "goals reached", (f"by controller {who}, the best of the run",))]
     if one["error_at_goals"]:
-        mean, largest = (f"{number(one['error_at_goals'][key], 2)} mm" for key in ("mean", "max"))
+        mean, largest = (length(one["error_at_goals"][key]) for key in ("mean", "max"))
         numbers.append(Number(mean, "mean error when the next goal was due", (f"largest {largest}",)))
-    numbers.append(Number(f"{number(one['step_us']['median'] / 1000)} ms", "CPU per tick (median)"))
+    numbers.append(Number(duration(1e-6 * one["step_us"]["median"]), "CPU time per tick (median)"))
     return Summary(sentence, tuple(concerns), tuple(numbers))
 
 

@@ -1,10 +1,11 @@
 """Values as a person reads them: numbers with few digits, spreads, tables by columns."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from cfem.core.shown import duration, length
 from cfem.report.style import power_of_ten
 
 Row = Mapping[str, Any]
@@ -51,6 +52,19 @@ def spread(values: Mapping[str, float] | None, *keys: str, scale: float = 1.0) -
     return " / ".join("–" if value is None else number(scale * value) for value in chosen) if known else "–"
 
 
-def milliseconds(microseconds: Mapping[str, float]) -> str:
-    """Median and 99th percentile."""
-    return spread(microseconds, "median", "p99", scale=1e-3)
+def lengths(values: Mapping[str, float] | None, *keys: str) -> str:
+    """Of mm, as `spread`, with the unit that suits the largest: '1.2 / 7.5 nm'."""
+    return _with_unit(length, values, keys or ("mean", "max"))
+
+
+def durations(microseconds: Mapping[str, float] | None, *keys: str) -> str:
+    """Median and 99th percentile unless said otherwise: '87 / 130 µs'."""
+    return _with_unit(duration, microseconds, keys or ("median", "p99"), 1e-6)
+
+
+def _with_unit(show: Callable[..., str], values: Mapping[str, float] | None, keys: Sequence[str], scale=1.0) -> str:
+    chosen = [values.get(key) for key in keys] if values else []
+    known = [scale * value for value in chosen if value is not None and value == value]
+    if len(known) == len(chosen) and known:
+        return show(*known)
+    return " / ".join("–" if value is None or value != value else show(scale * value) for value in chosen) or "–"

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from cfem.control.spec import FE_BASED
+from cfem.core.shown import length, length_unit
 from cfem.core.stage import artefact_file
 from cfem.dataset.parquet import read_parquet
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.page import Section
-from cfem.report.style import GOAL, INK, colour_of, tick
-from cfem.report.tables import Table, milliseconds, number, spread, tabulate
+from cfem.report.style import GOAL, INK, colour_of
+from cfem.report.tables import Table, durations, lengths, number, tabulate
 
 FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
 FEW = 3  # goals or controllers: of fewer the table says as much
@@ -121,8 +122,8 @@ def looser(found: Tracking) -> str:
     if not any(fe and learned and fe["mean"] > learned["mean"] for fe, learned in pairs):
         return ""
     return (
-        f"FE-based control stops at {tick(found.spec['fe_tolerance'])} mm from a goal, a learned controller at "
-        f"{tick(found.spec['search']['tolerance'])} mm, because a step of FE-based control costs far more. Its larger "
+        f"FE-based control stops at {length(found.spec['fe_tolerance'])} from a goal, a learned controller at "
+        f"{length(found.spec['search']['tolerance'])}, because a step of FE-based control costs far more. Its larger "
         "tracking error comes from this looser tolerance, not from its model."
     )
 
@@ -137,12 +138,10 @@ def tracking_table(found: Tracking) -> Table:
             "controller": lambda row: row[1],
             "goals reached": lambda row: f"{found.reached(row[0], row[1])} of {row[2]['goals']}",
             "goals in reach": lambda row: str(row[2]["reachable"]),
-            "tracking error, goals in reach, mean / max (mm)": lambda row: spread(
-                row[2]["distance_to_reachable_goals"]
-            ),
-            "distance to FE-based, mean / max (mm)": lambda row: spread(row[2]["distance_to_fe_based"]),
+            "tracking error, goals in reach, mean / max": lambda row: lengths(row[2]["distance_to_reachable_goals"]),
+            "distance to FE-based, mean / max": lambda row: lengths(row[2]["distance_to_fe_based"]),
             "steps per goal": lambda row: number(row[2]["iterations_mean"], 2),
-            "time per step, median / p99 (ms)": lambda row: milliseconds(row[2]["step_us"]),
+            "time per step, median / p99": lambda row: durations(row[2]["step_us"]),
             "residual of the QP (mm)": lambda row: number(row[2]["kkt_max"], 2),
         },
     )
@@ -155,7 +154,7 @@ def mesh_error_table(found: Mapping[str, Any]) -> Table:
         {
             "discretisation error, estimated": lambda row: f"{row['cells']} cells against {row['finer_cells']}",
             "states": lambda row: str(row["states"]),
-            "tip (mm)": lambda row: number(row["tip_mm"], 2),
+            "tip": lambda row: length(row["tip_mm"], digits=2),
             "tip (% of length)": lambda row: number(row["tip_percent"], 2),
             "actuator forces (%)": lambda row: number(row["force_percent"], 2),
             "reach (%)": lambda row: number(row["reach_percent"], 2),
@@ -182,10 +181,11 @@ def trajectory_charts(found: Tracking, name: str, units: Mapping[str, tuple[str,
             axis.plot(x[:, i], x[:, j], color=colour_of(who, names), label=who, **look)
         axis.set_aspect("equal", adjustable="datalim")
         axes.append(axis)
-    error = panel("distance to the goal (mm)", "goal", log="y", count=True)
+    unit, mm = length_unit(np.nanmax(rows["error"], initial=FLOOR))
+    error = panel(f"distance to the goal ({unit})", "goal", log="y", count=True)
     for who in names:
         mine = rows["controller"] == who
-        distance = np.maximum(rows["error"][mine], FLOOR)
+        distance = np.maximum(rows["error"][mine], FLOOR) / mm
         look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3}
         error.plot(rows["goal_index"][mine], distance, color=colour_of(who, names), label=who, **look)
     caption = f"{said}: goals, the positions that the robot reached, and its distance from each goal."

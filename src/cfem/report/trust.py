@@ -8,12 +8,13 @@ import numpy as np
 
 from cfem.condensed.parameters import completed
 from cfem.core.errors import InputError, NumericalError
+from cfem.core.shown import length_unit
 from cfem.dataset.reader import Dataset
 from cfem.predict.domain import FAR
 from cfem.predict.protocol import Predictor
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.style import FAINT, LEARNED
-from cfem.report.tables import Table, number, spread, tabulate
+from cfem.report.tables import Table, lengths, number, tabulate
 
 FLOOR = 1e-12  # mm: smaller is nothing
 
@@ -104,10 +105,8 @@ def trust_table(found: Mapping[str, Mapping[str, Any]]) -> Table:
             "states out of reach flagged": lambda row: (
                 f"{row[1]['beyond_flagged']} of {row[1]['beyond']}" if row[1]["beyond"] else "–"
             ),
-            "tip error where not flagged, median / max (mm)": lambda row: spread(
-                row[1]["unflagged_mm"], "median", "max"
-            ),
-            "tip error where flagged, median / max (mm)": lambda row: spread(row[1]["flagged_mm"], "median", "max"),
+            "tip error where not flagged, median / max": lambda row: lengths(row[1]["unflagged_mm"], "median", "max"),
+            "tip error where flagged, median / max": lambda row: lengths(row[1]["flagged_mm"], "median", "max"),
             "rank correlation of error and distance": lambda row: number(row[1]["rank_correlation"], 2),
         },
     )
@@ -117,7 +116,8 @@ def trust_chart(found: Mapping[str, Trust], prefix: str = "") -> Chart:
     """A panel a model: tip error of states that FE solved, against the distance that the model states."""
     axes = []
     for name, one in found.items():
-        axis = panel(f"{name}: true tip error (mm)", "stated distance from the training states", log="xy")
+        unit, mm = length_unit(np.nanmax(one.error, initial=FLOOR))
+        axis = panel(f"{name}: true tip error ({unit})", "stated distance from the training states", log="xy")
         for inside in (True, False):
             for beyond in (False, True):
                 mine = (one.inside == inside) & (one.beyond == beyond) & np.isfinite(one.error)
@@ -125,7 +125,7 @@ def trust_chart(found: Mapping[str, Trust], prefix: str = "") -> Chart:
                 look = {"marker": "^" if beyond else "o", "mfc": "none" if beyond else None, "label": said}
                 colour = LEARNED[0] if inside else LEARNED[3]
                 if mine.any():
-                    distance, error = np.maximum(one.distance[mine], 1e-2), np.maximum(one.error[mine], FLOOR)
+                    distance, error = np.maximum(one.distance[mine], 1e-2), np.maximum(one.error[mine], FLOOR) / mm
                     axis.plot(distance, error, lw=0, ms=4, alpha=0.7, color=colour, **look)
         axis.axvline(FAR, color=FAINT, lw=1.2, ls="--")
         axes.append(axis)

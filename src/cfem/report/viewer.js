@@ -13,7 +13,12 @@
     return new Type(bytes.buffer);
   };
   const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const short = value => value === null ? "–" : value >= 1e-3 ? Number(value.toPrecision(2)).toString() : value.toExponential(1).replace(/e(.*)/, (_, power) => "·10" + [...power].map(one => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(one)] ?? "").join(""));
+  // A length of so many mm, with the unit that suits it, as cfem.core.shown gives it.
+  const long = mm => {
+    if (mm === null) return "unknown";
+    const [unit, one] = [["mm", 1], ["µm", 1e-3], ["nm", 1e-6]].find(([, one]) => !mm || mm >= 0.1 * one) ?? ["nm", 1e-6];
+    return `${Number((mm / one).toPrecision(2))} ${unit}`;
+  };
 
   function start(figure) {
     const data = JSON.parse(figure.querySelector("script").textContent);
@@ -145,7 +150,7 @@
     const tell = () => {
       const goal = take.index[Math.round(time) % take.count];
       slide.value = time; play.textContent = playing ? "❚❚" : "▶"; play.setAttribute("aria-label", playing ? "pause" : "play");
-      said.textContent = `goal ${goal + 1} of ${take.goals.length}, error ${short(take.errors[goal])} mm`;
+      said.textContent = `goal ${goal + 1} of ${take.goals.length}, error ${long(take.errors[goal])}`;
     };
     const end = () => take.closed ? take.count : take.count - 1;
     let forth = 1;
@@ -201,6 +206,14 @@
 
   for (const figure of document.querySelectorAll(".viewer")) {
     try { start(figure); } catch (error) { console.error(error); } // the still picture stays
+  }
+  // A table that is wider than the screen says that it goes on to the right.
+  for (const box of document.querySelectorAll(".scroll")) {
+    const hint = document.createElement("small"), look = () => box.classList.toggle("more", box.scrollWidth - box.clientWidth - box.scrollLeft > 2);
+    hint.className = "hint"; hint.textContent = "The table goes on: scroll it sideways →"; hint.setAttribute("aria-hidden", "true");
+    box.after(hint);
+    box.addEventListener("scroll", look);
+    new ResizeObserver(look).observe(box);
   }
   // A link of the table of contents opens the part that it leads to.
   const open = () => { const part = document.getElementById(location.hash.slice(1)); if (part instanceof HTMLDetailsElement) { part.open = true; part.scrollIntoView(); } };

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, PositiveInt, model_validator
+from pydantic import ConfigDict, Field, PositiveInt
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -64,12 +64,10 @@ class Cable(Spec):
     through_air: bool = Field(default=False, exclude=True)
     """Whether the cable may leave the body between its points. It changes nothing else."""
 
-    @model_validator(mode="after")
-    def _ordered(self):
+    def check(self) -> None:
         _demand_one(f"cable '{self.name}'", points=self.points, route=self.route)
         _demand_order(f"cable '{self.name}'", self.reach)
         _demand_way(f"cable '{self.name}'", self.unilateral, self.reach, "pulls")
-        return self
 
 
 class Push(Spec):
@@ -92,11 +90,9 @@ class Push(Spec):
     body: str | None = None
     """Part, or named group of cells, that all points belong to."""
 
-    @model_validator(mode="after")
-    def _ordered(self):
+    def check(self) -> None:
         _demand_order(f"push '{self.name}'", self.reach)
         _demand_way(f"push '{self.name}'", self.unilateral, self.reach, "pushes")
-        return self
 
 
 class Cavity(Spec):
@@ -118,14 +114,12 @@ class Cavity(Spec):
     unilateral: bool = False
     """Whether the chamber can only push and not suck."""
 
-    @model_validator(mode="after")
-    def _ordered(self):
+    def check(self) -> None:
         _demand_one(f"cavity '{self.name}'", inside=self.inside, surface=self.surface)
         _demand_order(f"cavity '{self.name}'", self.reach)
         _demand_order(f"cavity '{self.name}'", self.pressure, "pressure")
         _demand_way(f"cavity '{self.name}'", self.unilateral, self.reach, "pushes")
         _demand_way(f"cavity '{self.name}'", self.unilateral, self.pressure, "pushes", "pressure")
-        return self
 
 
 class Chambers(Spec):
@@ -146,15 +140,13 @@ class Chambers(Spec):
     unilateral: bool = True
     """Whether the chambers can only push and not suck."""
 
-    @model_validator(mode="after")
-    def _ordered(self):
+    def check(self) -> None:
         if len(set(self.chambers)) < len(self.chambers):
             raise ValueError(f"chambers '{self.name}': a chamber is named twice, of {self.chambers}")
         _demand_order(f"chambers '{self.name}'", self.reach)
         _demand_order(f"chambers '{self.name}'", self.pressure, "pressure")
         _demand_way(f"chambers '{self.name}'", self.unilateral, self.reach, "push")
         _demand_way(f"chambers '{self.name}'", self.unilateral, self.pressure, "push", "pressure")
-        return self
 
 
 Actuator = Annotated[Cable | Push | Cavity | Chambers, Field(discriminator="kind")]
@@ -195,12 +187,10 @@ class Effector(Spec):
     body: str | None = None
     """Part, or named group of cells, that the effector belongs to."""
 
-    @model_validator(mode="after")
-    def _placed(self):
+    def check(self) -> None:
         _demand_one(f"effector '{self.name}'", point=self.point, points=self.points, at=self.at)
         if self.at == "centre-of-mass" and (self.orientation or self.body):
             raise ValueError("a centre of mass is of the whole body and has no orientation")
-        return self
 
     @property
     def axes(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from math import cos, pi
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveInt, field_validator, model_validator
+from pydantic import Field, PositiveInt, field_validator
 
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Length, LengthVector, Point, Points
@@ -65,11 +65,9 @@ class Diamond(Spec):
     height: Length = Field(default=163.0, gt=0)
     """Height of the whole robot, from z = -37 mm up."""
 
-    @model_validator(mode="after")
-    def _possible(self):
+    def check(self) -> None:
         if self.hinge_thickness >= self.leg_thickness:
             raise ValueError("hinge_thickness must be smaller than leg_thickness")
-        return self
 
 
 class Trunk(Spec):
@@ -92,11 +90,9 @@ class Trunk(Spec):
     disk_thickness: Length = Field(default=6.0, gt=0)
     """Thickness of a disk. Smaller than pitch."""
 
-    @model_validator(mode="after")
-    def _possible(self):
+    def check(self) -> None:
         if self.disk_thickness >= self.pitch or self.disks * self.pitch >= self.length:
             raise ValueError("disk_thickness must be smaller than pitch, and disks times pitch smaller than length")
-        return self
 
 
 class Taper(Spec):
@@ -109,8 +105,7 @@ class Taper(Spec):
     radii: LengthVector
     """Radius at each place. It is linear in between."""
 
-    @model_validator(mode="after")
-    def _possible(self):
+    def check(self) -> None:
         places, radii = self.places, self.radii
         if len(places) < 2 or len(places) != len(radii):
             raise ValueError(f"taper: needs as many places as radii, at least two; got {len(places)} and {len(radii)}")
@@ -118,7 +113,6 @@ class Taper(Spec):
             raise ValueError("taper: places must begin at 0 and ascend")
         if not (radii > 0).all():
             raise ValueError("taper: radii must be above 0")
-        return self
 
 
 class StiffFlop(Spec):
@@ -142,12 +136,10 @@ class StiffFlop(Spec):
     chamber_circle: Length = Field(default=4.0, gt=0)
     """Radius of the circle on which the chambers' centres lie."""
 
-    @model_validator(mode="after")
-    def _possible(self):
+    def check(self) -> None:
         wall = self.chamber_circle - self.chamber_radius
         if not self.bore_radius < wall or not self.chamber_circle + self.chamber_radius < self.radius * cos(pi / 12):
             raise ValueError("the chambers must lie between bore_radius and radius")
-        return self
 
 
 class MeshFile(Spec):

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter
 
 from cfem.core.spec import Spec
 from cfem.core.units import Density, Stress, StressVector, Time
@@ -90,10 +90,8 @@ class MooneyRivlin(_Rubber):
     c01: Stress
     """Constant of the second invariant."""
 
-    @model_validator(mode="after")
-    def _stiff(self):
+    def check(self) -> None:
         _demand_stiffness("2 (c10 + c01)", self.shear)
-        return self
 
     @property
     def shear(self) -> float:
@@ -141,14 +139,12 @@ class Ogden(_Rubber):
     alpha: list[float] = Field(min_length=1)
     """Exponent of each term, as many as mu."""
 
-    @model_validator(mode="after")
-    def _stiff(self):
+    def check(self) -> None:
         if len(self.alpha) != len(self.mu):
             raise ValueError(f"mu and alpha must have equally many numbers, got {len(self.mu)} and {len(self.alpha)}")
         if not np.isfinite(self.alpha).all() or 0.0 in self.alpha:
             raise ValueError("alpha must be finite and not 0")
         _demand_stiffness("sum of mu_i alpha_i / 2", self.shear)
-        return self
 
     @property
     def shear(self) -> float:
@@ -194,8 +190,6 @@ class MaterialRegion(Spec):
     material: MaterialSpec
     """Material of these cells."""
 
-    @model_validator(mode="after")
-    def _solid(self):
+    def check(self) -> None:
         if isinstance(self.region, Box) and not (self.region.high > self.region.low).all():
             raise ValueError("a box without volume selects no material")
-        return self

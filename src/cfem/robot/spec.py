@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
@@ -77,8 +77,7 @@ class SceneSpec(Spec):
     effectors: list[Effector] = Field(min_length=1)
     """What is watched and controlled."""
 
-    @model_validator(mode="after")
-    def _names(self):
+    def check(self) -> None:
         watched = [(key, i, item) for key in ("effectors", "contacts") for i, item in enumerate(getattr(self, key))]
         driven = [("actuators", index, item) for index, item in enumerate(self.actuators)]
         for items in (driven, watched):  # effectors and contacts both have rows name.x, name.y, name.z
@@ -88,44 +87,24 @@ class SceneSpec(Spec):
                 if item.name in first:
                     raise ValueError(f"{place}: names must differ, and {first[item.name]} is '{item.name}' too")
                 first[item.name] = place
-        return self
-
-    @model_validator(mode="after")
-    def _places(self):
         asked = [f"actuators.{i}.route" for i, one in enumerate(self.actuators) if getattr(one, "route", None)]
         asked += [f"effectors.{i}.at" for i, one in enumerate(self.effectors) if one.at == "tip"]
         if asked and not isinstance(self.geometry, SoftFinger):
             raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger")
-        return self
-
-    @model_validator(mode="after")
-    def _weights(self):
         materials = {"material": self.material} | {
             f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
         }
         lacking = [name for name, material in materials.items() if material.density is None]
         if self.gravity is not None and lacking:
             raise ValueError(f"{lacking[0]}: gravity needs the density of each material, such as '1070 kg/m^3'")
-        return self
-
-    @model_validator(mode="after")
-    def _graded(self):
         if self.mesh.cells is not None and (
             self.mesh.element in ("hex8", *SECTIONED)
             or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
         ):
             raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
-        return self
-
-    @model_validator(mode="after")
-    def _mirrored(self):
         made = not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"
         if self.mesh.mirror and not made:
             raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
-        return self
-
-    @model_validator(mode="after")
-    def _sectioned(self):
         sections, element = isinstance(self.geometry, StiffFlop), self.mesh.element
         rod = isinstance(self.geometry, Taper) and element == "beam"
         if (sections and element not in ("hex8", *SECTIONED)) or (element in SECTIONED and not (sections or rod)):
@@ -137,19 +116,10 @@ class SceneSpec(Spec):
             if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
                 what = f"chambers '{item.name}': the geometry has no module {item.module} with chambers"
                 raise ValueError(f"actuators.{index}.module: {what}")
-        return self
-
-    @model_validator(mode="after")
-    def _deformable(self):
         if self.shape is not None and (self.mesh.element in SECTIONED or isinstance(self.geometry, StiffFlop)):
             raise ValueError("shape: the robot is of sections that do not deform, leave `shape` out")
-        return self
-
-    @model_validator(mode="after")
-    def _refined(self):
         if isinstance(self.geometry, Assembly) and self.mesh.refine:
             raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
-        return self
 
 
 def scene_meaning(path: Path) -> Any:

@@ -1,43 +1,21 @@
 """`cfem mesh`: scene.yaml to a mesh folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError
 from cfem.core.judgement import poor
-from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Command
 from cfem.robot.geometry import Assembly, MeshFile, StepFile, files
 from cfem.robot.spec import SceneSpec
 
 MESH = "mesh.vtu"
 
 
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """Make (or find up to date) the mesh of a scene; returns the manifest."""
-    made = stage(spec_path, overrides, out)
-    return run_stage(made, lambda target: _work(made.spec, spec_path.parent, target), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    scene = load_spec(spec_path, SceneSpec, overrides)
-    folder = spec_path.parent
-    _demand_files(scene, folder)
-    return Stage(
-        name="mesh",
-        version=1,
-        spec=scene,
-        inputs={name: folder / path for name, path in files(scene.geometry).items()},
-        out=out or folder / scene.out,
-        paths=("out",),
-        spec_path=spec_path,
-        overrides=overrides,
-    )
-
-
-def _demand_files(scene: SceneSpec, folder: Path) -> None:
+def _reads(scene: SceneSpec, folder: Path) -> dict[str, Path]:
+    """The files of the geometry, which have to be there."""
     if isinstance(scene.geometry, Assembly):
         keys = [("geometry", "parts", index, "geometry", "path") for index in range(len(scene.geometry.parts))]
         geometries = [part.geometry for part in scene.geometry.parts]
@@ -47,9 +25,10 @@ def _demand_files(scene: SceneSpec, folder: Path) -> None:
         if isinstance(one, MeshFile | StepFile) and not (folder / one.path).is_file():
             what = f"no such file: {folder / one.path}"
             raise InputError(what, where=scene.place(*key), do="paths are relative to the scene's folder")
+    return {name: folder / path for name, path in files(scene.geometry).items()}
 
 
-def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
+def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
     from cfem.robot.mesh.grading import scene_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
@@ -70,3 +49,7 @@ def _work(scene: SceneSpec, folder: Path, target: Path) -> Mapping[str, Any]:
     wanted = scene.mesh.cells
     asked = "" if wanted is None else f"; sizes were graded for {wanted} cells"
     return {"headline": [figures.sentence() + asked], "judgement": judgement, **asdict(figures)}
+
+
+COMMAND = Command("mesh", 1, SceneSpec, _work, reads=_reads)
+run, stage = COMMAND.run, COMMAND.stage

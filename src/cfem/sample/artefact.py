@@ -106,13 +106,12 @@ def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
 def skin_line(skin: dict[str, Any] | None) -> list[str]:
     if skin is None:
         return []
-    largest = f"every surface node to {length(skin['largest_mm'])}"
+    said = f"skin: {skin['modes']} modes describe the surface, with an error of {length(skin['largest_mm'])} at most"
     tolerance, reached = skin["tolerance_mm"], skin["left_out_mm"][1]
     if tolerance is None or reached <= tolerance:
-        return [f"skin: {skin['modes']} modes give {largest}"]
-    came = f"{length(reached)} in states left out"
+        return [said]
     return [
-        f"skin: {skin['modes']} modes give {largest}, and {came}: the tolerance of {length(tolerance)} is NOT reached; "
+        f"{said}; in states left out {length(reached)}, so the tolerance of {length(tolerance)} is NOT reached: "
         "allow more modes (skin.largest), or a larger skeleton"
     ]
 

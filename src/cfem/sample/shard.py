@@ -253,6 +253,8 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
         row["dW"] = pack_upper(dW).ravel()
     if solved.converged and solved.dC is not None:
         row["dC"] = pack_symmetric3(solved.dC)
+    if solved.converged and solved.d2C is not None:
+        row["d2C"] = solved.d2C
     return row
 
 

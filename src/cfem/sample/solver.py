@@ -80,16 +80,17 @@ SolverFactory = Callable[[], Solver]
 class FiniteElements:
     """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`. turns:
     whether the patch of its contact points can turn, None where nothing holds them; dynamics: whether mass and
-    viscosity are asked for."""
+    viscosity are asked for; slack: whether unilateral actuators go slack rather than push."""
 
     scene: SceneSpec
     mesh: Mesh
     tolerance: float
     parameters: tuple[Parameter, ...] = ()
     third_order: bool = False
-    loads: bool = False
+    loads: int = 0
     turns: bool | None = None
     dynamics: bool = False
+    slack: bool = True
 
     def __call__(self) -> Solver:
         from cfem.condensed.restrict import onto_patch
@@ -140,7 +141,8 @@ class FiniteElements:
             robot.masses,
             Inside(within, robot.X[within]) if len(within) else None,
         )
-        return _FiniteElementSolver(facts, family, problem, settings, self.third_order, self.loads, mass, stresses)
+        asked = self.third_order, self.loads, self.slack
+        return _FiniteElementSolver(facts, family, problem, settings, *asked, mass, stresses)
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,8 @@ class _FiniteElementSolver:
     problem: Any
     settings: Any
     third_order: bool
-    loads: bool
+    loads: int
+    slack: bool
     mass: Any = None
     stresses: Any = None
     skin: Skin | None = None
@@ -165,7 +168,7 @@ class _FiniteElementSolver:
 
     def roughly(self, pushed: Skin | None = None) -> "_FiniteElementSolver":
         settings = replace(self.settings, tolerance=max(ROUGH, self.settings.tolerance))
-        return replace(self, settings=settings, third_order=False, loads=False, mass=None, pushed=pushed)
+        return replace(self, settings=settings, third_order=False, loads=0, mass=None, pushed=pushed)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         from cfem.equilibrium.inertia import mass_of
@@ -190,6 +193,7 @@ class _FiniteElementSolver:
             actuation,
             start,
             settings=self.settings,
+            slack=self.slack,
             third_order=self.third_order,
             loads=self.loads,
             sides=sides,

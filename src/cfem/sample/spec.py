@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cfem.core.actuator_units import Effort
 from cfem.core.spec import Spec
@@ -97,14 +97,12 @@ class ContactSpec(Spec):
     """Axes whose range is about where the patch would rest if it were free there (to first order). For directions in
     which the robot is stiff, where a pose that does not yield to the cables would buckle it."""
 
-    @model_validator(mode="after")
-    def _three_axes(self) -> "ContactSpec":
+    def check(self) -> None:
         for name, ranges in (("translation", self.translation), ("rotation", self.rotation)):
             if ranges is not None and (len(ranges) != 3 or not (ranges[:, 0] < ranges[:, 1]).all()):
                 raise ValueError(f"{name}: expected three ranges, of x, y and z, the smaller number first")
         if self.rotation is None and any(axis.startswith("r") for axis in self.about_rest):
             raise ValueError("about_rest: the patch cannot turn, as rotation is left out")
-        return self
 
 
 class SkinSpec(Spec):
@@ -120,11 +118,9 @@ class SkinSpec(Spec):
     inner: bool = False
     """Whether the modes reach the nodes inside as well, for stress and volumes."""
 
-    @model_validator(mode="after")
-    def _one_of_them(self) -> "SkinSpec":
+    def check(self) -> None:
         if self.modes is not None and self.tolerance is not None:
             raise ValueError("modes: the tolerance decides their number; leave one of them out")
-        return self
 
 
 class SampleSpec(Spec):
@@ -141,6 +137,9 @@ class SampleSpec(Spec):
     """pulling: shares of a pull on all actuators, so that none pushes. displacement: the box of actuator displacements.
     force: the box of forces or pressures that the actuators state. rest: actuators free, so that only parameters
     differ."""
+    slack: bool = True
+    """Whether cables let go rather than push. False: they push in samples, over the whole box of `space: displacement`.
+    For robots that something outside bends to where a cable that pulls there would push in the air, such as legs."""
     splits: dict[Literal["train", "test"], SplitSpec] = Field(min_length=1)
     """The sets of states: train and test."""
     skeleton: int = Field(16, ge=1)
@@ -151,10 +150,11 @@ class SampleSpec(Spec):
     """Numbers of the scene, by a name, that are drawn with the actuation."""
     third_order: bool = False
     """Whether to record dW/dlambda too. Energy models learn from it; it costs no factorisation."""
-    loads: bool = False
+    loads: bool | Literal[2] = False
     """Whether to record how the effectors' compliance changes with loads on them too. Models then take loads that the
     samples did not carry to the second order, and effectors of solids that move swing on arcs. It costs no
-    factorisation."""
+    factorisation. 2: its second derivative as well, for modules in a row under large loads. A state then takes ten
+    times as long, or longer."""
     dynamics: bool = False
     """Whether to record mass and viscosity of the rows' motions too, for models that move. It costs no factorisation.
     Each material of the scene then needs its density."""
@@ -169,49 +169,25 @@ class SampleSpec(Spec):
     tolerance: float = Field(1e-10, gt=0, le=1e-6)
     """Largest relative residual of a converged state."""
 
-    @model_validator(mode="after")
-    def _keys_differ(self) -> "SampleSpec":
+    def check(self) -> None:
         keys = [one.key for one in self.parameters.values()]
         if len(set(keys)) < len(keys):
             raise ValueError(f"two parameters have the same key: {keys}")
-        return self
-
-    @model_validator(mode="after")
-    def _loads_alone(self) -> "SampleSpec":
         if self.loads and self.contact:
-            raise ValueError("loads: true does not go with contact")
-        return self
-
-    @model_validator(mode="after")
-    def _contact_alone(self) -> "SampleSpec":
+            raise ValueError("loads does not go with contact")
+        if not self.slack and (self.space != "displacement" or self.contact):
+            raise ValueError("slack: false needs space: displacement, and does not go with contact")
         if self.contact and (self.parameters or self.until):
             raise ValueError("contact does not go with parameters or until yet")
-        return self
-
-    @model_validator(mode="after")
-    def _moving_alone(self) -> "SampleSpec":
         if self.dynamics and self.contact:
             raise ValueError("dynamics does not go with contact yet")
-        return self
-
-    @model_validator(mode="after")
-    def _space_alone(self) -> "SampleSpec":
         if self.space in ("force", "rest") and (self.contact or self.until):
             raise ValueError(f"space: {self.space} does not go with contact, which draws forces, nor with until yet")
-        return self
-
-    @model_validator(mode="after")
-    def _around_alone(self) -> "SampleSpec":
         if self.around and (self.contact or self.until or self.space == "rest"):
             raise ValueError("around does not go with contact, until or space: rest")
-        return self
-
-    @model_validator(mode="after")
-    def _splits_differ(self) -> "SampleSpec":
         drawn = [(split.method, split.seed) for split in self.splits.values() if split.method != "grid"]
         drawn += [(split.method, 0) for split in self.splits.values() if split.method == "grid"]
         if len(set(drawn)) < len(drawn):
             raise ValueError(
                 "train and test have the same method and seed, so they would share rows; give them different seeds"
             )
-        return self

@@ -49,7 +49,8 @@ def run(
 
         turns = None if spec.contact is None else spec.contact.rotation is not None
         robot = load_scene_and_mesh(scene, mesh)
-        return FiniteElements(*robot, spec.tolerance, parameters, spec.third_order, spec.loads, turns, spec.dynamics)
+        derivatives = spec.third_order, spec.loads
+        return FiniteElements(*robot, spec.tolerance, parameters, *derivatives, turns, spec.dynamics, spec.slack)
 
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows, entries
+from cfem.predict.chebyshev import basis
+from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD
 
 CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
 SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as at rest without load it is rounding alone
@@ -31,6 +33,18 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
             name: _statistics(np.abs(lambda_a - dataset.lambda_a)[:, i]) for i, name in enumerate(rows.actuators)
         },
     }
+
+
+def of_loads(dataset: Any, arrays: dict[str, np.ndarray], z: np.ndarray) -> dict[str, Any]:
+    """Of the compliance's derivatives by loads that a series has: the error over the size, root mean squares over the
+    states z (m, n), in box coordinates."""
+    found = {}
+    for name, series, indices in (("dC", THIRD, "indices"), ("d2C", FOURTH, FOURTH_INDICES)):
+        true = getattr(dataset, name)
+        if true is not None and series in arrays and true.any():
+            model = basis(z, arrays[indices].astype(np.int64)) @ arrays[series].T
+            found[name] = float(np.linalg.norm(model - true) / np.linalg.norm(true))
+    return {"of_loads": found} if found else {}
 
 
 def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:

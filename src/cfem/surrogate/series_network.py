@@ -15,12 +15,6 @@ from cfem.surrogate.taylor import Derivative, Taylor
 BLOCK = 4_000_000  # entries of a block of the Jacobian
 
 
-def monomials(z: np.ndarray) -> np.ndarray:
-    """(..., n) -> (..., n + n (n + 1) / 2): z_i, then z_i z_j, i <= j."""
-    first, second = np.triu_indices(z.shape[-1])
-    return np.concatenate([z, z[..., first] * z[..., second]], axis=-1)
-
-
 class Network:
     """n inputs, `depth` hidden layers of `width` sines, q outputs; its weights are one vector theta (size,)."""
 

@@ -76,6 +76,7 @@ def joined(dataset: Any) -> Any:
         W=whole.W,
         dW=whole.dW,
         dC=None,
+        d2C=None,
         delta_e=np.hstack([dataset.delta_e, whole.delta_s]),
         ddelta_e_dp=None if by_p is None else np.concatenate([dataset.ddelta_e_dp, by_p], axis=1),
         whole=None,

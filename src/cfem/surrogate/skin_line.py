@@ -11,6 +11,6 @@ def skin_line(skin: dict[str, Any]) -> str:
     few = sorted({max(1, count // 4), max(1, count // 2)} - {count}) if "front" in skin else []
     fewer = "".join(f"; with {one} modes {length(skin['front']['largest_mm'][one])}" for one in few)
     return (
-        f"skin: {skin['nodes']} surface nodes to {largest} at most, {share:.2g} % of the length, "
-        f"rms {length(skin['rms_mm'])}, with {count} modes{fewer or skin.get('of', '')}"
+        f"skin: the largest error of {skin['nodes']} surface nodes is {largest} ({share:.2g} % of the length), "
+        f"{length(skin['rms_mm'])} rms, with {count} modes{fewer or skin.get('of', '')}"
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveFloat, PositiveInt
 
 from cfem.core.spec import Spec
 
@@ -45,15 +45,13 @@ class MlpRanges(Spec):
     batch_size: Annotated[list[PositiveInt], PAIR] | None = None
     """Least and greatest number of rows per step."""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> "MlpRanges":
+    def check(self) -> None:
         given = {name: values for name, values in self if values is not None}
         if not given:
             raise ValueError(f"name one or more of {', '.join(type(self).model_fields)}")
         for name, values in given.items():
             if name != "activation" and values[0] > values[1]:
                 raise ValueError(f"{name}: {values[0]} is greater than {values[1]}")
-        return self
 
 
 class MlpSearch(Spec):

@@ -14,11 +14,12 @@ import numpy as np
 
 from cfem.condensed.pose import COORDINATES
 from cfem.condensed.resting import resting
-from cfem.predict.energy import THIRD, Form
+from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD, Form
 from cfem.predict.series import differentiated
 from cfem.surrogate.chebyshev import design_rows, index_set
 from cfem.surrogate.coordinates import box_coordinates, held_coordinates, mean_square
 from cfem.surrogate.greedy import greedy_set
+from cfem.surrogate.least_norm import least_norm
 from cfem.surrogate.nested_fit import level_counts, try_counts
 from cfem.surrogate.observations import Observations, in_box, inputs, observations
 from cfem.surrogate.weights import SEARCH_ROWS, active_weights, decay_weights, searched_weights
@@ -67,8 +68,13 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
             z, in_box(observed, to_box), max_degree, max_terms, folds, active
         )
         held_out += [{"quantity": name, **record} for record in records]
+    curvature = {}
+    if dataset.d2C is not None and form == "displacement":
+        indices, coefficients, error = least_norm(z, dataset.d2C)
+        curvature = {FOURTH_INDICES: indices, FOURTH: coefficients.T.copy()}
+        held_out.append({"quantity": FOURTH, "weights": "least norm", "terms": len(indices), "error": error})
     return Fit(
-        {"to_box": to_box, "offset": offset, **series(chosen, to_box, s.shape[1])},
+        {"to_box": to_box, "offset": offset, **series(chosen, to_box, s.shape[1]), **curvature},
         {name: len(one.indices) for name, one in chosen.items()},
         {name: one.tolist() for name, one in weights.items()},
         held_out,

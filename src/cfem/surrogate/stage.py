@@ -7,8 +7,7 @@ other form of it can be compared."""
 
 import shutil
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,7 @@ from cfem.core.errors import InputError
 from cfem.core.files import file_sha256, write_json, write_npz
 from cfem.core.optional import demand
 from cfem.core.progress import doing
-from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, artefact_content, artefact_file, run_stage
+from cfem.core.stage import Command, artefact_content, artefact_file
 from cfem.dataset.schema import SKIN
 from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
@@ -33,27 +31,6 @@ from cfem.surrogate.verdict import headline, judged
 
 _ROBOT = ("scene", "robot", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
 QUERIES = 100_000  # at which W has to be positive definite
-
-
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The model's manifest."""
-    made = stage(spec_path, overrides, out)
-    found = made.spec.model_copy(update={"model": _placed(made.spec.model, spec_path.parent)})
-    return run_stage(made, partial(work, spec=found, dataset_folder=made.inputs["dataset"]), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, TrainSpec, overrides), spec_path.parent
-    return Stage(
-        name="train",
-        version=9,
-        spec=spec,
-        inputs={"dataset": base / spec.dataset} | _models(_placed(spec.model, base)),
-        out=out or base / spec.out,
-        paths=("dataset", "out"),
-        spec_path=spec_path,
-        overrides=overrides,
-    )
 
 
 def _placed(model: ModelSpec, base: Path) -> ModelSpec:
@@ -91,7 +68,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
         what = f"its training and test rows are of different robots: their '{differs}' differs"
         raise InputError(what, where=str(dataset_folder), do="sample it again")
     if training.meta.get("plan", {}).get("space") == "rest" and not isinstance(spec.model, MlpSpec):
-        what = f"its rows are at rest, of which kind {spec.model.kind} learns no energy"
+        what = f"its rows are all at rest, and kind {spec.model.kind} cannot learn an energy from them"
         raise InputError(what, where=str(dataset_folder), do="train kind: mlp, or use rows of another space")
     checkpoints = folder / "checkpoints"  # from which a killed training goes on
     doing(f"fitting the model to {len(training)} samples")
@@ -171,8 +148,9 @@ def train_and_judge(
     training: Any, test: Any, spec: ModelSpec, folder: Path | None = None
 ) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, Any]]:
     """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
-    from cfem.surrogate.error_measures import measure
+    from cfem.surrogate.error_measures import measure, of_loads
     from cfem.surrogate.model_card import model_card
+    from cfem.surrogate.observations import inputs
     from cfem.surrogate.semidefinite import locked_compliance
 
     import_module(f"cfem.surrogate.{spec.kind}")  # PyTorch takes seconds to load, none of which is the fit's
@@ -186,6 +164,8 @@ def train_and_judge(
         meta["semidefinite"] = locked["sizes"]
         predictor = build(meta, arrays)
     errors = measure(test, *predictions(predictor, test))
+    if spec.kind == "spectral":
+        errors |= of_loads(test, arrays, predictor.box(np.hstack(inputs(test, predictor.form))))
     results = {
         "kind": spec.kind,
         "samples": len(training),
@@ -288,3 +268,16 @@ def first_rows(dataset: Any, samples: int | None, folder: Path | None = None) ->
         what = f"holds {available} converged training rows, and {samples or 4} are needed"
         raise InputError(what, where=folder and str(folder), do="sample more rows")
     return dataset if samples is None else dataset.take(np.arange(samples))
+
+
+COMMAND = Command(
+    "train",
+    9,
+    TrainSpec,
+    lambda folder, spec, base: work(
+        folder, spec.model_copy(update={"model": _placed(spec.model, base)}), base / spec.dataset
+    ),
+    ("dataset",),
+    reads=lambda spec, base: _models(_placed(spec.model, base)),
+)
+run, stage = COMMAND.run, COMMAND.stage

@@ -14,8 +14,8 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
     errors, definite = results["errors"], results["positive_definite"]
     lines = [
         f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
-        f"and {errors['force_N']['max']:.2g} {force} on {errors['states']} states; "
-        f"the paper's loss {errors['loss']:.2e}, of whole vectors {errors['frame_loss']:.2e}; "
+        f"and {errors['force_N']['max']:.2g} {force} on {errors['states']} test states; "
+        f"the paper's loss {errors['loss']:.2e}, the same loss of whole vectors {errors['frame_loss']:.2e}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
     if "skin" in results:
@@ -23,12 +23,12 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
     if definite["share"] < 1:
         lines.append(
             f"W is not positive definite at {100 * (1 - definite['share']):.2g} % of {definite['queries']} random "
-            "states between the samples: more samples, or fewer degrees, may mend it"
+            "states between the samples: more samples, or a lower max_degree, may help"
         )
     if errors.get("buckled_states"):
         lines.append(
-            f"{errors['buckled_states']} of {errors['states']} test states would buckle were they not held; "
-            f"the loss of vectors of the others is {errors['loss_of_stable']:.2e}"
+            f"{errors['buckled_states']} of {errors['states']} test states would buckle if nothing held them; "
+            f"the loss of whole vectors of the others is {errors['loss_of_stable']:.2e}"
         )
     return lines
 
@@ -38,7 +38,7 @@ def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
     errors, definite, found = results["errors"], results["positive_definite"], []
     if not (loss := errors["frame_loss"]) <= LOSS:
         tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
-        found.append(poor(f"loss of vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
+        found.append(poor(f"loss of whole vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
     if not definite["share"] >= 1 - INDEFINITE_SHARE:
         share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
         found.append(poor(f"W is not positive definite at {share}: control may find no command there"))

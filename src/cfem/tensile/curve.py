@@ -36,7 +36,9 @@ def read_curve(path: Path, mode: Mode = "uniaxial", length: float | None = None,
     start, across, up = _titles(rows, path)
     titles, records = rows[start][1], rows[start + 1 :]
     if len(records) < FEWEST:
-        raise InputError(f"holds {len(records)} points, and a fit needs {FEWEST}", where=str(path))
+        raise InputError(
+            f"holds {len(records)} points, and a fit needs {FEWEST}", where=str(path), do="record more points"
+        )
     numbers = [number for number, _ in records]
     x, y = (np.array([_number(path, titles, row, column) for row in records]) for column in (across, up))
     stretch = _stretch(x, titles[across], length, path)
@@ -60,7 +62,7 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     except UnicodeDecodeError:
         raise InputError("is not a text file", where=str(path), do="export the test as CSV") from None
     except FileNotFoundError:
-        raise InputError("no such file", where=str(path)) from None
+        raise InputError("no such file", where=str(path), do="check the path") from None
     lines = [(i + 1, line) for i, line in enumerate(text.splitlines()) if line.strip() and line.strip()[0] != "#"]
     mark = next((one for one in ";\t" if 2 * sum(one in line for _, line in lines) > len(lines)), ",")
     return [(number, [cell.strip().strip('"') for cell in line.split(mark)]) for number, line in lines]
@@ -74,7 +76,7 @@ def _titles(rows: list[tuple[int, list[str]]], path: Path) -> tuple[int, int, in
             for column in (across, up):
                 if len(column) > 1:
                     named = " and ".join(f"'{cells[one]}'" for one in column)
-                    what = f"columns {named} say the same of one specimen"
+                    what = f"columns {named} describe the same quantity"
                     raise InputError(what, where=str(path), do="keep the one of engineering strain or stress")
             return index, across[0], up[0]
     what = "has no titles such as 'strain, stress [MPa]' above its numbers"
@@ -118,7 +120,9 @@ def _stretch(x: np.ndarray, title: str, length: float | None, path: Path) -> np.
             raise InputError(what, where=str(path), do="write 'strain [%]' where it is per cent")
         found = 1 + x
     else:
-        raise InputError(f"'{title}': strain has no unit, or %", where=str(path))
+        raise InputError(
+            f"'{title}': strain is a plain number or in %", where=str(path), do="write 'strain' or 'strain [%]'"
+        )
     if not (found > 0).all():
         what = f"'{title}': a stretch of {found.min():g}: a specimen keeps a length above zero"
         raise InputError(what, where=str(path), do="say whether the column is strain or stretch")
@@ -152,12 +156,12 @@ def _rising(stretch: np.ndarray, stress: np.ndarray, lines: list[int], path: Pat
     """In order of stretch. InputError where the test goes back: a law has one stress for each stretch."""
     span = np.ptp(stretch)
     if span == 0:
-        raise InputError("holds one stretch only", where=str(path))
+        raise InputError("holds one stretch only", where=str(path), do="record a test that stretches the specimen")
     away = np.abs(stretch - 1)
     back = np.flatnonzero(np.maximum.accumulate(away) - away > _NOISE * span)
     if len(back):
-        what = f"the specimen goes back from its largest stretch at line {lines[back[0]]}: unloading, or a second cycle"
-        raise InputError(what, where=str(path), do="keep one branch; an elastic law has one")
+        what = f"the stretch falls from line {lines[back[0]]} on: unloading, or a second cycle"
+        raise InputError(what, where=str(path), do="keep the first loading; an elastic law has one branch")
     order = np.argsort(stretch, kind="stable")
     if not np.corrcoef(stretch, stress)[0, 1] > 0:
         raise InputError("stress does not rise with stretch", where=str(path), do="look at the columns and their signs")

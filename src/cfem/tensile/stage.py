@@ -38,11 +38,13 @@ def fit_material(request: Request, force: bool = False) -> dict[str, Any]:
     """What was found, as plain data. Writes FILES where asked."""
     forms = _forms(request.law)
     if not 0 <= request.poisson < 0.5:
-        raise SpecError("Poisson's ratio is from 0 to 0.4999", where="--poisson")
+        raise SpecError("Poisson's ratio must be from 0 to 0.4999", where="--poisson")
     _demand_free(request, force)
     curves = _read(request)
     if request.slack and "uniaxial" not in request.files:
-        raise SpecError("slack is of a specimen pulled along one axis", where="--slack")
+        raise SpecError(
+            "--slack needs a uniaxial test", where="--slack", do="give the table of one, or leave --slack out"
+        )
     tried = candidates(forms, curves, request.slack)
     if not tried:
         points = sum(len(one.stretch) for one in curves)

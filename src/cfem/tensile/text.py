@@ -53,7 +53,7 @@ def _limits(found: dict[str, Any]) -> list[str]:
     lines = [f"NOT stable: {', '.join(early)}"] if early else [f"{stable}{1 / high:.2f}"]
     if found["not measured"]:
         lines.append(
-            f"{' and '.join(found['not measured'])} tension was not measured: what the law says of it is a guess, "
+            f"{' and '.join(found['not measured'])} tension was not measured: there the law is a guess, "
             "which matters for walls that are inflated"
         )
     return lines

@@ -1,12 +1,13 @@
 """A crawler of two hand-made legs: it rows along, rests in balance, and is refused where it cannot stand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cfem.control.crawling.course import Course, headline, judged
-from cfem.control.crawling.crawler import crawler_of
+from cfem.control.crawling.crawler import Weight, crawler_of
 from cfem.control.crawling.gait import Gait
 from cfem.core.errors import NumericalError, SpecError
 from cfem.predict.leg import LearnedLeg
@@ -53,6 +54,32 @@ def test_it_rows_itself_along_by_less_than_its_stroke_and_holds_its_course():
         assert lift.sum() == pytest.approx(1.0, rel=1e-2)  # the weight; the ground tilts by a little
 
 
+def test_legs_with_a_weight_press_the_ground_by_it_and_row_farther():
+    """Their centre of mass is their foot, which goes down by its share of the weight."""
+
+    def twice(a):
+        foot = held(a)
+        e = np.hstack([foot.e, foot.e])
+        return replace(foot, e=e, C=np.array([np.kron(np.ones((2, 2)), one) for one in foot.C]))
+
+    light = crawler()
+    down, at = np.array([0.0, 0, -0.2]), [leg.points[0] for leg in light.legs]
+    legs = [replace(leg, held=twice, load=down) for leg in light.legs]
+    heavy = crawler_of(spec(), legs, ["one", "other"], [Weight(0.2, one, np.eye(3)) for one in at])
+    walks = [one.walk(commands(3), 0.5) for one in (light, heavy)]
+    assert [one.status for one in walks] == ["converged"] * 2
+    for touch in walks[1].touches:
+        assert touch.posed.force[::3].sum() == pytest.approx(1.4, rel=1e-2) and touch.check.largest <= 1e-8
+    far = [one.per_cycle(8, np.array([1.0, 0, 0])) for one in walks]
+    assert far[1] > far[0] + 0.01
+    one_heavy = crawler_of(spec(), [legs[0], light.legs[1]], ["one", "other"], [Weight(0.2, at[0], np.eye(3))])
+    pads = one_heavy.walk(np.zeros((1, 4)), 0.5).touches[0]
+    up = pads.posed.force[::3]
+    places = np.concatenate([np.concatenate(at).reshape(-1, 3), one_heavy.pads.points])
+    assert up.sum() == pytest.approx(1.2, rel=1e-3)
+    assert up @ places[:, 1] == pytest.approx(0.2 * at[0][1], rel=1e-2)
+
+
 def test_backwards_commands_go_backwards():
     ahead, back = (
         crawler().walk(one, 0.5).per_cycle(8, np.array([1.0, 0, 0])) for one in (commands(), commands()[::-1])
@@ -94,8 +121,11 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     sweep, walks = [course.at_friction(0.8, ROWS, one, one)], {"planned": planned, "fe": planned}
     lines = headline(far, course.unit, sweep, walks, account, 0.5, 0)
     assert "mm a cycle planned" in lines[0] and "0 % apart, friction 0.5" in lines[0] and "OUTSIDE" not in lines[0]
-    assert lines[1].startswith("friction 0.8: ")
-    said = headline(far, course.unit, sweep, walks, account, 0.5, 3)
+    assert lines[1].startswith("friction 0.8, a cycle: ")
+    alone = [course.planned_at(mu, ROWS, one) for mu in (0.5, 0.8)]
+    assert [row["planned"] for row in alone] == [course.far(planned), sweep[0]["planned"]]
+    said = headline(far, course.unit, sweep, walks, account, 0.5, 3, alone)
+    assert said[2].startswith("planned alone") and "at 0.5," in said[2] and said[2].endswith("at 0.8")
     assert said[0].endswith("3 of 16 plans OUTSIDE what the model was trained on")
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from cfem.control.crawling.gait import Gait, best_gait, commands_of
 
@@ -35,6 +36,21 @@ def test_the_best_of_a_known_landscape_is_found_and_pushing_costs():
     assert far > 4.97
     np.testing.assert_allclose(gait.mean, [0.4, 0.7], atol=0.05)
     assert gait.phase[1] == pytest.approx(0.25, abs=0.08)
+
+
+def test_a_gait_that_goes_far_backwards_is_tried_in_reverse():
+    """Of the gaits tried all over, one alone is near a good one: in its mirror image in time."""
+    backwards = Gait.of(qmc.Halton(5, seed=1).random(10)[9])
+    asked = []
+
+    def distance(gait):
+        asked.append(gait)
+        alike = np.abs(gait.mean - backwards.mean).max() + np.abs(gait.amplitude - backwards.amplitude).max() < 0.2
+        return (-float(np.sin(2 * np.pi * gait.phase[1])) if alike else 0.0), 0.0
+
+    assert distance(backwards)[0] < 0
+    _, far = best_gait(distance, 2, 20)
+    assert far >= -distance(backwards)[0] and len(asked) <= 22
 
 
 def test_gaits_that_cannot_be_walked_are_left_out():

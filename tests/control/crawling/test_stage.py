@@ -13,7 +13,7 @@ out: mesh
 length: 30 mm
 geometry: {kind: bar, length: 30 mm, width: 10 mm, height: 10 mm}
 mesh: {size: 5 mm, element: hex8}
-material: {young: 1 MPa, poisson: 0.4}
+material: {young: 1 MPa, poisson: 0.4, density: 1070 kg/m^3}
 fixed:
   - {kind: plane, point: {mm: [0, 0, 0]}, normal: [-1, 0, 0]}
 actuators:
@@ -23,6 +23,7 @@ actuators:
      points: {mm: [[10, -3, -4], [28, -3, -4]]}, reach: {mm: [0, 2]}}
 effectors:
   - {name: foot, point: {mm: [28, 0, -5]}, radius: 3 mm}
+  - {name: body, at: centre-of-mass}
 """
 SAMPLE = """
 scene: scene.yaml
@@ -48,9 +49,10 @@ gait:
   direction: [0, 1, 0]
   mirrored: [two]
   pulls: {mm: [0, 1]}
+  gravity: 9.81 m/s^2
   steps: 4
   cycles: 2
-  evaluations: 4
+  evaluations: 12
 """
 
 

@@ -101,7 +101,7 @@ def test_what_saturates_is_told(root, tmp_path):
     results = control(root, tmp_path / "out", bound, "loop.controllers={mpc: {mode: open, mpc: {}}}")
     saturated = results["loop"]["eight at 10 Hz"]["mpc"]["saturated"]
     assert saturated["cable: rate"] > 0.1
-    assert "cable: rate in" in " ".join(results["headline"])
+    assert "largest change of cable in" in " ".join(results["headline"])
 
 
 def test_a_model_that_has_not_learned_to_move_says_so(root, tmp_path):

@@ -1,8 +1,6 @@
 """`cfem predict-cases`: a table of other load cases to predictions with intervals, and to errors where they were
 measured."""
 
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,38 +12,23 @@ from cfem.cases.spec import CasesSpec
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.files import write_json, write_whole
 from cfem.core.judgement import poor
+from cfem.core.optional import installed
 from cfem.core.spec import load_spec, meaning
-from cfem.core.stage import Options, Stage, artefact_file, run_stage
+from cfem.core.stage import Command, artefact_file
 from cfem.robot.spec import scene_meaning
 
-_PATHS = ("cases", "calibrated", "table", "out")
 RESULT, TABLE, FIGURE = "prediction.json", "predicted.csv", "shapes.png"
 
 
-def run(spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-    """The manifest; results: errors by case and marker, share within the intervals."""
-    made = stage(spec_path, overrides, out)
-    return run_stage(made, partial(_work, spec=made.spec, base=spec_path.parent), options)
-
-
-def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
-    spec, base = load_spec(spec_path, PredictSpec, overrides), spec_path.parent
-    cases = load_spec(base / spec.cases, CasesSpec)
-    scene = scene_meaning((base / spec.cases).parent / cases.scene)
-    return Stage(
-        name="predict-cases",
-        version=4,
-        spec=spec,
-        inputs={"calibrated": base / spec.calibrated, "table": base / spec.table},
-        out=out or base / spec.out,
-        paths=_PATHS,
-        extra={"scene": scene, "cases": meaning(cases, ("scene", "mesh", "measurements", "out"))},
-        spec_path=spec_path,
-        overrides=overrides,
-    )
+def _extra(spec: PredictSpec, base: Path) -> dict[str, Any]:
+    path = base / spec.cases
+    cases = load_spec(path, CasesSpec)
+    scene = scene_meaning(path.parent / cases.scene)
+    return {"scene": scene, "cases": meaning(cases, ("scene", "mesh", "measurements", "out"))}
 
 
 def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
+    """Results: errors by case and marker, share within the intervals."""
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import read_calibrated
     from cfem.cases.predict import beyond_calibration, predict
@@ -62,8 +45,12 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
         raise InputError(what, where=str(spec.calibrated), do="run cfem calibrate-cases again")
     found = predict(rig, cases, known, spec.confidence, spec.beyond)
     write_predictions(folder / TABLE, cases, lab.markers, found)
-    if spec.figure:
-        _draw(folder / FIGURE, lab, cases, found)
+    if spec.figure and installed("matplotlib"):
+        from cfem.cases.figure import shapes_figure
+
+        posed = tuple(None if i in found.failed else one for i, one in enumerate(found.posed))
+        drawn = shapes_figure(cases, posed, found.y, found.half, lab.mesh, "Predicted", lab.down)
+        write_whole(folder / FIGURE, drawn)
     measured = np.isfinite(found.distance)
     known_before = sum(bool(mark) and mark in known.given for mark in cases.marks)
     beyond = [cases.names[i] for i in np.flatnonzero(beyond_calibration(cases, known))]
@@ -118,10 +105,5 @@ def _mean(distance: np.ndarray) -> float | None:
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
 
 
-def _draw(path: Path, lab: Any, cases: Any, found: Any) -> None:
-    try:
-        from cfem.cases.figure import shapes_figure
-    except ImportError:
-        return  # matplotlib comes with cfem[report]
-    posed = tuple(None if i in found.failed else one for i, one in enumerate(found.posed))
-    write_whole(path, shapes_figure(cases, posed, found.y, found.half, lab.mesh, "Predicted", lab.down))
+COMMAND = Command("predict-cases", 4, PredictSpec, _work, ("calibrated", "table"), outside=("cases",), extra=_extra)
+run, stage = COMMAND.run, COMMAND.stage

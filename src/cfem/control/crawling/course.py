@@ -89,18 +89,29 @@ class Course:
     def unit(self) -> str:
         return "mm a cycle" if self.spec.distance is None else "mm"
 
+    def planned_at(self, friction: float, gait: Gait, learned: Crawler) -> dict[str, Any]:
+        """mm a cycle of the same gait, planned alone."""
+        walk = self.walk(learned, gait, FEW, friction)
+        planned = known(walk.per_cycle(self.spec.steps, self.direction))
+        return {"friction": friction, "planned": planned, "status": walk.status}
+
     def at_friction(self, friction: float, gait: Gait, learned: Crawler, fe: Crawler) -> dict[str, Any]:
         """mm a cycle, planned and by finite elements, of the same gait."""
         walks = [self.walk(one, gait, FEW, friction) for one in (learned, fe)]
-        planned, found = (one.per_cycle(self.spec.steps, self.direction) for one in walks)
+        planned, found = (known(one.per_cycle(self.spec.steps, self.direction)) for one in walks)
         return {"friction": friction, "planned": planned, "fe": found, "status": walks[1].status}
 
 
 def account_of(walk: Walk) -> dict[str, Any]:
     """Of contact by finite elements: points at the ends of commands, and the largest residual of law and balance."""
     points = Counter(mode.value for touch in walk.touches for mode in touch.modes)
-    worst = max((touch.check.largest for touch in walk.touches), default=float("nan"))
+    worst = max((touch.check.largest for touch in walk.touches), default=0.0)
     return {"commands": len(walk.commands), "points": dict(points), "law_residual": worst, "status": walk.status}
+
+
+def known(value: float) -> float | None:
+    """None for NaN, which files do not hold."""
+    return None if np.isnan(value) else value
 
 
 def judged(far: Mapping[str, float], unit: str, ratio: float = 0.0) -> list[dict[str, Any]]:
@@ -124,21 +135,30 @@ def headline(
     account: Mapping,
     friction: float,
     outside: int,
+    alone: Sequence[Mapping] = (),
 ) -> list[str]:
-    """For people. outside: planned states that are not like those that the model was trained on."""
+    """For people. outside: planned states that are not like those that the model was trained on; alone: frictions at
+    which the model alone walks."""
     planned, fe = walks["planned"], walks["fe"]
     n = min(len(planned.base), len(fe.base))
     apart = float(np.linalg.norm(planned.base[:n] - fe.base[:n], axis=1).max())
-    missed = 100 * abs(far["fe"] / far["planned"] - 1)
-    line = (
-        f"gait: {far['planned']:.3g} {unit} planned, {far['fe']:.3g} mm by finite elements ({missed:.2g} % apart, "
-        f"friction {friction:g}); the base is {apart:.2g} mm from the plan at most"
-    )
+    line = f"gait: {far['planned']:.3g} {unit} planned, "
+    if np.isnan(far["fe"]):
+        line += f"NOT walked to the end by finite elements (friction {friction:g})"
+    else:
+        missed = 100 * abs(far["fe"] / far["planned"] - 1)
+        line += f"{far['fe']:.3g} mm by finite elements ({missed:.2g} % apart, friction {friction:g})"
+    line += f"; the base is {apart:.2g} mm from the plan at most"
     if outside:
         line += f"; {outside} of {len(planned.commands)} plans OUTSIDE what the model was trained on"
     lines = [line]
     for one in sweep:
-        lines.append(f"friction {one['friction']:g}: {one['planned']:.3g} mm a cycle planned, {one['fe']:.3g} mm by FE")
+        planned, by_fe = ("no whole cycle" if one[key] is None else f"{one[key]:.3g} mm" for key in ("planned", "fe"))
+        lines.append(f"friction {one['friction']:g}, a cycle: {planned} planned, {by_fe} by FE")
+    if alone:
+        gone = ((one["friction"], one["planned"]) for one in alone)
+        said = ", ".join(f"{'no whole cycle' if far is None else format(far, '.3g')} at {mu:g}" for mu, far in gone)
+        lines.append(f"planned alone, mm a cycle at a friction: {said}")
     points = ", ".join(f"{count} {mode}" for mode, count in sorted(account["points"].items()))
     said = f"contact: {account['commands']} commands carried out; after them points {points}"
     if fe.status != CONVERGED:

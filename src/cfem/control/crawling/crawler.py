@@ -1,7 +1,7 @@
 """The crawler: legs, learned or finite elements, on one rigid base, and the ground that moves under it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
@@ -47,13 +47,39 @@ class Walk:
 
 
 @dataclass(frozen=True)
+class Weight:
+    """Of a leg. size: N; rest (3,) mm: its centre of mass, at rest, in the scene; turn: of the leg."""
+
+    size: float
+    rest: np.ndarray
+    turn: np.ndarray
+
+
+@dataclass(frozen=True)
 class Crawler:
-    """pads: of the base; centre (3,) mm of the base."""
+    """pads: of the base; centre (3,) mm of the base; ground: under the base alone; weights: of the legs, none where
+    they have none."""
 
     legs: tuple[Touching, ...]
     pads: Pads
     ground: Ground
     centre: np.ndarray
+    weights: tuple[Weight, ...] = ()
+
+    def _ground(self, last: Touch | None) -> Ground:
+        """With the weight of all at the centre of its mass, where the state `last` has the legs."""
+        if not self.weights:
+            return self.ground
+        solved = [None] * len(self.weights) if last is None else last.solved
+        centres = [
+            one.rest if leg is None else one.rest + one.turn @ leg.delta_e
+            for one, leg in zip(self.weights, solved, strict=False)
+        ]
+        base = float(np.linalg.norm(self.ground.load[:3]))
+        sizes = np.array([base, *(one.size for one in self.weights)])
+        whole = sizes.sum()
+        mass_at = sizes @ np.array([self.centre, *centres]) / whole
+        return replace(self.ground, load=self.ground.load * whole / base, mass_at=mass_at)
 
     def walk(self, commands: np.ndarray, mu: float, enough: Callable[[np.ndarray], bool] | None = None) -> Walk:
         """Carries out commands (n, legs n_a) mm from rest, in quasi-static steps, until one after which the base
@@ -64,7 +90,7 @@ class Crawler:
         def go(u: np.ndarray) -> str:
             nonlocal at, last
             parts = [displacement(part) for part in (*np.split(u, len(self.legs)), np.zeros(0))]
-            found = grip((*self.legs, self.pads), parts, self.ground, "coulomb", mu, last)
+            found = grip((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
             if found.converged:
                 at, last = u, found
             return found.status.value
@@ -87,7 +113,9 @@ class Crawler:
         return Walk(done, np.array(places), np.array(turns), np.array(least), tuple(touches), np.array(seconds), status)
 
 
-def crawler_of(gait: GaitSpec, legs: Sequence[Touching], names: Sequence[str]) -> Crawler:
+def crawler_of(
+    gait: GaitSpec, legs: Sequence[Touching], names: Sequence[str], weights: Sequence[Weight] = ()
+) -> Crawler:
     """SpecError where the crawler starts inside the ground, or its base does not stand on it."""
     n = np.asarray(gait.ground.normal, float)
     n /= np.linalg.norm(n)
@@ -113,7 +141,7 @@ def crawler_of(gait: GaitSpec, legs: Sequence[Touching], names: Sequence[str]) -
     weight = np.concatenate([base.weight * n, np.zeros(3)])
     centre = np.asarray(base.centre, float)
     ground = Ground(plane, plane.t, weight, mass_at=centre)
-    return Crawler(tuple(legs), Pads(down, base.pads), ground, centre)
+    return Crawler(tuple(legs), Pads(down, base.pads), ground, centre, tuple(weights))
 
 
 def _standing(normal: np.ndarray) -> np.ndarray:

@@ -2,11 +2,11 @@
 
 from typing import Annotated
 
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, PositiveInt
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import Force, Length, LengthRange, Point
+from cfem.core.units import Acceleration, Force, Length, LengthRange, Point
 from cfem.robot.selection import Direction
 
 Friction = Annotated[float, Field(ge=0)]
@@ -20,7 +20,7 @@ class BaseSpec(Spec):
     half_size: Point
     """Half of its edges along x, y and z."""
     weight: Annotated[Force, Field(gt=0)]
-    """Weight of the crawler. It acts at the centre of the box."""
+    """Weight of the base. It acts at the centre of the box."""
     pads: Annotated[float, Field(gt=0)] = 1e-2
     """Compliance in mm/N of the pad at each corner."""
 
@@ -43,6 +43,9 @@ class GaitSpec(Spec):
     """What the legs are fixed to."""
     ground: GroundSpec
     """Where it goes."""
+    gravity: Annotated[Acceleration, Field(gt=0)] | None = None
+    """Acceleration of gravity, which gives the legs their own weight. Their scene then needs a last effector
+    `at: centre-of-mass`. Without it they have no weight."""
     direction: Direction
     """Where it should go."""
     mirrored: list[Name] = []
@@ -61,8 +64,9 @@ class GaitSpec(Spec):
     frictions: list[Friction] = []
     """Other coefficients of friction at which model and finite elements walk the same gait."""
 
-    @model_validator(mode="after")
-    def _range(self):
+    planned_frictions: list[Friction] = []
+    """Others at which the model alone walks it, in seconds each."""
+
+    def check(self) -> None:
         if not self.pulls[0] < self.pulls[1]:
             raise ValueError("pulls: expected a smallest and a larger one")
-        return self

@@ -10,8 +10,9 @@ import numpy as np
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import PointEffector
 from cfem.control.assembled import box_surface, place_of
-from cfem.control.crawling.course import Course, account_of, headline, judged
+from cfem.control.crawling.course import Course, account_of, headline, judged, known
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
+from cfem.control.crawling.own_weight import own_weight
 from cfem.control.crawling.spec import GaitSpec
 from cfem.control.prepared import demand_same_rows, robot_and_models
 from cfem.control.spec import ControlSpec
@@ -23,6 +24,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.touch import PlacedRobot
+from cfem.plant.fem_plant import pushed
 from cfem.predict.leg import LearnedLeg, held_by
 from cfem.robot.load import load_scene_and_mesh
 
@@ -34,18 +36,25 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
     robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
     demand_same_rows(robot, predictors, models)
-    (name, model), feet = next(iter(predictors.items())), _with_feet(robot)
+    name, model = next(iter(predictors.items()))
     places, names = [place_of(one) for one in spec.robots], [one.name for one in spec.robots]
-    problem, rest = Problem(feet), np.array([one.rest for one in feet.contacts])
-    fe = crawler_of(gait, [PlacedRobot(problem, *place) for place in places], names)
+    loads, weights = own_weight(gait, robot, places)
+    feet = [_with_feet(robot, load) for load in loads]
+    rest = np.array([one.rest for one in feet[0].contacts])
+    standing = [PlacedRobot(Problem(leg), *place) for leg, place in zip(feet, places, strict=True)]
+    fe = crawler_of(gait, standing, names, weights)
     held = held_by(model, models[name])
-    learned = crawler_of(gait, [LearnedLeg(held, robot.unilateral, rest, *place) for place in places], names)
+    learning = [
+        LearnedLeg(held, robot.unilateral, rest, *place, load) for place, load in zip(places, loads, strict=True)
+    ]
+    learned = crawler_of(gait, learning, names, weights)
     on = Course(gait, [one in gait.mirrored for one in names], robot.rows.n_a)
     best = on.best(learned)
     planned = on.plan(learned, best)
     walks = {"planned": planned, "fe": on.repeat(fe, planned)}
     far = {key: on.far(one) for key, one in walks.items()}
     sweep = [on.at_friction(other, best, learned, fe) for other in gait.frictions]
+    alone = [on.planned_at(other, best, learned) for other in gait.planned_frictions]
     rows = _records(name, planned, walks["fe"], spec.reached, model)
     outside = sum(not row["inside"] for row in rows)
     ratio = max((one.ratio for touch in planned.touches for one in touch.solved[:-1]), default=0.0)
@@ -54,11 +63,12 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     account = account_of(walks["fe"])
     return {
         KEY: judged(far, on.unit, ratio),
-        "headline": headline(far, on.unit, sweep, walks, account, gait.ground.friction, outside),
+        "headline": headline(far, on.unit, sweep, walks, account, gait.ground.friction, outside, alone),
         "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
-        "per_cycle": {key: one.per_cycle(gait.steps, on.direction) for key, one in walks.items()},
-        "distance": {key: one.gone(on.direction) for key, one in walks.items()},
+        "per_cycle": {key: known(one.per_cycle(gait.steps, on.direction)) for key, one in walks.items()},
+        "distance": {key: known(one.gone(on.direction)) for key, one in walks.items()},
         "frictions": sweep,
+        "planned_frictions": alone,
         "contact": account,
         "trajectories": {"gait": summarise(rows, robot.length)},
         "plant": spec.plant,
@@ -69,13 +79,17 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     }
 
 
-def _with_feet(robot: Robot) -> Robot:
-    """The robot with its effectors for contact points. InputError where one is no point of the body."""
-    if not all(isinstance(one, PointEffector) for one in robot.effectors):
+def _with_feet(robot: Robot, load: np.ndarray) -> Robot:
+    """The robot with contact points for effectors, but for the last where it is its centre of mass, which carries the
+    load (3,) N. InputError where one is no point of the body."""
+    n = len(robot.effectors) - (len(load) > 0)
+    if not n or not all(isinstance(one, PointEffector) for one in robot.effectors[:n]):
         what = "a leg touches the ground by effectors, and one of them is no point of its body"
         raise InputError(what, where="scene", do="leave out effectors that turn or lie outside")
-    contacts = tuple(ContactPoint(one.attachment) for one in robot.effectors)
-    return replace(robot, contacts=contacts, rows=replace(robot.rows, contacts=robot.rows.effectors))
+    contacts, watched = tuple(ContactPoint(one.attachment) for one in robot.effectors[:n]), robot.rows.effectors
+    rows = replace(robot.rows, effectors=watched[3 * n :], contacts=watched[: 3 * n])
+    heavy = pushed(robot, np.concatenate([np.zeros(3 * n), load])) if load.any() else robot
+    return replace(heavy, effectors=robot.effectors[n:], contacts=contacts, rows=rows)
 
 
 def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> list[dict]:

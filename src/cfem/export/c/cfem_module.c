@@ -1,10 +1,13 @@
-/* One model of a module under wrenches w on its pose, actuators held: with u = w . C w / 2, v = D[w, w, w] / 6 and
- * h(r) = 1 / (1 - r), a Pade approximant along w,
+/* One model of a module under wrenches w on its pose, actuators held: with u = w . C w / 2, v = D[w, w, w] / 6,
+ * q = E[w, w, w, w] / 24 and h(r) = 1 / (1 - r), a Pade approximant along w,
  *
- *     Psi_w = Psi - w . e - u h(v / u)        e_w = -d Psi_w / dw        C_w = d e_w / dw */
+ *     Psi_w = Psi - w . e - u h(r)        e_w = -d Psi_w / dw        C_w = d e_w / dw
+ *     r = v / u, and where E is known v / u + q / u - (v / u)^2 */
 #include "cfem_row.h"
 
 #if CFEM_ROW
+
+#include "cfem_forms.h"
 
 #include "cfem_linear.h"
 
@@ -13,6 +16,7 @@
 #define STIFF -2.0 /* and below it */
 #define TINY 1e-30 /* N mm: what C w works less than is rounding */
 #define CHANGES CFEM_ROW_CHANGES
+#define CURVATURES CFEM_ROW_CURVATURES
 #define PACKED (P * (P + 1) / 2)
 #define MOST CFEM_MODULE_NA
 
@@ -68,7 +72,7 @@ static void second_by_s(const cfem_module *model, double *second) {
 void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) {
     const int n = model->n_a;
     double packed[PACKED] = {0};
-    int of_e = 0, of_C = 0, of_D = 0;
+    int of_e = 0, of_C = 0, of_D = 0, of_E = 0;
     held->model = model;
     for (int i = 0; i < n; i++) {
         double z = model->offset[i];
@@ -83,101 +87,105 @@ void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) 
     }
     for (int r = 0; r < P; r++) held->pose[r] = 0.0;
     for (int i = 0; i < CHANGES; i++) held->D[i] = 0.0;
+    for (int i = 0; i < CURVATURES; i++) held->E[i] = 0.0;
     for (int m = 0; m < model->terms; m++) {
         const cfem_real *const e = of_term(&model->effector, P, m, &of_e), *const C = of_term(&model->compliance, PACKED, m, &of_C);
         const cfem_real *const D = of_term(&model->change, CHANGES, m, &of_D);
+        const cfem_real *const E = of_term(&model->curvature, CURVATURES, m, &of_E);
         double by = 1.0;
         for (int k = 0; k < n; k++) by *= held->polynomials[0][k][model->degrees[m * n + k]];
         for (int r = 0; e && r < P; r++) held->pose[r] += (double)e[r] * by;
         for (int i = 0; C && i < PACKED; i++) packed[i] += (double)C[i] * by;
         for (int i = 0; D && i < CHANGES; i++) held->D[i] += (double)D[i] * by;
+        for (int i = 0; E && i < CURVATURES; i++) held->E[i] += (double)E[i] * by;
     }
     for (int i = 0, next = 0; i < P; i++)
         for (int j = i; j < P; j++, next++) held->C[i][j] = held->C[j][i] = packed[next];
 }
 
-/* f = u h(v / u): derivatives f[2] by u and v, F[3] the second: uu, uv, vv. The ratio v / u. */
-static double softened(double u, double v, double f[2], double F[3]) {
-    const double r = v / u, near = r < STIFF ? STIFF : r > NEAR ? NEAR : r, s = 1.0 / (1.0 - near), more = r - near;
-    const double h2 = 2.0 * s * s * s, h1 = s * s + more * h2, h = s + more * (s * s + more * h2 / 2.0);
-    f[0] = h - r * h1, f[1] = h1;
-    F[0] = r * r * h2 / u, F[1] = -r * h2 / u, F[2] = h2 / u;
+/* u h(r) of t = u, v and, where there are three terms, q: derivatives f and F by these. r. */
+static double continued(int terms, const double *t, double f[3], double F[3][3]) {
+    const double u = t[0], ratio = t[1] / u, s = terms == 3 ? t[2] / u : ratio * ratio, r = ratio + s - ratio * ratio;
+    const double near = r < STIFF ? STIFF : r > NEAR ? NEAR : r, known = 1.0 / (1.0 - near), more = r - near;
+    const double h2 = 2.0 * known * known * known, h1 = known * known + more * h2;
+    const double h = known + more * (known * known + more * h2 / 2.0);
+    double slope[3] = {-ratio, 1.0, 0.0}, bend[3][3] = {{2.0 * ratio, -1.0, 0.0}, {-1.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
+    if (terms == 3) {
+        slope[0] = 2.0 * ratio * ratio - ratio - s, slope[1] = 1.0 - 2.0 * ratio, slope[2] = 1.0;
+        bend[0][0] = 2.0 * (ratio + s) - 6.0 * ratio * ratio, bend[0][1] = bend[1][0] = 4.0 * ratio - 1.0;
+        bend[0][2] = bend[2][0] = -1.0, bend[1][1] = -2.0;
+    }
+    for (int i = 0; i < 3; i++) {
+        f[i] = h * (i == 0) + h1 * slope[i];
+        for (int j = 0; j < 3; j++)
+            F[i][j] = (h1 * ((i == 0) * slope[j] + (j == 0) * slope[i] + bend[i][j]) + h2 * slope[i] * slope[j]) / u;
+    }
     return r;
 }
 
+/* How many of u, v and q the model knows. */
+static int known_terms(const cfem_module *model) { return model->curvature.terms ? 3 : model->change.terms ? 2 : 1; }
+
 void cfem_module_under(const cfem_held *held, const double w[P], cfem_carried *out) {
-    double Cw[P], b[P] = {0}, Dw[P][P] = {{0}}, f[2], F[3], u, v;
-    for (int i = 0; i < P; i++) Cw[i] = cfem_dot(P, held->C[i], w);
-    u = cfem_dot(P, Cw, w) / 2.0;
-    out->ratio = 0.0;
-    if (held->model->change.terms == 0 || !(u > TINY)) {
-        for (int i = 0; i < P; i++) {
-            out->pose[i] = held->pose[i] + Cw[i];
-            for (int j = 0; j < P; j++) out->C[i][j] = held->C[i][j];
-        }
-        return;
-    }
-    const double *d = held->D;
-    for (int i = 0; i < P; i++)
-        for (int j = i; j < P; j++)
-            for (int k = j; k < P; k++, d++) {
-                Dw[i][j] += *d * w[k];
-                if (k != j) Dw[i][k] += *d * w[j];
-                if (j != i) Dw[j][k] += *d * w[i];
-            }
-    for (int i = 0; i < P; i++)
-        for (int j = 0; j < i; j++) Dw[i][j] = Dw[j][i];
-    for (int i = 0; i < P; i++) b[i] = cfem_dot(P, Dw[i], w) / 2.0;
-    v = cfem_dot(P, b, w) / 3.0;
-    out->ratio = softened(u, v, f, F);
+    const int terms = known_terms(held->model);
+    double ways[3][P] = {{0}}, softer[3][P][P] = {{{0}}}, f[3] = {1.0, 0.0, 0.0}, F[3][3] = {{0}}, t[3] = {0};
     for (int i = 0; i < P; i++) {
-        out->pose[i] = held->pose[i] + f[0] * Cw[i] + f[1] * b[i];
-        for (int j = 0; j < P; j++)
-            out->C[i][j] = f[0] * held->C[i][j] + f[1] * Dw[i][j] + F[0] * Cw[i] * Cw[j] +
-                           F[1] * (Cw[i] * b[j] + b[i] * Cw[j]) + F[2] * b[i] * b[j];
+        ways[0][i] = cfem_dot(P, held->C[i], w);
+        for (int j = 0; j < P; j++) softer[0][i][j] = held->C[i][j];
     }
-}
-
-/* out (P,) = M w of a packed symmetric M. */
-static void by_matrix(const cfem_real *M, const double *w, double *out) {
-    for (int i = 0; i < P; i++) out[i] = 0.0;
-    for (int i = 0; i < P; i++)
-        for (int j = i; j < P; j++, M++) {
-            out[i] += (double)*M * w[j];
-            if (j != i) out[j] += (double)*M * w[i];
+    t[0] = cfem_dot(P, ways[0], w) / 2.0;
+    out->ratio = 0.0;
+    if (terms > 1 && t[0] > TINY) {
+        const double *d = held->D;
+        for (int i = 0; i < P; i++)
+            for (int j = i; j < P; j++)
+                for (int k = j; k < P; k++, d++) {
+                    softer[1][i][j] += *d * w[k];
+                    if (k != j) softer[1][i][k] += *d * w[j];
+                    if (j != i) softer[1][j][k] += *d * w[i];
+                }
+        for (int i = 0; i < P; i++)
+            for (int j = 0; j < i; j++) softer[1][i][j] = softer[1][j][i];
+        if (terms > 2) cfem_square_of_fourth(held->E, w, softer[2]);
+        for (int k = 1; k < terms; k++) {
+            for (int i = 0; i < P; i++) ways[k][i] = cfem_dot(P, softer[k][i], w) / (1.0 + k);
+            t[k] = cfem_dot(P, ways[k], w) / (2.0 + k);
         }
-}
-
-/* out (P,) = M[w, w] / 2 of a packed symmetric tensor M. */
-static void by_tensor(const cfem_real *M, const double *w, double *out) {
-    for (int i = 0; i < P; i++) out[i] = 0.0;
-    for (int i = 0; i < P; i++)
-        for (int j = i; j < P; j++)
-            for (int k = j; k < P; k++, M++) {
-                const double c = (double)*M;
-                out[i] += j == k ? c * w[j] * w[k] / 2.0 : c * w[j] * w[k];
-                if (j != i) out[j] += c * w[i] * w[k];
-                if (k != j) out[k] += i == j ? c * w[i] * w[j] / 2.0 : c * w[i] * w[j];
+        out->ratio = continued(terms, t, f, F);
+    }
+    for (int i = 0; i < P; i++) {
+        out->pose[i] = held->pose[i];
+        for (int k = 0; k < 3; k++) out->pose[i] += f[k] * ways[k][i];
+        for (int j = 0; j < P; j++) {
+            out->C[i][j] = 0.0;
+            for (int k = 0; k < 3; k++) {
+                out->C[i][j] += f[k] * softer[k][i][j];
+                for (int l = 0; l < 3; l++) out->C[i][j] += F[k][l] * ways[k][i] * ways[l][j];
             }
+        }
+    }
 }
 
 void cfem_module_slopes(const cfem_held *held, const double w[P], double *lambda, double *stiffness, double slope[P][MOST]) {
     const cfem_module *const model = held->model;
-    const int n = model->n_a, all = 1 + n + n * (n + 1) / 2, sizes[4] = {1, P, PACKED, CHANGES};
-    const cfem_terms *const parts[4] = {&model->potential, &model->effector, &model->compliance, &model->change};
-    int at[4] = {0};
-    double work[4][1 + MOST + CFEM_ROW_PAIRS] = {{0}}; /* Psi, w . e, u, v: values and derivatives */
-    double way[4][P] = {{0}}, turns[4][P][MOST] = {{{0}}}; /* of e, C w and D[w, w] / 2 */
-    double f[2] = {1.0, 0.0}, F[3] = {0.0, 0.0, 0.0};
+    const int n = model->n_a, all = 1 + n + n * (n + 1) / 2, sizes[5] = {1, P, PACKED, CHANGES, CURVATURES};
+    const cfem_terms *const parts[5] = {&model->potential, &model->effector, &model->compliance, &model->change,
+                                        &model->curvature};
+    int at[5] = {0};
+    double work[5][1 + MOST + CFEM_ROW_PAIRS] = {{0}};     /* Psi, w . e, u, v, q: values and derivatives */
+    double way[5][P] = {{0}}, turns[5][P][MOST] = {{{0}}}; /* of e, C w, D[w, w] / 2 and E[w, w, w] / 6 */
+    double f[3] = {1.0, 0.0, 0.0}, F[3][3] = {{0}}, w3[P][P][P], t[3];
+    cfem_triples(w, w3);
     for (int m = 0; m < model->terms; m++) {
         double by[1 + MOST + CFEM_ROW_PAIRS];
         term(held, m, by);
-        for (int part = 0; part < 4; part++) {
+        for (int part = 0; part < 5; part++) {
             const cfem_real *const c = of_term(parts[part], sizes[part], m, &at[part]);
             double moved[P], share;
             if (!c) continue;
-            if (part == 2) by_matrix(c, w, moved);
-            else if (part == 3) by_tensor(c, w, moved);
+            if (part == 2) cfem_by_matrix(c, w, moved);
+            else if (part == 3) cfem_by_cube(c, w, moved);
+            else if (part == 4) cfem_by_fourth(c, w3, moved);
             else
                 for (int r = 0; r < P; r++) moved[r] = part ? (double)c[r] : 0.0;
             share = part ? cfem_dot(P, moved, w) / part : (double)*c;
@@ -188,21 +196,30 @@ void cfem_module_slopes(const cfem_held *held, const double w[P], double *lambda
             }
         }
     }
-    for (int part = 0; part < 4; part++) {
+    for (int part = 0; part < 5; part++) {
         first_by_s(model, work[part] + 1);
         second_by_s(model, work[part] + 1 + n);
         for (int r = 0; r < P; r++) first_by_s(model, turns[part][r]);
     }
-    const double *const psi = work[0], *const we = work[1], *const u = work[2], *const v = work[3];
-    if (model->change.terms && u[0] > TINY) softened(u[0], v[0], f, F);
+    for (int k = 0; k < 3; k++) t[k] = work[2 + k][0];
+    if (known_terms(model) > 1 && t[0] > TINY) continued(known_terms(model), t, f, F);
     for (int i = 0, next = 1 + n; i < n; i++) {
-        lambda[i] = psi[1 + i] - we[1 + i] - f[0] * u[1 + i] - f[1] * v[1 + i];
-        for (int j = i; j < n; j++, next++)
-            *stiffness++ = psi[next] - we[next] - f[0] * u[next] - f[1] * v[next] - F[0] * u[1 + i] * u[1 + j] -
-                           F[1] * (u[1 + i] * v[1 + j] + v[1 + i] * u[1 + j]) - F[2] * v[1 + i] * v[1 + j];
-        for (int r = 0; r < P; r++)
-            slope[r][i] = turns[1][r][i] + f[0] * turns[2][r][i] + f[1] * turns[3][r][i] +
-                          way[2][r] * (F[0] * u[1 + i] + F[1] * v[1 + i]) + way[3][r] * (F[1] * u[1 + i] + F[2] * v[1 + i]);
+        lambda[i] = work[0][1 + i] - work[1][1 + i];
+        for (int k = 0; k < 3; k++) lambda[i] -= f[k] * work[2 + k][1 + i];
+        for (int j = i; j < n; j++, next++, stiffness++) {
+            *stiffness = work[0][next] - work[1][next];
+            for (int k = 0; k < 3; k++) {
+                *stiffness -= f[k] * work[2 + k][next];
+                for (int l = 0; l < 3; l++) *stiffness -= F[k][l] * work[2 + k][1 + i] * work[2 + l][1 + j];
+            }
+        }
+        for (int r = 0; r < P; r++) {
+            slope[r][i] = turns[1][r][i];
+            for (int k = 0; k < 3; k++) {
+                slope[r][i] += f[k] * turns[2 + k][r][i];
+                for (int l = 0; l < 3; l++) slope[r][i] += F[k][l] * way[2 + k][r] * work[2 + l][1 + i];
+            }
+        }
     }
 }
 

@@ -10,13 +10,14 @@
 #define CFEM_ROW_PAIRS (CFEM_MODULE_NA * (CFEM_MODULE_NA + 1) / 2)
 
 #define CFEM_ROW_CHANGES (CFEM_POSE * (CFEM_POSE + 1) * (CFEM_POSE + 2) / 6)
+#define CFEM_ROW_CURVATURES (CFEM_POSE * (CFEM_POSE + 1) * (CFEM_POSE + 2) * (CFEM_POSE + 3) / 24)
 
-/* One model at one s: T_k, T_k', T_k'' of its coordinates z; the pose, its derivatives C by a wrench and D = dC/dw (packed,
- * i <= j <= k). */
+/* One model at one s: T_k, T_k', T_k'' of its coordinates z; the pose, its derivatives C by a wrench, D = dC/dw and
+ * E = d2C/dw2 (packed, i <= j <= k <= l). */
 typedef struct {
     const cfem_module *model;
     double polynomials[3][CFEM_MODULE_NA][CFEM_MODULE_DEGREE + 2];
-    double pose[CFEM_POSE], C[CFEM_POSE][CFEM_POSE], D[CFEM_ROW_CHANGES];
+    double pose[CFEM_POSE], C[CFEM_POSE][CFEM_POSE], D[CFEM_ROW_CHANGES], E[CFEM_ROW_CURVATURES];
 } cfem_held;
 
 /* The same under a wrench: pose, its derivative C by the wrench, and `ratio`, the share of the load that would buckle. */

@@ -1,7 +1,7 @@
 /* The robot touches rigid bodies with its surface, beside its controller: forces, shape and actuators of the quasi-static state at
  * held displacements. cfem_touch_data.h and cfem_touch_data.c hold the robot's numbers and were written by `cfem export`.
  *
- * The surface is cut into CFEM_PATCHES patches. Memory is what the caller owns: a state, and a room to work in. Every loop is
+ * The surface is cut into CFEM_PATCHES patches, of which CFEM_TOUCH_MOST may touch at once. Memory is what the caller owns: a state, and a room to work in. Every loop is
  * bounded; a step that finds no state says so. */
 #ifndef CFEM_TOUCH_H
 #define CFEM_TOUCH_H
@@ -13,8 +13,6 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-#define CFEM_TOUCH_MOST 30 /* patches that may touch at once */
 
 /* How a step ended. */
 enum {

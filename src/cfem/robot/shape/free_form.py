@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
@@ -37,11 +37,9 @@ class Wall(Spec):
     radius: Length = Field(gt=0)
     """Distance up to which the wall changes."""
 
-    @model_validator(mode="after")
-    def _one(self):
+    def check(self) -> None:
         if (self.inside is None) == (self.surface is None):
             raise ValueError("give one of inside and surface")
-        return self
 
 
 class FreeForm(Spec):

@@ -1,0 +1,48 @@
+/* Robots that meet along the way of cfem_meet_vectors.h: compares it with Python and prints what a step costs. `make test`,
+ * `make emulate`. */
+#if !defined(__arm__)
+#define _POSIX_C_SOURCE 200112L
+#endif
+
+#include <math.h>
+#include <stdio.h>
+
+#include "cfem_meet_vectors.h"
+#include "cost.h"
+
+static cfem_met states[2];
+static cfem_meet_room room;
+
+static double apart(int n, const double *a, const double *b) {
+    double most = 0.0;
+    for (int i = 0; i < n; i++) most = fmax(most, fabs(a[i] - b[i]));
+    return most;
+}
+
+int main(void) {
+    int failed = 0;
+    uint64_t sum = 0, most = 0;
+    double largest = 0.0, pressed = 0.0;
+    start();
+    for (int v = 0; v < CFEM_MEET_VECTORS; v++) {
+        const cfem_meet_vector *const one = &vectors[v];
+        cfem_met *const here = &states[v % 2];
+        double delta_a[CFEM_MEET_ROBOTS][CFEM_NA], force = 0.0;
+        for (int i = 0; i < CFEM_MEET_ROBOTS * CFEM_NA; i++) delta_a[i / CFEM_NA][i % CFEM_NA] = one->delta_a[i];
+        const uint64_t begin = now();
+        cfem_meet(delta_a, cfem_robots, cfem_obstacles, CFEM_TOUCH_OBSTACLES, CFEM_TOUCH_FRICTION, v ? &states[(v + 1) % 2] : 0, here,
+                  &room);
+        const uint64_t took = now() - begin;
+        for (int b = 0; b < CFEM_MEET_ROBOTS; b++) {
+            largest = fmax(largest, apart(CFEM_NE, here->robot[b].delta_e, one->delta_e + b * CFEM_NE) / CFEM_MEET_DELTA_E);
+            largest = fmax(largest, apart(CFEM_NA, here->robot[b].lambda_a, one->lambda_a + b * CFEM_NA) / CFEM_MEET_LAMBDA_A);
+            for (int m = b; m < CFEM_MEET_ROBOTS + CFEM_TOUCH_OBSTACLES; m++) force += cfem_meet_pressed(here, b, m);
+        }
+        failed += here->status != 0u || !(largest <= CFEM_MEET_TOLERANCE);
+        pressed = fmax(pressed, force), sum += took, most = took > most ? took : most;
+    }
+    printf("meeting: %d steps, %d failed; off by at most %.2g; pressed with %.3g N at most\n", CFEM_MEET_VECTORS, failed, largest,
+           pressed);
+    printf("a step: mean %llu, largest %llu " UNIT "\n", (unsigned long long)(sum / CFEM_MEET_VECTORS), (unsigned long long)most);
+    return failed != 0;
+}

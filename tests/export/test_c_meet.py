@@ -1,0 +1,151 @@
+"""Robots that meet in C against Python's: whole steps, on this machine and on an emulated processor."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export.embedded import tool
+
+import cfem
+from cfem.contact.detection import patch_normals
+from cfem.contact.obstacle import Plane
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.core.errors import InputError, SpecError
+from cfem.core.stage import artefact_content
+from cfem.export.c_meet import areas
+from cfem.export.compiled import compiler
+from cfem.export.compiled_meet import CompiledMeet
+from cfem.predict.kept_patches import touchable_of
+from cfem.predict.meeting import Meeting, PlacedModel
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.spec import scene_meaning
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
+PIPELINES = Path(__file__).parents[2] / "pipelines"
+MODEL = "../../models/bar/spectral"
+TWIN = {
+    "kind": "robot",
+    "model": MODEL,
+    "shares": [[0.0], [0.15]],
+    "rotate": {"axis": [1, 0, 0], "angle": "180 deg"},
+    "translate": {"mm": [0, 0, 16]},
+}
+WALL = {"kind": "plane", "point": {"mm": [0, 6.5, 0]}, "normal": [0, -1, 0]}
+BAD_INPUT, INSIDE = 4, 6  # of cfem_touch.h and cfem_meet.h
+
+
+def export(bar, out, obstacles, model=MODEL):
+    words = ["formats=[c]", "scene=scene.yaml", f"model={model}", f"c.obstacles={obstacles}"]
+    words.append("c.contact={patches: 8 mm, friction: 0.3}")
+    return cfem.run_stage("export", bar / "pipelines" / "bar" / "export.yaml", out=out, overrides=words)["results"]
+
+
+@pytest.fixture(scope="module")
+def exported(bar, tmp_path_factory):
+    out = tmp_path_factory.mktemp("meet") / "exported"
+    return out / "c", export(bar, out, {"twin": TWIN, "wall": WALL})
+
+
+@pytest.fixture(scope="module")
+def touchable(bar, exported):  # whose patches the export has left beside the model
+    scene = bar / "pipelines" / "bar" / "scene.yaml"
+    spec, mesh = load_scene_and_mesh(scene)
+    made_of = {"scene": scene_meaning(scene), "mesh": artefact_content(scene.parent / spec.out), "loads": {}}
+    folder = bar / "models" / "bar" / "spectral"
+    return touchable_of(cfem.load_model(folder), folder, build_robot(spec, mesh), made_of, 8.0)
+
+
+@pytest.fixture(scope="module")
+def robots(touchable):
+    over = PlacedModel(touchable, np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0]), itself=False)
+    return [PlacedModel(touchable, itself=False), over]
+
+
+@needs_compiler
+def test_the_export_says_how_far_c_is_from_python(exported):
+    assert exported[1]["parity"]["c contact"] < 1e-7 and exported[1]["c"]["contact"]["robots"] == 2
+
+
+@needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_steps_are_those_of_python(exported, robots, mu):
+    """Bars that bend towards each other, one of them onto a wall at its side too."""
+    compiled = CompiledMeet(exported[0], STRICT)
+    wall = Plane(R=np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), t=np.array([0.0, 5.0 + 1e-3, 0.0]))
+    for solid in ((), (wall,)):
+        meeting, now, pressed = Meeting(robots, ObstacleSet(solid), mu), None, 0.0
+        compiled.reset()
+        for share in np.arange(11) / 10:
+            deltas = [np.array([1.6 * share]), np.array([1.0 * share])]
+            now = meeting.start(deltas) if now is None else meeting.step(deltas, now)
+            found = compiled(deltas, solid, mu)
+            assert now.converged and found.status == 0 and found.iterations == now.iterations
+            for name, size in (("forces", 0.01), ("places", 10.0), ("delta_e", 1.0), ("lambda_a", 1.0), ("rows", 1.0)):
+                one, other = (np.concatenate(getattr(state, name)) for state in (found, now))
+                assert np.abs(one - other).max() < 1e-9 * max(size, np.abs(other).max()), name
+            assert found.pressed == pytest.approx(now.pressed, rel=1e-9)
+            pressed = max(pressed, now.pressed)
+        assert pressed > 0.02
+        assert bool(solid) == bool((now.pairs.slots >= len(now.places)).any())
+
+
+@needs_compiler
+def test_what_cannot_be_met_ends_with_a_status(exported, touchable):
+    compiled = CompiledMeet(exported[0], STRICT)
+    assert compiled([np.array([np.nan]), np.zeros(1)]).status == BAD_INPUT
+    assert compiled([np.zeros(1), np.zeros(1)], mu=-0.1).status == BAD_INPUT
+    compiled.placed[1].t[2] = 9.0
+    assert compiled([np.zeros(1), np.zeros(1)]).status == INSIDE
+    compiled.placed[1].t[2] = 16.0
+    assert compiled([np.zeros(1), np.zeros(1)]).status == 0
+
+
+def test_areas_are_the_normals_of_the_bent_surface(touchable):
+    of, skin = touchable.patches, touchable.model.skin
+    z = np.concatenate([[1.0], skin.rows(np.array([2.0]), np.zeros(0))])
+    i, j = np.triu_indices(len(z))
+    found = areas(touchable) @ (z[i] * z[j])
+    wanted = patch_normals(skin.surface(z[1:]), skin.triangles, of.of, len(of))
+    np.testing.assert_allclose(found / np.linalg.norm(found, axis=1)[:, None], wanted, atol=1e-12)
+
+
+@needs_compiler
+def test_it_meets_on_an_emulated_processor_as_here(exported):
+    tool("arm-none-eabi-gcc")
+    done = subprocess.run([tool("make"), "-s", "-C", exported[0], "meet-m7.elf"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    board = ["-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none", "-icount", "shift=0"]
+    board += ["-semihosting-config", "enable=on,target=native", "-kernel", exported[0] / "meet-m7.elf"]
+    done = subprocess.run([tool("qemu-system-arm"), *board], capture_output=True, text=True)
+    said = re.search(r"meeting: (\d+) steps, 0 failed; off by at most (\S+); pressed with (\S+) N", done.stdout)
+    assert done.returncode == 0 and said, done.stdout + done.stderr
+    assert int(said[1]) > 10 and float(said[2]) < 1e-8 and float(said[3]) > 0.002
+    cost = re.search(r"a step: mean (\d+), largest (\d+) instructions", done.stdout)
+    assert 0 < int(cost[1]) < 10_000_000
+
+
+def test_what_c_cannot_meet_is_refused(bar, tmp_path):
+    with pytest.raises(SpecError, match=r"obstacles\.twin: in C another robot is one of the exported model"):
+        export(bar, tmp_path / "a", {"twin": {**TWIN, "model": "../../models/bar/other"}})
+    with pytest.raises(InputError, match="overlap by"):
+        export(bar, tmp_path / "b", {"twin": {**TWIN, "translate": {"mm": [0, 0, 9]}}})
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_a_robot_that_touches_itself_does_as_in_python(tmp_path):
+    specs = shutil.copytree(PIPELINES / "pincer", tmp_path / "pipelines" / "pincer")
+    for stage, name in (("mesh", "scene"), ("sample", "sample"), ("train", "train")):
+        cfem.run_stage(stage, specs / f"{name}.yaml")
+    words = ["model=../../models/pincer/spectral", "scene=scene.yaml", "formats=[c]"]
+    words += ["c.obstacles={own: {kind: itself}}", "c.contact={patches: 8 mm}"]
+    found = cfem.run_stage("export", specs / "export.yaml", out=tmp_path / "out", overrides=words)["results"]
+    assert found["parity"]["c contact"] < 1e-9
+    done = subprocess.run([tool("make"), "-s", "-C", tmp_path / "out" / "c", "test"], capture_output=True, text=True)
+    said = re.search(r"meeting: (\d+) steps, 0 failed; .* pressed with (\S+) N", done.stdout)
+    assert said and int(said[1]) > 10 and float(said[2]) > 0.01, done.stdout + done.stderr
