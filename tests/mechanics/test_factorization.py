@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from importlib.util import find_spec
 
 import numpy as np
@@ -62,3 +64,24 @@ def test_the_environment_names_the_solver(monkeypatch):
     monkeypatch.setenv("CFEM_SOLVER", "magic")
     with pytest.raises(InputError, match="magic"):
         solver_name()
+
+
+THREADS = """
+import threading
+import numpy as np
+from cfem.mechanics.assembly import make_pattern
+from cfem.mechanics.factorization import analyze
+def work():
+    analyze(make_pattern(3, [np.array([[0, 1, 2]])], np.array([], dtype=int)), "rslab")
+    print("analysed", flush=True)
+for _ in range(3):
+    one = threading.Thread(target=work)
+    one.start()
+    one.join()
+"""
+
+
+def test_threads_that_end_harm_no_later_thread():
+    """Where rslab was loaded in a thread that has ended, its allocator crashed the process in the next one."""
+    ran = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, timeout=60, check=False)
+    assert ran.returncode == 0 and ran.stdout.split() == ["analysed"] * 3, ran.stderr

@@ -67,7 +67,7 @@ def project(tmp_path_factory):
         coarser(root / "pipelines" / name / "scene.yaml")
         heavy(root / "pipelines" / name / "scene.yaml")
     coarser(root / "pipelines" / WHOLE / "sample.yaml", train=(200, 10), test=(100, 8))
-    coarser(root / "pipelines" / MODULE / "sample.yaml", train=(50, 40), test=(50, 5))
+    coarser(root / "pipelines" / MODULE / "sample.yaml", train=(50, 50), test=(50, 5))
     for name in (MODULE, WHOLE):
         folder = root / "pipelines" / name
         make_mesh(folder / "scene.yaml", [], None, QUIET)
@@ -221,7 +221,7 @@ def test_the_gradients_of_its_surface_and_clearance_are_those_of_differences(pro
 
 
 def test_the_estimated_error_bounds_that_of_loads(project):
-    """To a factor of 2.5. It counts what the model of a module is off, which is more here than what is left out."""
+    """To a factor of 1.5. It counts what the model of a module is off, which is more here than what is left out."""
     model, problem = load_model(project / "models" / WHOLE / "serial"), problem_of(project, WHOLE)
     push, ratios = np.array([0, 2e-3, 0, 0, 0, 0]), []
     carrying = loaded(model, push)
@@ -231,7 +231,7 @@ def test_the_estimated_error_bounds_that_of_loads(project):
         moved = carrying.at(free.delta_a).delta_e - model.at(free.delta_a).delta_e
         off = np.linalg.norm((moved - truth.delta_e + free.delta_e)[:3])
         ratios.append(off / carrying.error_at(free.delta_a))
-    assert 0.01 < max(ratios) < 2.5, ratios  # a coarse model of 40 samples
+    assert 0.01 < max(ratios) < 1.5, ratios
     assert carrying.meta["wrench_error"] < 0.012
     with pytest.raises((InputError, NumericalError), match=r"take (at most|smaller)"):
         loaded(model, np.array([0, 0.06, 0, 0, 0, 0]))
@@ -240,7 +240,7 @@ def test_the_estimated_error_bounds_that_of_loads(project):
 def test_it_is_judged_by_the_states_of_the_whole(project):
     folder = project / "models" / WHOLE / "serial"
     manifest = json.loads((folder / "manifest.json").read_text())["results"]
-    assert manifest["errors"]["states"] == 8 and manifest["samples"] == 40
+    assert manifest["errors"]["states"] == 8 and manifest["samples"] == 50
     assert manifest["errors"]["loss"] < 1e-9
     assert manifest["positive_definite"]["share"] > 0.99
 

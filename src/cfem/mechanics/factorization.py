@@ -10,6 +10,7 @@ never silently solved. Measured: docs/method.md."""
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,11 @@ from cfem.core.errors import InputError
 from cfem.core.optional import demand
 from cfem.mechanics.assembly import Pattern
 from cfem.mechanics.choose_solver import PACKAGES, fastest
+
+# Early, so in the main thread: where the thread that loads it ends, its allocator crashes in the next new thread
+# (mimalloc 3.3, github.com/microsoft/mimalloc/issues/1356).
+with suppress(ImportError):
+    import rslab
 
 
 class SingularMatrixError(ArithmeticError):
@@ -74,8 +80,6 @@ def solver_name() -> str:
 
 
 def _rslab(pattern: Pattern) -> Numeric:
-    import rslab
-
     n = pattern.n_dof
     ones = sp.csc_matrix((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=(n, n))
     symbolic = rslab.analyze(ones, path="ldlt", threads=1)

@@ -17,7 +17,7 @@ LEARNED = ("#1769aa", "#2a9d63", "#8e4ec6", "#c2334d")
 plt.rcParams.update(
     {
         "font.family": "sans-serif",
-        "font.sans-serif": ["Liberation Sans", "DejaVu Sans"],
+        "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib; some systems' fonts lack superscripts
         "font.size": 10,
         "text.parse_math": False,  # names of files and actuators may hold a $
         "axes.spines.top": False,
