@@ -32,7 +32,6 @@ from cfem.export.spec import CSpec
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.predict.protocol import Predictor
-from cfem.predict.slack import touch_step_slack
 from cfem.predict.touchable import Touchable
 from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
@@ -113,7 +112,7 @@ def main() -> None:
         for share in steps:
             here = moved(obstacle, (1 - share) * depth * normal)
             begin = time.process_time()
-            found = touch_step_slack(touchable, delta, [here], robot.unilateral, mu=given.mu, before=found)
+            found = touch_step(touchable, delta, [here], mu=given.mu, before=found, unilateral=robot.unilateral)
             seconds.append(time.process_time() - begin)
             truth = press(problem, displacement(delta), [here] * len(near), mu=given.mu, before=truth)
         if not (found.converged and truth.converged):
@@ -176,7 +175,7 @@ def in_c(folder: Path, touchable: Touchable, delta: np.ndarray, ways: list[list[
     meta, arrays = read_model(folder)
     with tempfile.TemporaryDirectory() as place:
         write_c(Path(place), meta, arrays, CSpec(), read_vectors(folder, meta)["s"])
-        write_c_touch(Path(place), touchable, ways[-1], mu)
+        write_c_touch(Path(place), touchable, ways[-1], mu, np.zeros(len(delta)))
         compiled = CompiledTouch(Path(place))
     statuses = [compiled(delta, pads, mu).status for pads in ways]
     if statuses[-1]:

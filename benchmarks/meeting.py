@@ -3,6 +3,7 @@ table of docs/contact.md.
 
 python benchmarks/meeting.py bars    two bars that bend towards each other
 python benchmarks/meeting.py bars --mu 0.3    with friction
+python benchmarks/meeting.py push    one bends up below the other, whose cable goes slack
 python benchmarks/meeting.py fork    one body: two bars on a common root
 
 Each makes its own samples, in a folder that it deletes: one to three minutes on one core."""
@@ -92,7 +93,7 @@ def table(specs: Path, poses: list[tuple], mu: float, way: list[list[list[float]
     robot = build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
     patches, states = patches_of(model, PATCHES), touch_states(model.domain, robot.rows.n_a)
     touchable = Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
-    learned = Meeting([PlacedModel(touchable, *pose) for pose in poses], mu=mu)
+    learned = Meeting([PlacedModel(touchable, *pose, unilateral=robot.unilateral) for pose in poses], mu=mu)
     surface = model.skin.nodes, model.skin.triangles, patches
     truth = MeetingInFe([Skinned(robot, *surface, *pose) for pose in poses], mu=mu)
     print(f"{len(patches)} patches, {patches.spacing:.2g} mm apart, friction {mu:g}")
@@ -123,7 +124,7 @@ def table(specs: Path, poses: list[tuple], mu: float, way: list[list[list[float]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=("bars", "fork"))
+    parser.add_argument("table", choices=("bars", "push", "fork"))
     parser.add_argument("--mu", type=float, default=0.0, help="coefficient of friction")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -133,6 +134,9 @@ def main() -> None:
                 [[d], [0.9 + 0.1 * (d - 0.6)]] for d in (1.4, 1.6)
             ]
             table(bar(Path(folder)), poses, given.mu, way)
+        elif given.table == "push":
+            poses = [(np.eye(3), np.zeros(3)), (np.eye(3), -OVER)]
+            table(bar(Path(folder)), poses, given.mu, [[[0.05], [d]] for d in (1.8, 2.0, 2.4, 2.8, 1.9)])
         else:
             way = [[[round(d, 2), round(0.9 * d, 3)]] for d in np.arange(1.0, 1.26, 0.05)]
             table(fork(Path(folder)), [()], given.mu, way)

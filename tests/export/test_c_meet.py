@@ -95,6 +95,26 @@ def test_steps_are_those_of_python(exported, robots, mu):
 
 
 @needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_cables_go_slack_as_in_python(exported, touchable, mu):
+    """A bar that bends up from below lifts the other one beyond what its cable bends it, then goes down again."""
+    pulls, below = np.ones(1, dtype=bool), np.array([0.0, 0.0, -16.0])
+    robots = [PlacedModel(touchable, t=at, itself=False, unilateral=pulls) for at in (np.zeros(3), below)]
+    compiled, meeting, now, slack = CompiledMeet(exported[0], STRICT), Meeting(robots, mu=mu), None, []
+    compiled.placed[1].R[:], compiled.placed[1].t[:] = np.eye(3).ravel().tolist(), below.tolist()
+    for delta in [*np.arange(13) / 5, 2.2, 2.0, 1.7]:
+        deltas = [np.array([0.05 * min(delta, 1.0)]), np.array([delta])]
+        now = meeting.start(deltas) if now is None else meeting.step(deltas, now)
+        found = compiled(deltas, (), mu)
+        assert now.converged and found.status == 0
+        slack.append(bool(now.lambda_a[0][0] == 0.0) and now.pressed > 0)
+        for name, size in (("forces", 0.01), ("places", 10.0), ("deltas", 1.0), ("delta_e", 1.0), ("lambda_a", 1.0)):
+            one, other = (np.concatenate(getattr(state, name)) for state in (found, now))
+            assert np.abs(one - other).max() < 1e-9 * max(size, np.abs(other).max()), name
+    assert slack[-6:] == [True, True, True, True, True, False]
+
+
+@needs_compiler
 def test_what_cannot_be_met_ends_with_a_status(exported, touchable):
     compiled = CompiledMeet(exported[0], STRICT)
     assert compiled([np.array([np.nan]), np.zeros(1)]).status == BAD_INPUT

@@ -117,6 +117,28 @@ def test_steps_are_those_of_python(compiled, touchable, mu):
         assert touched
 
 
+@needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_cables_go_slack_as_in_python(compiled, touchable, mu):
+    """A ball lifts the bar farther than its cable bends it, then comes down again."""
+    delta, before, slack = np.array([0.3]), None, []
+    places = touchable.patches.mean(touchable.model.shape(delta))
+    at = places[np.argmin(places[:, 2] - places[:, 0] / 10)]
+    compiled.reset()
+    for depth in (0.3, 2.0, 2.5, 0.2):
+        ball = Sphere(8.0, t=at + np.array([0.0, 0.0, depth - 8.0]))
+        before = touch_step(touchable, delta, [ball], mu=mu, before=before, unilateral=np.ones(1, dtype=bool))
+        found = compiled(delta, [ball], mu, slack=True)
+        assert before.converged and found.status == 0
+        slack.append(bool(found.lambda_a[0] == 0.0))
+        assert slack[-1] == (before.lambda_a[0] == 0.0) == (found.delta_a[0] > delta[0])
+        for name in ("forces", "delta_e", "delta_a", "lambda_a", "everywhere", "rows"):
+            wanted = getattr(before, name)
+            size = np.abs(wanted).max(initial=1e-6)
+            np.testing.assert_allclose(getattr(found, name), wanted, atol=1e-9 * size, rtol=0, err_msg=name)
+    assert slack == [False, True, True, False]
+
+
 class Planning(CompiledController):
     """cfem_touch_control of a folder."""
 
@@ -225,7 +247,7 @@ def test_obstacles_are_those_of_python(tmp_path, touchable):
             Capsule(1.0, 2.5, R=turn(2)),
         )
     )
-    write_c_touch(tmp_path, touchable, several.obstacles, 0.0)
+    write_c_touch(tmp_path, touchable, several.obstacles, 0.0, np.zeros(1))
     for path in c_export.SOURCES.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     text = (tmp_path / "cfem_touch_data.c").read_text()
@@ -261,7 +283,7 @@ def built(folder, *names):
 
 def test_what_c_cannot_touch_is_refused(bar, touchable, tmp_path):
     with pytest.raises(InputError, match="closed meshes"):
-        write_c_touch(tmp_path, touchable, [ClosedMesh.__new__(ClosedMesh)], 0.0)
+        write_c_touch(tmp_path, touchable, [ClosedMesh.__new__(ClosedMesh)], 0.0, np.zeros(1))
     with pytest.raises(SpecError, match="press"):
         export(bar, tmp_path / "press", {"ceiling": {**CEILING, "press": "1 N"}})
     with pytest.raises(SpecError, match="scene"):

@@ -74,6 +74,23 @@ def test_derivatives_among_soft_robots_are_those_of_ways_from_rest(touchable):
     assert here.effector_jacobian[-1, 0] == pytest.approx(slope[-1], rel=1e-2)
 
 
+def test_another_robot_lets_its_cable_go_and_the_derivatives_know_it(touchable):
+    """It stands above, its cable drawn in by 0.05 mm, and is lifted. The robot of the plan holds its own."""
+    over, bent = (np.eye(3), np.array([0.0, 0.0, 16.0])), np.full((2, 1), 0.05)
+    derivatives = []
+    for unilateral in (None, np.ones(1, dtype=bool)):
+        twin = PlacedModel(touchable, *over, False, unilateral), ActuatedRobot(touchable.model, bent, None, *over)
+        world = ContactModel(touchable, {}, ("twin",), mu=0.3, others={"twin": twin})
+        at, h = np.array([2.2]), 0.01
+        here, ahead, behind = (world.at_displacement(at + step) for step in (0.0, h, -h))
+        met = world.touched(at)
+        assert (met.lambda_a[1][0] == 0.0) == (met.deltas[1][0] > 0.05) == (unilateral is not None)
+        slope = (ahead.delta_e - behind.delta_e) / (2 * h)
+        assert here.effector_jacobian[-1, 0] == pytest.approx(slope[-1], rel=1e-2)
+        derivatives.append(slope[-1])
+    assert derivatives[1] < 0.9 * derivatives[0]  # it yields more
+
+
 def test_the_force_is_continuous_where_contact_begins(touchable, table):
     """Before it a negative one says how far the obstacle is."""
     world = ContactModel(touchable, {"table": table}, ("table",))

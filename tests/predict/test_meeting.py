@@ -89,6 +89,26 @@ def test_friction_does_as_in_finite_elements(rubbed, robot, touchable):
         assert np.linalg.norm(e - solved.delta_e) < 0.05 * np.linalg.norm(solved.delta_e - free.delta_e)
 
 
+@pytest.mark.parametrize("mu", [0.0, MU])
+def test_a_pushed_robot_lets_its_cable_go_as_in_finite_elements(robot, touchable, mu):
+    """A bar that bends up from below lifts the other one beyond what its cable bends it, then goes down again."""
+    places, skin = [HERE, (np.eye(3), np.array([0.0, 0.0, -16.0]))], touchable.model.skin
+    meeting = Meeting([PlacedModel(touchable, *one, unilateral=robot.unilateral) for one in places], mu=mu)
+    fe = [Skinned(robot, skin.nodes, skin.triangles, touchable.patches, *pose) for pose in places]
+    truth, found, solved, slack = MeetingInFe(fe, mu=mu), None, None, []
+    for deltas in ([0.05, 1.65], [0.05, 2.2], [0.05, 1.9], [0.3, 2.2]):
+        deltas = [np.array([one]) for one in deltas]
+        found, solved = meeting.go(deltas, found), truth.go(deltas, solved)
+        assert found.converged and solved.converged
+        slack.append(bool(solved.solved[0].slack[0]))
+        assert slack[-1] == (found.lambda_a[0][0] == 0.0) == (found.deltas[0][0] > deltas[0][0])
+        assert found.pressed == pytest.approx(solved.pressed, rel=0.01)
+        for e, at, lam, one in zip(found.delta_e, found.deltas, found.lambda_a, solved.solved, strict=True):
+            assert np.linalg.norm(e - one.delta_e) < 0.01
+            assert at == pytest.approx(one.delta_a, abs=1e-3) and lam == pytest.approx(one.lambda_a, abs=1e-3)
+    assert slack == [False, True, True, False]
+
+
 def test_forces_and_moments_balance_and_friction_takes_energy(rubbed):
     """Of normal forces and of friction, each; what slides is held back by all the friction that there is."""
     before, found = rubbed

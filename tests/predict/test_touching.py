@@ -15,7 +15,6 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.predict.held import Held
 from cfem.predict.load import load_model
-from cfem.predict.slack import touch_step_slack
 from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.predict.touching import TouchedStatus, touch_step
 from cfem.robot.build import build_robot
@@ -85,7 +84,7 @@ def test_a_cable_that_would_have_to_push_goes_slack_as_in_finite_elements(toucha
     for depth in (0.3, 2.0, 2.5, 0.2):
         ball = Sphere(8.0, t=at + np.array([0.0, 0.0, depth - 8.0]))
         held = touch_step(touchable, delta, [ball], mu=mu, before=found)
-        found = touch_step_slack(touchable, delta, [ball], robot.unilateral, mu=mu, before=found)
+        found = touch_step(touchable, delta, [ball], mu=mu, before=found, unilateral=robot.unilateral)
         truth = press(problem, displacement(delta), [ball] * len(near), mu=mu, before=truth)
         (solved,) = truth.solved
         assert found.converged and truth.converged

@@ -150,7 +150,7 @@ def other_robot(
         raise InputError(error.what, where=error.where or str(base / one.model), do=error.do) from None
     place = course.R, course.t, False
     return (
-        PlacedModel(touchable, *place),
+        PlacedModel(touchable, *place, robot.unilateral),
         Skinned(robot, skin.nodes, skin.triangles, touchable.patches, *place),
         course,
     )

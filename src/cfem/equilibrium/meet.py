@@ -115,9 +115,13 @@ class Meeting:
         """To deltas, (n_a,) mm each, from the state `before` (none: actuators at 0), in steps, which are halved
         where one fails. Never raises for numerical failure: the state where it ended says why."""
         ends = [np.asarray(one, float) for one in deltas]
-        begins = [0.0 * end for end in ends] if before is None else [one.delta_a for one in before.solved]
-        state = self.step(begins, None) if before is None else before
-        return all_carried_out(begins, ends, self.longest, state, self.short_step)
+        if before is None:
+            begins = [0.0 * end for end in ends]
+            before = self.step(begins, None)
+        else:  # a slack cable is where no target above it has been
+            each = zip(before.solved, ends, strict=True)
+            begins = [np.where(one.slack, np.minimum(one.delta_a, end), one.delta_a) for one, end in each]
+        return all_carried_out(begins, ends, self.longest, before, self.short_step)
 
     @cached_property
     def longest(self) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from cfem.contact.detection import may_meet
 from cfem.contact.pairs import APART
 from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_text
-from cfem.predict.meeting import Met, PlacedModel
+from cfem.predict.meeting import Meeting, Met, PlacedModel
 from cfem.predict.touchable import Touchable
 
 SOURCES = Path(__file__).parent / "meet"
@@ -28,7 +28,10 @@ def write_c_meet(folder: Path, robots: Sequence[PlacedModel]) -> int:
             shutil.copyfile(path, folder / path.name)
     touchable = robots[0].touchable
     sizes = {"CFEM_MEET_ROBOTS": len(robots), "CFEM_MEET_SPACING": repr(float(touchable.patches.spacing))}
-    rows = ",\n".join(f"{{{c_text.braces(one.R)}, {c_text.braces(one.t)}, {int(one.itself)}}}" for one in robots)
+    rows = ",\n".join(
+        f"{{{c_text.braces(one.R)}, {c_text.braces(one.t)}, {int(one.itself)}, {c_text.braces(np.uint8(cables))}}}"
+        for one, cables in zip(robots, np.split(Meeting(robots).unilateral, len(robots)), strict=True)
+    )
     defined = f'#include "cfem_meet.h"\n\nconst cfem_placed cfem_robots[] = {{{rows}}};\n'
     sizes_of = "sizeof(cfem_met), sizeof(cfem_meet_room), CFEM_MEET_ROBOTS"
     defined += f"const unsigned long cfem_meet_sizes[] = {{{sizes_of}}};\n"

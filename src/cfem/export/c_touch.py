@@ -16,6 +16,7 @@ SOURCES = Path(__file__).parent / "touch"
 CORE = (
     "cfem_touch.c",
     "cfem_touch_round.c",
+    "cfem_slack.c",
     "cfem_touch_held.c",
     "cfem_touch_patches.c",
     "cfem_touch_control.c",
@@ -28,18 +29,25 @@ MOST = 30  # patches that may touch at once
 
 
 def write_c_touch(
-    folder: Path, touchable: Touchable, obstacles: Sequence[Obstacle], friction: float, most: int = MOST
+    folder: Path,
+    touchable: Touchable,
+    obstacles: Sequence[Obstacle],
+    friction: float,
+    unilateral: np.ndarray,
+    robots: int = 1,
+    most: int = MOST,
 ) -> int:
-    """Adds contact to the C folder of a model; the bytes of its constants. most: patches that may touch at once.
-    InputError where an obstacle is a mesh."""
+    """Adds contact to the C folder of a model; the bytes of its constants. unilateral (n_a,) bool: actuators that only
+    pull; robots: that meet; most: patches that may touch at once. InputError where an obstacle is a mesh."""
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for path in SOURCES.iterdir():
             shutil.copyfile(path, folder / path.name)
-    constants = touch_constants(touchable)
+    constants = touch_constants(touchable) | {"unilateral": np.asarray(unilateral, np.uint8)}
     sizes = {
         "CFEM_PATCHES": len(touchable.patches),
         "CFEM_TOUCH_MOST": most,
+        "CFEM_TOUCH_ROBOTS": robots,
         "CFEM_PATCH_ROWS": len(touchable.model.skin),
         "CFEM_PATCH_TERMS": len(constants["degrees"]),
         "CFEM_PATCH_COMPLIANCE_TERMS": len(constants["compliance_degrees"]),

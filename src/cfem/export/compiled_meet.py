@@ -24,6 +24,7 @@ class MetInC:
     places: np.ndarray
     pressed: float
     delta_e: list[np.ndarray]
+    deltas: list[np.ndarray]
     lambda_a: list[np.ndarray]
     rows: list[np.ndarray]
 
@@ -41,7 +42,14 @@ class CompiledMeet:
         more = ctypes.c_byte * (met - ctypes.sizeof(begin))
         state = struct_of([*((name, kind) for name, kind in begin._fields_), ("more", more)])
         self._states, self._before, self._room = (state(), state()), None, (ctypes.c_byte * room)()
-        pose = struct_of([("R", real * 9), ("t", real * 3), ("itself", ctypes.c_int)])
+        pose = struct_of(
+            [
+                ("R", real * 9),
+                ("t", real * 3),
+                ("itself", ctypes.c_int),
+                ("unilateral", ctypes.c_ubyte * self._touch.n_a),
+            ]
+        )
         self.placed = (pose * robots).from_buffer_copy((pose * robots).in_dll(self.library, "cfem_robots"))
         self.library.cfem_meet_pressed.restype = real
 
@@ -66,7 +74,10 @@ class CompiledMeet:
             np.concatenate(forces),
             np.concatenate(places),
             sum(self.library.cfem_meet_pressed(ctypes.byref(now), *two) for two in met),
-            *([np.array(getattr(one, name)) for one in now.robot] for name in ("delta_e", "lambda_a", "rows")),
+            *(
+                [np.array(getattr(one, name)) for one in now.robot]
+                for name in ("delta_e", "delta_a", "lambda_a", "rows")
+            ),
         )
 
     def seconds(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float, count: int) -> float:

@@ -28,6 +28,7 @@ class TouchedInC:
     gaps: np.ndarray
     rows: np.ndarray
     delta_e: np.ndarray
+    delta_a: np.ndarray
     lambda_a: np.ndarray
     everywhere: np.ndarray
     stuck: np.ndarray
@@ -49,7 +50,12 @@ class CompiledTouch:
         counts = [("status", ctypes.c_uint), ("count", ctypes.c_int), ("iterations", ctypes.c_int)]
         contacts = [("patch", numbers), ("obstacle", numbers), ("mode", numbers)]
         vectors = [("force", real * (3 * most)), ("normal", real * (3 * most)), ("gap", real * most)]
-        robot = [("rows", real * k), ("delta_e", real * n_e), ("lambda_a", real * self.n_a)]
+        robot = [
+            ("rows", real * k),
+            ("delta_e", real * n_e),
+            ("delta_a", real * self.n_a),
+            ("lambda_a", real * self.n_a),
+        ]
         patches = [("place", real * (3 * n)), ("stuck", real * (3 * n)), ("holds", ctypes.c_ubyte * n)]
         near = [("near_count", ctypes.c_int), ("near", numbers)]
         self.state = struct_of([*counts, *contacts, *vectors, *robot, *patches, *near])
@@ -63,9 +69,12 @@ class CompiledTouch:
     def reset(self) -> None:
         self._before = None
 
-    def __call__(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float = 0.0) -> TouchedInC:
+    def __call__(
+        self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float = 0.0, slack: bool = False
+    ) -> TouchedInC:
+        """slack: whether cables go slack (cfem_touch_slack)."""
         now, given = self.given(delta_a, obstacles, mu)
-        status = self._call(*given)
+        status = (self.library.cfem_touch_slack if slack else self._call)(*given)
         if not status:
             self._before = now
         c = now.count
@@ -75,7 +84,7 @@ class CompiledTouch:
             *(np.array(values)[:c] for values in (now.patch, now.obstacle, now.mode)),
             *(np.array(values).reshape(-1, 3)[:c] for values in (now.force, now.normal)),
             np.array(now.gap)[:c],
-            *(np.array(values) for values in (now.rows, now.delta_e, now.lambda_a)),
+            *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),
             *(np.array(values).reshape(-1, 3) for values in (now.place, now.stuck)),
             np.array(now.holds, dtype=bool),
         )

@@ -44,13 +44,17 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
     itself = any(one.kind == "itself" for one in spec.obstacles.values())
     solid = [one.made(scene.parent) for one in spec.obstacles.values() if one.kind not in ("robot", "itself")]
     mu, soft = spec.contact.friction, bool(met or itself)
-    size = write_c_touch(folder, touchable, solid, mu, *([c_meet.MOST] if soft else []))
+    more = {"robots": 1 + len(met), "most": c_meet.MOST} if soft else {}
+    size = write_c_touch(folder, touchable, solid, mu, robot.unilateral, **more)
     found: dict[str, Any] = {"patches": len(touchable.patches), "bytes": size, "parity": None}
     if not soft:
-        return found | ({"parity": touch_parity(folder, touchable, solid, mu, s[:STATES])} if compiler() else {})
+        return found | (
+            {"parity": touch_parity(folder, touchable, robot.unilateral, solid, mu, s[:STATES])} if compiler() else {}
+        )
     same = {"model": model_folder.absolute()}
     courses = [one.model_copy(update=same).course(scene.parent) for one in met]
-    robots = [PlacedModel(touchable, itself=itself), *(PlacedModel(touchable, one.R, one.t, False) for one in courses)]
+    places = [(np.eye(3), np.zeros(3), itself), *((one.R, one.t, False) for one in courses)]
+    robots = [PlacedModel(touchable, *place, robot.unilateral) for place in places]
     found["bytes"] += c_meet.write_c_meet(folder, robots)
     meeting = Meeting(robots, ObstacleSet.of(solid), mu)
     try:
@@ -61,14 +65,16 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
     return found | {"robots": len(robots), "parity": meet_parity(folder, meeting, ways) if compiler() else None}
 
 
-def touch_parity(folder: Path, touchable: Touchable, solid: Sequence[Obstacle], mu: float, s: np.ndarray) -> float:
+def touch_parity(
+    folder: Path, touchable: Touchable, unilateral: np.ndarray, solid: Sequence[Obstacle], mu: float, s: np.ndarray
+) -> float:
     compiled, worst = CompiledTouch(folder), 0.0
     for end in s:
         before = None
         compiled.reset()
         for share in np.arange(1, STEPS + 1) / STEPS:
-            before = touch_step(touchable, share * end, solid, mu=mu, before=before)
-            here = compiled(share * end, solid, mu)
+            before = touch_step(touchable, share * end, solid, mu=mu, before=before, unilateral=unilateral)
+            here = compiled(share * end, solid, mu, slack=True)
             if not before.converged or here.status:
                 break
             forces = [np.zeros((len(touchable.patches), 3)) for _ in range(2)]

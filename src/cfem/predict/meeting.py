@@ -5,7 +5,7 @@ make one contact problem, posed again where the patches have come to until neith
 change. Nothing is retrained: two robots are two models, and a robot that curls onto itself is one that meets itself."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -19,6 +19,7 @@ from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
 from cfem.core.errors import InputError
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.held import Held
+from cfem.predict.slack import with_slack
 from cfem.predict.touchable import Touchable
 from cfem.predict.touching import OVERLAP, TOLERANCE, TouchedStatus
 
@@ -31,12 +32,15 @@ NEAR = 0.1  # distances of patches: of pairs that are farther apart nothing loca
 
 @dataclass(frozen=True)
 class PlacedModel:
-    """A learned robot; R (3, 3) and t (3,) mm from its frame to the scene's; itself: whether it may touch itself."""
+    """A learned robot; R (3, 3) and t (3,) mm from its frame to the scene's; itself: whether it may touch itself;
+    unilateral (n_a,) bool: actuators that go slack where they would push (`cfem.predict.slack`), none where it is None:
+    the others are held."""
 
     touchable: Touchable
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
     t: np.ndarray = field(default_factory=lambda: np.zeros(3))
     itself: bool = True
+    unilateral: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,11 @@ class Met(Pressing):
     def converged(self) -> bool:
         return self.status is TouchedStatus.CONVERGED
 
+    @property
+    def pull(self) -> np.ndarray:
+        """(n,) N of the actuators of all robots, robot after robot."""
+        return np.concatenate(self.lambda_a)
+
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
@@ -81,6 +90,13 @@ class Meeting:
         return self.robots[0].touchable.model.length
 
     @cached_property
+    def unilateral(self) -> np.ndarray:
+        """(n,) bool of the actuators of all robots, robot after robot."""
+        none = [np.zeros(one.touchable.model.rows.n_a, dtype=bool) for one in self.robots]
+        each = zip(self.robots, none, strict=True)
+        return np.concatenate([held if one.unilateral is None else one.unilateral for one, held in each])
+
+    @cached_property
     def surroundings(self) -> Surroundings:
         each = [one.touchable for one in self.robots]
         return Surroundings.of(each, [one.itself for one in self.robots], self.length, self.obstacles)
@@ -92,7 +108,11 @@ class Meeting:
         before = self.start([np.zeros(len(one)) for one in deltas]) if before is None else before
         longest = [SHARE * np.abs(one.touchable.model.reach).max(axis=1) for one in self.robots]
         ends = [np.asarray(one, float) for one in deltas]
-        return all_carried_out(before.deltas, ends, longest, before, self.step)
+        begins = [  # a slack cable is where no target above it has been
+            np.where(lam == 0.0, np.minimum(at, end), at) if one.unilateral is not None else at
+            for one, at, end, lam in zip(self.robots, before.deltas, ends, before.lambda_a, strict=True)
+        ]
+        return all_carried_out(begins, ends, longest, before, self.step)
 
     def start(self, deltas: Sequence[np.ndarray]) -> Met:
         """Where they begin, with nothing pressed yet."""
@@ -120,7 +140,18 @@ class Meeting:
 
     def step(self, deltas: Sequence[np.ndarray], before: Met) -> Met:
         """One quasi-static step, which ends as `go` does."""
-        return _Step(self, [np.asarray(one, float) for one in deltas], before).run()
+        cuts, unilateral = np.cumsum([len(one) for one in deltas])[:-1], self.unilateral
+        target = np.concatenate([np.asarray(one, float) for one in deltas])
+
+        def held(at: np.ndarray) -> Met:
+            return _Step(self, np.split(at, cuts), before).run()
+
+        if not unilateral.any():
+            return held(target)
+        models, known = [one.touchable.model for one in self.robots], (np.concatenate(before.deltas), before.pull)
+        found, slack, settled = with_slack(held, models, unilateral, target, known)
+        status = found.status if settled else TouchedStatus.ITERATIONS
+        return replace(found, status=status, lambda_a=np.split(np.where(slack, 0.0, found.pull), cuts))
 
 
 def meet(

@@ -9,7 +9,7 @@ A step begins where the last one ended: on which side of an edge a patch has com
 depends on the way."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -20,6 +20,7 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.problem import Law
 from cfem.contact.round import pressed, turned
 from cfem.predict.held import Held
+from cfem.predict.slack import with_slack
 from cfem.predict.touchable import Touchable
 
 ITERATIONS = 60
@@ -44,7 +45,7 @@ class Touched:
     """One state. patches (c,): numbers of those that touch; forces (c, 3) N on them, normals (c, 3) of what they touch
     and places (c, 3) mm; everywhere (N, 3) mm: places of all patches; gaps (c,) mm; obstacles (c,): numbers of those
     that they touch; modes: of each patch; delta_e (n_e,) mm of the touched robot, at delta_a (n_a,) mm under lambda_a
-    (n_a,) N, negative where a cable would have to push (`cfem.predict.slack`); rows (k,) mm of the skin, from which
+    (n_a,) N, negative where a cable that is held would have to push; rows (k,) mm of the skin, from which
     `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds each patch, NaN where
     it does not; near (d,): numbers of these patches and of those that may touch next."""
 
@@ -69,6 +70,11 @@ class Touched:
     def converged(self) -> bool:
         return self.status is TouchedStatus.CONVERGED
 
+    @property
+    def pull(self) -> np.ndarray:
+        """(n_a,) N of the actuators."""
+        return self.lambda_a
+
     def pressed(self, count: int) -> np.ndarray:
         """(count,) N: how hard each obstacle is pressed, the sum of its normal forces."""
         return np.bincount(self.obstacles, (self.forces * self.normals).sum(axis=1), count).astype(float)
@@ -81,15 +87,25 @@ def touch_step(
     law: Law = "coulomb",
     mu: float = 0.0,
     before: Touched | None = None,
+    unilateral: np.ndarray | None = None,
 ) -> Touched:
     """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, from where patches
-    slide). Obstacles stand in the frame of the robot; mu: of friction, of all. Never raises for numerical failure."""
-    delta_a = np.asarray(delta_a, float)
-    step = _Step(Held(touchable, delta_a), ObstacleSet.of(obstacles), mu if law == "coulomb" else 0.0, before)
-    status = None
-    while status is None:
-        status = step.round() if step.iterations < ITERATIONS else TouchedStatus.ITERATIONS
-    return step.result(status)
+    slide). Obstacles stand in the frame of the robot; mu: of friction, of all; unilateral (n_a,) bool: actuators that
+    go slack where they would push (`cfem.predict.slack`), the others are held. Never raises for numerical failure."""
+    target, around = np.asarray(delta_a, float), ObstacleSet.of(obstacles)
+
+    def held(at: np.ndarray) -> Touched:
+        step, status = _Step(Held(touchable, at), around, mu if law == "coulomb" else 0.0, before), None
+        while status is None:
+            status = step.round() if step.iterations < ITERATIONS else TouchedStatus.ITERATIONS
+        return step.result(status)
+
+    if unilateral is None or not unilateral.any():
+        return held(target)
+    known = None if before is None else (before.delta_a, before.lambda_a)
+    found, slack, settled = with_slack(held, [touchable.model], unilateral, target, known)
+    status = found.status if settled else TouchedStatus.ITERATIONS
+    return replace(found, status=status, lambda_a=np.where(slack, 0.0, found.lambda_a))
 
 
 class _Step:

@@ -5,11 +5,14 @@
 #include <string.h>
 
 #include "cfem_linear.h"
+#include "cfem_slack.h"
 
 #define N CFEM_PATCHES
 #define ALL CFEM_MEET_PATCHES
 #define ROBOTS CFEM_MEET_ROBOTS
 #define MOST CFEM_TOUCH_MOST
+#define NA CFEM_NA
+#define ALL_NA CFEM_SLACK_MOST
 
 enum { ITERATIONS = 30, ON = 99 }; /* ON: another round is needed */
 static const double TOLERANCE = 1e-8, OVERLAP = 1e-6, INSIDE = 1e-3;         /* of the length */
@@ -230,7 +233,7 @@ static void finish(cfem_meeting *at) {
 }
 
 /* The robots as they were before, with what they bore. 0, or a status. */
-static unsigned take_up(cfem_meeting *at, double (*delta_a)[CFEM_NA], const cfem_met *before) {
+static unsigned take_up(cfem_meeting *at, const double *delta_a, const cfem_met *before) {
     cfem_met *const now = at->now;
     now->pair_count = now->hold_count = 0;
     for (int b = 0; b < ROBOTS; b++) {
@@ -241,7 +244,7 @@ static unsigned take_up(cfem_meeting *at, double (*delta_a)[CFEM_NA], const cfem
             while (before->robot[b].patch[k] != one->patch[i]) k++;
             memcpy(one->force[i], before->robot[b].force[k], sizeof one->force[i]);
         }
-        const unsigned status = cfem_touch_hold(delta_a[b], one, &at->room->robot[b]);
+        const unsigned status = cfem_touch_hold(delta_a + b * NA, one, &at->room->robot[b]);
         if (status) return status;
     }
     if (!before) {
@@ -257,15 +260,28 @@ static unsigned take_up(cfem_meeting *at, double (*delta_a)[CFEM_NA], const cfem
     return onwards(at);
 }
 
-unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const cfem_obstacle *obstacles, int count, double mu,
-                   const cfem_met *before, cfem_met *now, cfem_meet_room *room) {
-    cfem_meeting at = {before, now, room, mu, HUGE_VAL, 0, 0};
-    double sum = mu;
-    for (int i = 0; i < ROBOTS * CFEM_NA; i++) sum += delta_a[i / CFEM_NA][i % CFEM_NA];
+typedef struct {
+    const cfem_placed *robots;
+    const cfem_obstacle *obstacles;
+    int count;
+    double mu;
+    const cfem_met *before;
+    cfem_met *now;
+    cfem_meet_room *room;
+} held_meeting;
+
+/* The step with all actuators held. */
+static unsigned held(void *with, const double *delta_a, double *lambda_a) {
+    const held_meeting *const of = with;
+    cfem_met *const now = of->now;
+    cfem_meet_room *const room = of->room;
+    cfem_meeting at = {of->before, now, room, of->mu, HUGE_VAL, 0, 0};
+    double sum = of->mu;
+    for (int i = 0; i < ALL_NA; i++) sum += delta_a[i];
     now->iterations = now->pair_count = now->hold_count = 0;
-    if (!cfem_finite(sum) || !(mu >= 0.0)) return now->status = CFEM_TOUCH_BAD_INPUT;
-    room->around.robots = robots, room->around.obstacles = obstacles, room->around.obstacle_count = count;
-    now->status = take_up(&at, delta_a, before);
+    if (!cfem_finite(sum) || !(of->mu >= 0.0)) return now->status = CFEM_TOUCH_BAD_INPUT;
+    room->around.robots = of->robots, room->around.obstacles = of->obstacles, room->around.obstacle_count = of->count;
+    now->status = take_up(&at, delta_a, of->before);
     if (now->status) return now->status;
     for (now->status = ON; now->status == ON; now->iterations++)
         now->status = now->iterations < ITERATIONS ? one_round(&at) : CFEM_TOUCH_ITERATIONS;
@@ -274,6 +290,22 @@ unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const 
         now->pair_count = now->hold_count = 0;
     else
         finish(&at);
+    for (int i = 0; i < ALL_NA; i++) lambda_a[i] = now->robot[i / NA].lambda_a[i % NA];
+    return now->status;
+}
+
+unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const cfem_obstacle *obstacles, int count, double mu,
+                   const cfem_met *before, cfem_met *now, cfem_meet_room *room) {
+    held_meeting with = {robots, obstacles, count, mu, before, now, room};
+    double at[ALL_NA] = {0.0};
+    unsigned char unilateral[ALL_NA] = {0}, slack[ALL_NA] = {0};
+    for (int i = 0; i < ALL_NA && before; i++) {
+        unilateral[i] = robots[i / NA].unilateral[i % NA], at[i] = before->robot[i / NA].delta_a[i % NA];
+        slack[i] = unilateral[i] && before->robot[i / NA].lambda_a[i % NA] == 0.0;
+    }
+    now->status = cfem_slack(ALL_NA, &delta_a[0][0], unilateral, held, &with, at, slack);
+    for (int i = 0; i < ALL_NA; i++)
+        if (slack[i]) now->robot[i / NA].lambda_a[i % NA] = 0.0;
     return now->status;
 }
 

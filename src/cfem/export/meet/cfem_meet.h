@@ -44,7 +44,8 @@ typedef struct {
 } cfem_meet_room;
 
 /* Quasi-static step of all robots to delta_a mm, from the state `before` (0: where they begin, pressed by nothing), among obstacles
- * (count,), with friction mu. How far a step may go: a twentieth of the reach, as who meets whom, and friction, depend on the way.
+ * (count,), with friction mu. How far a step may go: a twentieth of the reach, as who meets whom, and friction, depend on the way. A cable
+ * that would have to push goes slack (not where they begin): its lambda_a is 0, and its delta_a beyond what was asked for.
  * Returns now->status; `now` may not be `before`. cfem_robots, cfem_obstacles and CFEM_TOUCH_FRICTION are those of the export. */
 unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const cfem_obstacle *obstacles, int count, double mu,
                    const cfem_met *before, cfem_met *now, cfem_meet_room *room);

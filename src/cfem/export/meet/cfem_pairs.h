@@ -27,10 +27,11 @@ typedef struct {
     double frame[3][3], gap;
 } cfem_pair;
 
-/* A robot: x = R x_own + t; itself: whether it touches itself. */
+/* A robot: x = R x_own + t; itself: whether it touches itself; unilateral: actuators that go slack instead of pushing. */
 typedef struct {
     double R[3][3], t[3];
     int itself;
+    unsigned char unilateral[CFEM_NA];
 } cfem_placed;
 
 /* Where everything is. low, high: corners of a box around each robot; normal: of patches, where known. */

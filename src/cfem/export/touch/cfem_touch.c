@@ -3,6 +3,7 @@
 #include "cfem_touch_round.h"
 
 #include "cfem_linear.h"
+#include "cfem_slack.h"
 
 #define N CFEM_PATCHES
 #define MOST CFEM_TOUCH_MOST
@@ -206,6 +207,35 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
     if (now->status == CFEM_TOUCH_MANY || now->status == CFEM_TOUCH_NO_MODEL) now->count = 0;
     finish(&at);
     cfem_touch_loaded(now, room);
+    return now->status;
+}
+
+typedef struct {
+    const cfem_obstacle *obstacles;
+    int count;
+    double mu;
+    const cfem_touched *before;
+    cfem_touched *now;
+    cfem_touch_room *room;
+} held_touch;
+
+static unsigned held(void *with, const double *delta_a, double *lambda_a) {
+    const held_touch *const of = with;
+    const unsigned status = cfem_touch(delta_a, of->obstacles, of->count, of->mu, of->before, of->now, of->room);
+    for (int i = 0; i < CFEM_NA; i++) lambda_a[i] = of->now->lambda_a[i];
+    return status;
+}
+
+unsigned cfem_touch_slack(const double delta_a[CFEM_NA], const cfem_obstacle *obstacles, int count, double mu,
+                          const cfem_touched *before, cfem_touched *now, cfem_touch_room *room) {
+    held_touch with = {obstacles, count, mu, before, now, room};
+    double at[CFEM_NA] = {0.0};
+    unsigned char slack[CFEM_NA] = {0};
+    for (int i = 0; i < CFEM_NA && before; i++)
+        slack[i] = cfem_patch_unilateral[i] && before->lambda_a[i] == 0.0, at[i] = before->delta_a[i];
+    now->status = cfem_slack(CFEM_NA, delta_a, cfem_patch_unilateral, held, &with, at, slack);
+    for (int i = 0; i < CFEM_NA; i++)
+        if (slack[i]) now->lambda_a[i] = 0.0;
     return now->status;
 }
 

@@ -37,7 +37,8 @@ typedef struct {
     double gap[CFEM_TOUCH_MOST];       /* mm */
     double rows[CFEM_PATCH_ROWS];      /* mm: how far the modes of the surface go */
     double delta_e[CFEM_NE];           /* mm, effectors from rest */
-    double lambda_a[CFEM_NA];          /* N: what holds the actuators */
+    double delta_a[CFEM_NA];           /* mm: where the actuators are */
+    double lambda_a[CFEM_NA];          /* N: what holds them there */
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
     double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */
     unsigned char holds[CFEM_PATCHES];
@@ -82,6 +83,11 @@ typedef struct {
  * those that the robot was exported with. */
 unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacles, int count, double mu,
                     const cfem_touched *before, cfem_touched *now, cfem_touch_room *room);
+
+/* The same where actuators that only pull (cfem_patch_unilateral) go slack instead of pushing: they carry nothing, and are beyond
+ * delta_a. `before` is a state of this function, or one with no lambda_a at 0. */
+unsigned cfem_touch_slack(const double delta_a[CFEM_NA], const cfem_obstacle *obstacles, int count, double mu,
+                          const cfem_touched *before, cfem_touched *now, cfem_touch_room *room);
 
 /* N: how hard obstacle `number` is pressed, the sum of the normal forces of all patches that touch it. */
 double cfem_touch_pressed(const cfem_touched *state, int number);

@@ -72,7 +72,7 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
     double packed[PACKED] = {0.0};
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
-    for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = delta_a[i];
+    for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
     evaluate(delta_a, &t);
     for (int k = 0; k < K; k++) room->rows[k] = 0.0;
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
