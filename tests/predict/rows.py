@@ -4,7 +4,8 @@ from math import comb
 
 import numpy as np
 
-from cfem.predict.load import build
+from cfem.predict.energy import layout, unpacking
+from cfem.predict.load import build, skins_of
 from cfem.predict.serial import joined
 from cfem.predict.series import differentiated
 from cfem.surrogate.chebyshev import index_set
@@ -75,6 +76,43 @@ def chain(wrench=None, softer=(1.0, 1.5, 0.8), heavy=True, mixed=True, curved=Fa
     meta = card(tip, n_a, [*(k * REST), *centre][: len(tip)], modules=modules, row=row)
     meta |= {"kind": "serial"} | ({} if wrench is None else {"wrench": np.asarray(wrench)[: len(tip)].tolist()})
     return build(meta, joined([series(heavy, curved=curved), series(heavy, 7, 3, curved)][: 1 + mixed]))
+
+
+CORNERS = np.array([[1.0, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
+
+
+def end_as_skin(seed=0, n_a=2):
+    """Four nodes about the end, which go with its translation."""
+    arrays = series(True, seed, n_a)
+    rows, packed = layout(n_a, 9), unpacking(9)
+    C = arrays["series"][rows["effector_compliance"]]
+    i, j = np.triu_indices(3)
+    return {
+        "nodes": np.arange(4),
+        "rest": REST + CORNERS,
+        "triangles": np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]),
+        "weights": np.full(4, 0.25),
+        "modes": np.repeat(np.eye(3)[:, None], 4, axis=1),
+        **{name: arrays[name] for name in ("indices", "to_box", "offset")},
+        "series": arrays["series"][rows["effector"]][:3],
+        "compliance_indices": arrays["indices"],
+        "compliance": np.vstack([C[packed[:, :3]].reshape(27, -1), C[packed[i, j]]]),
+    }
+
+
+def skins():
+    """Arrays of module-skin.npz."""
+    return joined([end_as_skin(), end_as_skin(7, 3)])
+
+
+def skinned(third=False, skin=True, curved=False):
+    """`chain` with skins."""
+    model = chain(curved=curved)
+    if not third:
+        model = build(model.meta, {name: one for name, one in model.arrays.items() if not name.endswith("third")})
+    if skin:
+        model.skin_source = lambda: skins_of(model, skins())
+    return model
 
 
 WRENCH = np.array([0.05, -0.04, 0.06, 0.02, -0.03, -0.05])

@@ -2,46 +2,13 @@
 
 import numpy as np
 import pytest
-from predict.rows import DELTA, REST, WRENCH, chain, series
+from predict.rows import DELTA, REST, WRENCH, skinned
 
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
-from cfem.predict.energy import layout, unpacking
-from cfem.predict.load import build, skins_of
 from cfem.predict.loaded import loaded
 
 FORCE = np.array([0.02, -0.03, 0.04])
-CORNERS = np.array([[1.0, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
-
-
-def end_as_skin(seed=0, n_a=2):
-    """Four nodes about the end, which go with its translation."""
-    arrays = series(True, seed, n_a)
-    rows, packed = layout(n_a, 9), unpacking(9)
-    C = arrays["series"][rows["effector_compliance"]]
-    i, j = np.triu_indices(3)
-    return {
-        "nodes": np.arange(4),
-        "rest": REST + CORNERS,
-        "triangles": np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]),
-        "weights": np.full(4, 0.25),
-        "modes": np.repeat(np.eye(3)[:, None], 4, axis=1),
-        **{name: arrays[name] for name in ("indices", "to_box", "offset")},
-        "series": arrays["series"][rows["effector"]][:3],
-        "compliance_indices": arrays["indices"],
-        "compliance": np.vstack([C[packed[:, :3]].reshape(27, -1), C[packed[i, j]]]),
-    }
-
-
-def row(third=False, skin=True):
-    model = chain()
-    if not third:
-        model = build(model.meta, {name: one for name, one in model.arrays.items() if not name.endswith("third")})
-    if skin:
-        arrays = [end_as_skin(), end_as_skin(7, 3)]
-        arrays = {f"{number}.{name}": one for number, each in enumerate(arrays) for name, one in each.items()}
-        model.skin_source = lambda: skins_of(model, arrays)
-    return model
 
 
 def on(module, force=FORCE, name="push"):
@@ -49,7 +16,7 @@ def on(module, force=FORCE, name="push"):
 
 
 def test_a_force_on_the_last_end_is_one_on_the_tip():
-    model, w = row(), 0.05 * WRENCH
+    model, w = skinned(), 0.05 * WRENCH
     on_tip = loaded(model, w + np.r_[0.1 * FORCE, 0, 0, 0], trusted=np.inf)
     on_patch = loaded(model, w, [on(2, 0.1 * FORCE)], trusted=np.inf)
     for delta in (DELTA, -DELTA):
@@ -62,7 +29,7 @@ def test_a_force_on_the_last_end_is_one_on_the_tip():
 def test_jacobian_and_stiffness_against_differences(third):
     """Forces on two modules, two of them on one: the rows of each follow the frame at its base."""
     patches, h = [on(0), on(1, 0.5 * FORCE), on(1, np.array([0.0, 0.03, 0.0]))], 1e-5
-    model = loaded(row(third), WRENCH, patches, trusted=np.inf)
+    model = loaded(skinned(third), WRENCH, patches, trusted=np.inf)
     here = model.at(DELTA)
     for n, step in enumerate(h * np.eye(len(DELTA))):
         ahead, behind = (model.at(DELTA + sign * step) for sign in (1, -1))
@@ -73,7 +40,7 @@ def test_jacobian_and_stiffness_against_differences(third):
 
 def test_the_work_of_one_more_force_is_what_its_patch_moves():
     """d lambda / df = -d y / d delta of the patch (Maxwell and Betti), in the frame of the whole."""
-    model, h = row(), 1e-5
+    model, h = skinned(), 1e-5
     here = loaded(model, WRENCH, [on(1)], trusted=np.inf)
     mine = here.surface.owner == 1
     places = [here.shape(DELTA + step)[mine].mean(axis=0) for step in h * np.vstack([np.eye(7), -np.eye(7)])]
@@ -86,7 +53,7 @@ def test_the_work_of_one_more_force_is_what_its_patch_moves():
 
 
 def test_the_stated_error_grows_with_the_force_and_too_large_a_one_is_refused():
-    model = row(third=True)
+    model = skinned(third=True)
     small, large = (loaded(model, patches=[on(1, size * FORCE)]) for size in (0.01, 0.02))
     assert 0 < small.meta["wrench_error"] < large.meta["wrench_error"]
     with pytest.raises(InputError, match="wrong by about"):
@@ -95,6 +62,6 @@ def test_the_stated_error_grows_with_the_force_and_too_large_a_one_is_refused():
 
 def test_a_patch_that_is_nowhere_and_modules_without_skins_are_refused():
     with pytest.raises(SpecError, match=r"loads.push: .* off the surface"):
-        loaded(row(), patches=[PatchLoad([30.0, 0, 60], 4.0, FORCE, "push")])
+        loaded(skinned(), patches=[PatchLoad([30.0, 0, 60], 4.0, FORCE, "push")])
     with pytest.raises(InputError, match=r"has no skin.*train each module's model"):
-        loaded(row(skin=False), patches=[on(1)])
+        loaded(skinned(skin=False), patches=[on(1)])

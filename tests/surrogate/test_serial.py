@@ -313,14 +313,20 @@ def test_its_surface_in_c_is_that_of_python(project, tmp_path):
 
 @needs_compiler
 def test_an_exported_row_under_its_weight_is_in_c_that_of_python(project, tmp_path):
-    spec = tmp_path / "export.yaml"
-    loads = "{tip: {force: {mN: [0, 1, -1]}}, body: {gravity: {m/s^2: [0, 0, -0.98]}}}"
-    spec.write_text(
-        f"model: {project / 'models' / WHOLE / 'serial'}\nout: out\nformats: [arrays, c]\nloads: {loads}\n"
-        "c: {vectors: 5}\n"
-    )
+    """And under a force on its flank; what is read again carries all of them."""
+    spec, folder = tmp_path / "export.yaml", project / "models" / WHOLE / "serial"
+    trained = load_model(folder)
+    rest = trained.surface.rest
+    place = rest[np.argmin(np.abs(rest[:, 2] - 0.3 * np.ptp(rest[:, 2])) - 0.1 * rest[:, 0])].tolist()
+    push = f"{{at: {{mm: {place}}}, radius: 8 mm, force: {{mN: [0.3, 1, -0.5]}}}}"
+    loads = f"{{tip: {{force: {{mN: [0, 1, -1]}}}}, body: {{gravity: {{m/s^2: [0, 0, -0.98]}}}}, push: {push}}}"
+    spec.write_text(f"model: {folder}\nout: out\nformats: [arrays, c]\nloads: {loads}\nc: {{vectors: 5}}\n")
     results = export(spec, [], None, QUIET)["results"]
     assert results["parity"]["c"] < 1e-12 and results["parity"]["arrays"] == 0.0
+    again = load_model(tmp_path / "out")
+    mine = loaded(trained, again.wrench, [PatchLoad(place, 8.0, 1e-3 * np.array([0.3, 1.0, -0.5]))])
+    assert np.array_equal(again.evaluate(20 * np.ones(6))[0], mine.evaluate(20 * np.ones(6))[0])
+    assert np.abs(mine.at(np.zeros(6)).delta_e - loaded(trained, again.wrench).at(np.zeros(6)).delta_e).max() > 0.1
     assert results["c"]["operations"]["model"] > 100_000
     with pytest.raises(InputError, match="have a shape in Python alone"):
         export(spec, ["shape=true"], tmp_path / "other", QUIET)

@@ -122,9 +122,8 @@ def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.nda
             "a model of modules in a row has W_aa, W_ea and delta_free only", where="c.full", do="set full: false"
         )
     if c_row.more_than_series(predictor):
-        loaded = any(predictor.meta.get("wrench") or [])
-        models = [c_row.tables(one, predictor.pose, loaded, spec.scalar) for one in predictor.models]
-        defines, constants = c_row.constants(predictor, models)
+        models, which = c_row.tables_of(predictor, spec.scalar)
+        defines, constants = c_row.constants(predictor, models, which)
         return Surrogate(defines, constants, [], {}, predictor, models)
     module = _spectral(predictor.models[0], module_arrays(arrays, 0), p, spec)
     softer = predictor.softer

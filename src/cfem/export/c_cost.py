@@ -47,7 +47,8 @@ def _query(model: Surrogate, n_a: int, n_e: int) -> int:
 
 def _row(model: Surrogate, n_a: int, n_e: int) -> int:
     """Of one query with ROW_STEPS Newton steps."""
-    pose, count = model.defines["CFEM_POSE"], model.defines["CFEM_MODULES"]
+    pose = model.defines["CFEM_POSE"] + 3 * model.defines["CFEM_ROW_PATCHES"]
+    count = model.defines["CFEM_MODULES"]
     N, total = pose * count, 0
     for which in model.arrays["cfem_module_model"]:
         own, n = model.modules[which], len(model.modules[which].offset)

@@ -1,15 +1,19 @@
 """Modules in a row under loads, or of different models, as constants of the C controller: c/cfem_row.c."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
 
+from cfem.condensed.packing import pack_upper, symmetric3_indices, symmetric4_indices
+from cfem.constraint.patch import PatchLoad
 from cfem.export import c_text
 from cfem.predict.chebyshev import union
-from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD, layout, unpacking, unpacking3, unpacking4
+from cfem.predict.energy import FOURTH, FOURTH_INDICES, unpacking4
+from cfem.predict.loaded_rows import rows_of
 from cfem.predict.serial import SerialPredictor
+from cfem.predict.serial_patches import RowPatches
 from cfem.predict.spectral import SpectralPredictor
 
 PARTS = ("potential", "effector", "compliance", "change", "curvature")
@@ -53,24 +57,51 @@ def more_than_series(row: SerialPredictor) -> bool:
     return row.meta.get("wrench") is not None or len(row.models) > 1 or row.heavy
 
 
-def tables(model: SpectralPredictor, watched: int, loaded: bool, scalar: str) -> Tables:
-    """watched: of its effector rows, so many are the pose; loaded: whether wrenches act on them."""
-    n_e, arrays = model.rows.n_e, model.arrays
-    parts, series = layout(model.rows.n_a, n_e), arrays["series"]
-    i, j = np.triu_indices(watched)
-    found = {"potential": series[parts["energy"]], "effector": series[parts["effector"]][:watched]}
-    own, none = arrays["indices"].astype(np.int64), np.zeros((1, series.shape[1]))
-    found["compliance"] = series[parts["effector_compliance"]][unpacking(n_e)[i, j]] if loaded else none
-    third = loaded and THIRD in arrays
-    found["change"] = arrays[THIRD][_entries(unpacking3(n_e), watched)] if third else none
+def tables_of(row: SerialPredictor, scalar: str) -> tuple[list[Tables], list[int]]:
+    """Of each model, and which of these the modules are: a module under forces on patches has a model of its own."""
+    on = borne(row)
+    loaded = any(row.meta.get("wrench") or []) or on.places > 0
+    kinds = [(number, i if mine else -1) for i, (number, mine) in enumerate(zip(row.which, on.each, strict=True))]
+    each = sorted(set(kinds))
+    of = [(row.models[number], () if i < 0 else on.each[i]) for number, i in each]
+    found = [tables(model, row.pose, loaded, scalar, patches, on.places) for model, patches in of]
+    return found, [each.index(one) for one in kinds]
+
+
+def borne(row: SerialPredictor) -> RowPatches:
+    return row.patches or RowPatches.none(len(row.which))
+
+
+def tables(
+    model: SpectralPredictor,
+    watched: int,
+    loaded: bool,
+    scalar: str,
+    patches: Sequence[PatchLoad] = (),
+    places: int = 0,
+) -> Tables:
+    """watched: of its effector rows, so many are the pose; loaded: whether wrenches act on them; patches that bear
+    forces, whose rows are behind those, and rows that do not move up to `places`."""
+    rows, arrays = rows_of(model, patches), model.arrays
+    kept = np.r_[:watched, model.rows.n_e : rows.e.shape[1]]
+    still, indices = (0, watched + 3 * places - len(kept)), rows.indices.astype(np.int64)
+    C = np.pad(rows.C[:, kept][:, :, kept], ((0, 0), still, still))
+    found, none = (
+        {"potential": rows.psi, "effector": np.pad(rows.e[:, kept], ((0, 0), still))},
+        np.zeros((len(indices), 1)),
+    )
+    found["compliance"] = pack_upper(C) if loaded else none
+    third = loaded and rows.D is not None
+    found["change"] = rows.D[:, *symmetric3_indices(watched)] if third else none
     fourth = third and FOURTH in arrays
-    indices, (of_own, of_fourth) = union(own, arrays[FOURTH_INDICES].astype(np.int64) if fourth else own[:0])
+    known = arrays[FOURTH_INDICES].astype(np.int64) if fourth else indices[:0]
+    indices, (of_own, of_fourth) = union(indices, known)
     for name, one in found.items():
-        found[name] = np.zeros((len(one), len(indices)))
-        found[name][:, of_own] = one
+        found[name] = np.zeros((one.shape[1], len(indices)))
+        found[name][:, of_own] = one.T
     found["curvature"] = np.zeros((comb(watched + 3, 4) if fourth else 1, len(indices)))
     if fourth:
-        found["curvature"][:, of_fourth] = arrays[FOURTH][_entries(unpacking4(n_e), watched)]
+        found["curvature"][:, of_fourth] = arrays[FOURTH][unpacking4(model.rows.n_e)[*symmetric4_indices(watched)]]
     used = np.flatnonzero(np.any([(one != 0).any(axis=0) for one in found.values()], axis=0))
     number = np.zeros(len(indices), np.uint16)
     number[used] = np.arange(len(used))
@@ -84,14 +115,11 @@ def tables(model: SpectralPredictor, watched: int, loaded: bool, scalar: str) ->
     )
 
 
-def _entries(place: np.ndarray, watched: int) -> np.ndarray:
-    """Where the entries i <= j <= ... of a symmetric tensor of the watched rows are among those of all."""
-    return np.array([place[one] for one in combinations_with_replacement(range(watched), place.ndim)])
-
-
-def constants(row: SerialPredictor, models: list[Tables]) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+def constants(
+    row: SerialPredictor, models: list[Tables], which: list[int]
+) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Defines and arrays of the row."""
-    pose = row.rests.shape[1]
+    on = borne(row)
     defines = {
         "CFEM_SPECTRAL": 0,
         "CFEM_MLP": 0,
@@ -99,14 +127,16 @@ def constants(row: SerialPredictor, models: list[Tables]) -> tuple[dict[str, flo
         "CFEM_ROW": 1,
         "CFEM_MODULES": len(row.which),
         "CFEM_MODELS": len(models),
-        "CFEM_POSE": pose,
+        "CFEM_POSE": row.pose,
+        "CFEM_ROW_PATCHES": on.places,
         "CFEM_MODULE_NA": max(len(one.offset) for one in models),
         "CFEM_MODULE_DEGREE": max(int(one.degrees.max(initial=1)) for one in models),
         "CFEM_MODULE_LENGTH": repr(row.length / len(row.which)),
     }
     arrays = {
-        "cfem_module_model": np.array(row.which, np.uint8),
-        "cfem_module_rest": row.rests,
+        "cfem_module_model": np.array(which, np.uint8),
+        "cfem_module_rest": np.hstack([row.rests, on.rests]),
+        "cfem_row_force": on.forces if on.places else np.zeros((len(which), 3)),  # C has no empty arrays
         "cfem_module_share": row.shares,
         "cfem_softer": row.softer,
         "cfem_wrench": np.asarray(row.meta.get("wrench") or np.zeros(row.rows.n_e), float),

@@ -9,12 +9,14 @@ from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
 from cfem.equilibrium.patch_effectors import PatchYield
 from cfem.export.spec import ExportSpec
+from cfem.predict import serial_skin
 from cfem.predict.kept_patches import yield_of
-from cfem.predict.load import build, with_skin
+from cfem.predict.load import build, read_arrays, with_skin
 from cfem.predict.load_spec import loads_of
 from cfem.predict.loaded import loaded, wrench_of
 from cfem.predict.protocol import Predictor
 from cfem.predict.serial import SerialPredictor
+from cfem.predict.serial_patches import with_skins
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 
@@ -39,18 +41,17 @@ def under_loads(
         raise InputError("carries loads already", where=where, do="export the trained model")
     trained = with_skin(build(meta, arrays), folder)
     forces, patches = loads_of(spec.loads, meta.get("masses", {}))
-    if patches and isinstance(trained, SerialPredictor):
-        what = "modules in a row have no export under loads on patches"
-        raise InputError(what, where=f"loads.{patches[0].name}", do="export them without, and state it in control.yaml")
+    row = isinstance(trained, SerialPredictor)
     try:
-        by_fe = _by_fe(trained, folder, scene, patches) if solves_patches(spec) else None
+        by_fe = _by_fe(trained, folder, scene, patches) if solves_patches(spec) and not row else None
         model = loaded(trained, wrench_of(trained.rows, forces), patches, by_fe)
     except InputError as error:
         raise InputError(error.what, where=where, do=error.do) from None
     kept = [i for i, one in enumerate(trained.parameters) if not one.exact]
     p = vectors["p"][:, kept]
     W, delta_free = model.evaluate(vectors["s"], p if kept else None)
-    return model.meta, model.arrays, {"s": vectors["s"], "p": p, "W": W, "delta_free": delta_free}
+    carried = with_skins(model.arrays, read_arrays(folder, serial_skin.FILE)) if row and patches else model.arrays
+    return model.meta, carried, {"s": vectors["s"], "p": p, "W": W, "delta_free": delta_free}
 
 
 def _by_fe(model: Predictor, folder: Path, scene: Path, patches: Sequence[PatchLoad]) -> PatchYield | None:

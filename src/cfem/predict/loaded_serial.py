@@ -21,11 +21,12 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from cfem.condensed.pose import turn
+from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
 from cfem.predict.energy import condense
 from cfem.predict.loaded_rows import LEFT, on_modes
 from cfem.predict.serial import END, SerialPredictor
-from cfem.predict.serial_patches import RowPatches
+from cfem.predict.serial_patches import RowPatches, row_patches, skins_within
 from cfem.predict.wrench_series import NEAR, Held, Loaded, WrenchSeries
 
 ITERATIONS = 50
@@ -93,22 +94,25 @@ def _placed(A: np.ndarray, dA: np.ndarray, d2A: np.ndarray, x: np.ndarray, at: s
 
 class LoadedSerialPredictor(SerialPredictor):
     """meta has `wrench` (n_e,) N on the effectors of the whole too. patches: forces on its surface, which the modules'
-    own skins bear: rows behind those of the pose."""
+    own skins bear: rows behind those of the pose. An exported one has them in `meta`, and these skins in `arrays`."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray], patches: RowPatches | None = None):
         super().__init__(meta, arrays)
         self.wrench = np.asarray(meta["wrench"], float)
+        if patches is None and meta.get("patch_loads"):
+            self.skin_source = lambda: skins_within(self.models, arrays)
+            patches = row_patches(self, [PatchLoad(**one) for one in meta["patch_loads"]])
+        self.patches, on = patches, patches or RowPatches.none(len(self.which))
         if patches is None:
             series = [WrenchSeries(one, self.pose) for one in self.models]
             self._series = [series[number] for number in self.which]
-            patches = RowPatches((), (), 0, np.zeros((len(self.which), 0)), np.zeros((len(self.which), 0)))
         else:
             self._series = []
             for model, skin, own in zip(self.modules, patches.skins, patches.each, strict=True):
                 model.skin_source = lambda skin=skin: skin
                 self._series.append(WrenchSeries(model, self.pose, own, patches.places))
-        self._patches, self._forces = patches, np.concatenate([self.wrench, patches.forces.ravel()])
-        self._all_rests = np.hstack([self.rests, patches.rests])
+        self._on, self._forces = on, np.concatenate([self.wrench, on.forces.ravel()])
+        self._all_rests = np.hstack([self.rests, on.rests])
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = [self._one(one) for one in s.reshape(-1, s.shape[-1])]
@@ -172,7 +176,7 @@ class LoadedSerialPredictor(SerialPredictor):
         """Of the rows of a module: its length, and radians."""
         length = self.length / len(self.which)
         own = np.repeat([length, 1.0, length], 3)[: self.pose]
-        return np.concatenate([own, np.full(3 * self._patches.places, length)])
+        return np.concatenate([own, np.full(3 * self._on.places, length)])
 
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
         """As that of the unloaded row; the modules' own surfaces to first order in the wrenches on their rows."""
@@ -183,7 +187,7 @@ class LoadedSerialPredictor(SerialPredictor):
     def _shape(self, delta: np.ndarray) -> np.ndarray:
         row, parts = self._settle(self._held(delta))
         wrenches = (self._forces @ row.B).reshape(len(parts), -1)
-        patches, rows = self._patches.each or [()] * len(parts), []
+        patches, rows = self._on.each, []
         modules = zip(self.surface.modules, self.own, wrenches, self.softer, patches, strict=True)
         for skin, own, w, softer, on in modules:
             at = delta[own], np.zeros(0)
@@ -232,7 +236,7 @@ class LoadedSerialPredictor(SerialPredictor):
         """The row in equilibrium, from the poses of its unloaded modules."""
         e = np.array([one.e[0] for one in modules])
         for _ in range(ITERATIONS):
-            row = row_of(e, self._all_rests, self.shares if self.heavy else None, self._patches.places)
+            row = row_of(e, self._all_rests, self.shares if self.heavy else None, self._on.places)
             w = (self._forces @ row.B).reshape(e.shape)
             parts = [self._under(*each) for each in zip(modules, w, self.softer, strict=True)]
             V = -np.tensordot(self._forces, row.H, 1)

@@ -14,6 +14,7 @@ model: W ~ 1/E is exact."""
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,9 @@ from cfem.core.errors import InputError
 from cfem.predict.protocol import KINDS, ArrayPredictor, Predictor, build
 from cfem.predict.serial_skin import SerialSkin, in_a_row
 from cfem.predict.skin import LearnedSkin
+
+if TYPE_CHECKING:
+    from cfem.predict.serial_patches import RowPatches
 
 END, CENTRE = 6, 3  # rows of a module: the pose of its end, and the place of its centre of mass
 
@@ -41,7 +45,9 @@ class Part:
 class SerialPredictor(ArrayPredictor):
     """meta: modules, model.json of each model of a module, whose effectors are its end with its orientation and
     perhaps its centre of mass; row, of each module from the base on: which of these models it is, and how much softer.
-    arrays: of the models, by the names of `module_arrays`."""
+    arrays: of the models, by the names of `module_arrays`. patches: forces on its surface, None without any."""
+
+    patches: "RowPatches | None" = None
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         super().__init__(meta)
@@ -184,7 +190,7 @@ def _row(meta: dict, arrays: dict[str, np.ndarray]) -> SerialPredictor:
 KINDS["serial"] = _row
 
 
-def module_arrays(arrays: dict[str, np.ndarray], number: int) -> dict[str, np.ndarray]:
+def module_arrays(arrays: dict[str, np.ndarray], number: int | str) -> dict[str, np.ndarray]:
     """Those of one model of a module: `<number>.<name>` among the arrays of the row."""
     start = f"{number}."
     return {name.removeprefix(start): one for name, one in arrays.items() if name.startswith(start)}

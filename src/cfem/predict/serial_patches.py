@@ -7,7 +7,8 @@ import numpy as np
 
 from cfem.constraint.patch import PatchLoad
 from cfem.predict.loaded_rows import on_modes
-from cfem.predict.serial import SerialPredictor
+from cfem.predict.protocol import Predictor
+from cfem.predict.serial import SerialPredictor, module_arrays
 from cfem.predict.skin import LearnedSkin
 
 
@@ -22,6 +23,10 @@ class RowPatches:
     places: int
     rests: np.ndarray
     forces: np.ndarray
+
+    @classmethod
+    def none(cls, k: int) -> "RowPatches":
+        return cls(((),) * k, (), 0, np.zeros((k, 0)), np.zeros((k, 0)))
 
 
 def row_patches(row: SerialPredictor, patches: Sequence[PatchLoad]) -> RowPatches | None:
@@ -43,3 +48,18 @@ def row_patches(row: SerialPredictor, patches: Sequence[PatchLoad]) -> RowPatche
             shares = one.shares(skin.rest, skin.triangles, skin.weights)
             rests[i, 3 * j : 3 * j + 3], forces[i, 3 * j : 3 * j + 3] = shares @ skin.rest, one.force
     return RowPatches(tuple(map(tuple, each)), whole.modules, places, rests, forces)
+
+
+def with_skins(arrays: dict[str, np.ndarray], skins: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of a row, and those of its models' skins, for `skins_within`."""
+    return arrays | {name.replace(".", ".skin.", 1): one for name, one in skins.items()}
+
+
+def skins_within(models: Sequence[Predictor], arrays: dict[str, np.ndarray]) -> list[LearnedSkin]:
+    found = []
+    for number, one in enumerate(models):
+        mine = {
+            name.removeprefix("skin."): a for name, a in module_arrays(arrays, number).items() if name[:5] == "skin."
+        }
+        found.append(LearnedSkin(one.form, one.rows.n_e, one.rows.n_a, one.n_inputs, mine))
+    return found

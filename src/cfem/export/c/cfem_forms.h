@@ -1,4 +1,5 @@
-/* Symmetric forms of CFEM_POSE numbers w, packed as their entries i <= j <= ..., and their derivatives by w. */
+/* Symmetric forms of the first CFEM_POSE of numbers w, packed as their entries i <= j <= ..., and their derivatives by w; a matrix is of
+ * all CFEM_ROW_EACH. */
 #ifndef CFEM_FORMS_H
 #define CFEM_FORMS_H
 
@@ -6,9 +7,9 @@
 
 /* out = M w of a matrix. */
 static void cfem_by_matrix(const cfem_real *M, const double *w, double *out) {
-    for (int i = 0; i < CFEM_POSE; i++) out[i] = 0.0;
-    for (int i = 0; i < CFEM_POSE; i++)
-        for (int j = i; j < CFEM_POSE; j++, M++) {
+    for (int i = 0; i < CFEM_ROW_EACH; i++) out[i] = 0.0;
+    for (int i = 0; i < CFEM_ROW_EACH; i++)
+        for (int j = i; j < CFEM_ROW_EACH; j++, M++) {
             out[i] += (double)*M * w[j];
             if (j != i) out[j] += (double)*M * w[i];
         }

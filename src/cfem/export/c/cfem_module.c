@@ -11,7 +11,8 @@
 
 #include "cfem_linear.h"
 
-#define P CFEM_POSE
+#define P CFEM_ROW_EACH
+#define POSE CFEM_POSE
 #define NEAR 0.5   /* share of the load that would buckle: beyond it h goes on as a parabola */
 #define STIFF -2.0 /* and below it */
 #define TINY 1e-30 /* N mm: what C w works less than is rounding */
@@ -129,6 +130,7 @@ static int known_terms(const cfem_module *model) { return model->curvature.terms
 void cfem_module_under(const cfem_held *held, const double w[P], cfem_carried *out) {
     const int terms = known_terms(held->model);
     double ways[3][P] = {{0}}, softer[3][P][P] = {{{0}}}, f[3] = {1.0, 0.0, 0.0}, F[3][3] = {{0}}, t[3] = {0};
+    double square[POSE][POSE] = {{0}};
     for (int i = 0; i < P; i++) {
         ways[0][i] = cfem_dot(P, held->C[i], w);
         for (int j = 0; j < P; j++) softer[0][i][j] = held->C[i][j];
@@ -137,16 +139,18 @@ void cfem_module_under(const cfem_held *held, const double w[P], cfem_carried *o
     out->ratio = 0.0;
     if (terms > 1 && t[0] > TINY) {
         const double *d = held->D;
-        for (int i = 0; i < P; i++)
-            for (int j = i; j < P; j++)
-                for (int k = j; k < P; k++, d++) {
+        for (int i = 0; i < POSE; i++)
+            for (int j = i; j < POSE; j++)
+                for (int k = j; k < POSE; k++, d++) {
                     softer[1][i][j] += *d * w[k];
                     if (k != j) softer[1][i][k] += *d * w[j];
                     if (j != i) softer[1][j][k] += *d * w[i];
                 }
-        for (int i = 0; i < P; i++)
+        for (int i = 0; i < POSE; i++)
             for (int j = 0; j < i; j++) softer[1][i][j] = softer[1][j][i];
-        if (terms > 2) cfem_square_of_fourth(held->E, w, softer[2]);
+        if (terms > 2) cfem_square_of_fourth(held->E, w, square);
+        for (int i = 0; i < POSE; i++)
+            for (int j = 0; j < POSE; j++) softer[2][i][j] = square[i][j];
         for (int k = 1; k < terms; k++) {
             for (int i = 0; i < P; i++) ways[k][i] = cfem_dot(P, softer[k][i], w) / (1.0 + k);
             t[k] = cfem_dot(P, ways[k], w) / (2.0 + k);
@@ -174,14 +178,14 @@ void cfem_module_slopes(const cfem_held *held, const double w[P], double *lambda
     int at[5] = {0};
     double work[5][1 + MOST + CFEM_ROW_PAIRS] = {{0}};     /* Psi, w . e, u, v, q: values and derivatives */
     double way[5][P] = {{0}}, turns[5][P][MOST] = {{{0}}}; /* of e, C w, D[w, w] / 2 and E[w, w, w] / 6 */
-    double f[3] = {1.0, 0.0, 0.0}, F[3][3] = {{0}}, w3[P][P][P], t[3];
+    double f[3] = {1.0, 0.0, 0.0}, F[3][3] = {{0}}, w3[POSE][POSE][POSE], t[3];
     cfem_triples(w, w3);
     for (int m = 0; m < model->terms; m++) {
         double by[1 + MOST + CFEM_ROW_PAIRS];
         term(held, m, by);
         for (int part = 0; part < 5; part++) {
             const cfem_real *const c = of_term(parts[part], sizes[part], m, &at[part]);
-            double moved[P], share;
+            double moved[P] = {0}, share;
             if (!c) continue;
             if (part == 2) cfem_by_matrix(c, w, moved);
             else if (part == 3) cfem_by_cube(c, w, moved);

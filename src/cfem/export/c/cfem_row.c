@@ -1,5 +1,5 @@
-/* Modules in a row under the loads of cfem_data.h, each known by an unloaded model of its own. A wrench w on the effectors y has the
- * potential V = -w . y(e) of the modules' poses e, so that module i bears w_i = -dV/de_i, and
+/* Modules in a row under the loads of cfem_data.h, each known by an unloaded model of its own. A wrench w on the effectors y, and forces on
+ * patches, have the potential V = -w . y(e) of the modules' poses and patches e, so that module i bears w_i = -dV/de_i, and
  *
  *     e = E(s, -dV/de)        by Newton's method, with the Jacobian 1 + C V_ee
  *
@@ -12,7 +12,7 @@
 #include "cfem_parts.h"
 
 #define K CFEM_MODULES
-#define P CFEM_POSE
+#define P CFEM_ROW_EACH
 #define N CFEM_ROW_N
 #define NA CFEM_NA
 #define ITERATIONS 50
@@ -54,25 +54,22 @@ static int solve(double A[N][N], double X[N][RIGHT], int columns) {
 }
 
 /* The wrench on module i of that number, as a module of softness 1 would bear it. */
-static void wrench_on(int i, double B[CFEM_NE][N], double w[P]) {
-    for (int r = 0; r < P; r++) {
-        w[r] = 0.0;
-        for (int k = 0; k < CFEM_NE; k++) w[r] += cfem_softer[i] * cfem_wrench[k] * B[k][i * P + r];
-    }
+static void wrench_on(int i, const double work[N], double w[P]) {
+    for (int r = 0; r < P; r++) w[r] = cfem_softer[i] * work[i * P + r];
 }
 
-/* The row's poses e, with B and V there, and A = 1 + C V. CFEM_OK or CFEM_NO_MODEL; m has the steps. */
-static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE], double B[CFEM_NE][N], double V[N][N],
-                       double A[N][N], cfem_condensed *m) {
+/* The row's poses e, with B, `work` and V there, and A = 1 + C V. CFEM_OK or CFEM_NO_MODEL; m has the steps. */
+static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE], double B[CFEM_NE][N], double work[N],
+                       double V[N][N], double A[N][N], cfem_condensed *m) {
     for (int i = 0; i < K; i++)
         for (int r = 0; r < P; r++) e[i][r] = held[i].pose[r];
     for (int step = 1; step <= ITERATIONS; step++) {
         double missing[N][RIGHT], change = 0.0, farthest = 0.0, ratio = 0.0, solved[N][N];
-        cfem_row_places(e, y, B, V);
+        cfem_row_places(e, y, B, work, V);
         for (int i = 0; i < K; i++) {
             cfem_carried under;
             double w[P];
-            wrench_on(i, B, w);
+            wrench_on(i, work, w);
             cfem_module_under(&held[i], w, &under);
             if (under.ratio > ratio) ratio = under.ratio;
             for (int r = 0; r < P; r++) {
@@ -103,7 +100,7 @@ static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE
 
 unsigned cfem_row(const double s[NA], cfem_condensed *m) {
     cfem_held held[K];
-    double e[K][P], y[CFEM_NE], B[CFEM_NE][N], V[N][N], A[N][N], X[N][RIGHT], G[N][NA], slope[CFEM_NE][NA];
+    double e[K][P], y[CFEM_NE], B[CFEM_NE][N], work[N], V[N][N], A[N][N], X[N][RIGHT], G[N][NA], slope[CFEM_NE][NA];
     int first[K + 1];
     first[0] = 0;
     for (int i = 0; i < K; i++) {
@@ -111,7 +108,7 @@ unsigned cfem_row(const double s[NA], cfem_condensed *m) {
         cfem_module_at(model, s + first[i], &held[i]);
         first[i + 1] = first[i] + model->n_a;
     }
-    unsigned status = settle(held, e, y, B, V, A, m);
+    unsigned status = settle(held, e, y, B, work, V, A, m);
     for (int n = 0; n < N; n++)
         for (int j = 0; j < NA; j++) G[n][j] = X[n][j] = 0.0;
     for (int i = 0; i < NA; i++)
@@ -119,7 +116,7 @@ unsigned cfem_row(const double s[NA], cfem_condensed *m) {
     for (int i = 0; i < K; i++) {
         const int n_a = held[i].model->n_a;
         double w[P], lambda[CFEM_MODULE_NA], stiffness[CFEM_ROW_PAIRS], own[P][CFEM_MODULE_NA];
-        wrench_on(i, B, w);
+        wrench_on(i, work, w);
         cfem_module_slopes(&held[i], w, lambda, stiffness, own);
         for (int j = 0, next = 0; j < n_a; j++) {
             m->delta_a[first[i] + j] = s[first[i] + j], m->lambda_a[first[i] + j] = lambda[j] / cfem_softer[i];

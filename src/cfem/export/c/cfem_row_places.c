@@ -4,7 +4,12 @@
  *
  *     X_i = x_(i+1) + R_(i+1) X_(i+1)        Y_i = S x_(i+1) + s c_(i+1) + R_(i+1) Y_(i+1)
  *
- * s: the share of module i + 1 in the mass, S: of those behind it. The work w . y is < A_(i+1), M_i >, M_i = w_X X_i^T + w_Y Y_i^T. */
+ * s: the share of module i + 1 in the mass, S: of those behind it. Forces f_j on patches z_j of module i + 1, and the sum T of those
+ * behind it, work on
+ *
+ *     Z_i = sum f_j z_j^T + T x_(i+1)^T + Z_(i+1) R_(i+1)^T
+ *
+ * All the work is < A_(i+1), M_i >, M_i = w_X X_i^T + w_Y Y_i^T + Z_i. */
 #include "cfem_row.h"
 
 #if CFEM_ROW
@@ -12,7 +17,8 @@
 #include "cfem_linear.h"
 
 #define K CFEM_MODULES
-#define P CFEM_POSE
+#define P CFEM_ROW_EACH
+#define PATCHES CFEM_ROW_PATCHES
 #define HEAVY (CFEM_POSE > 6)
 
 typedef double matrix[3][3];
@@ -61,13 +67,16 @@ static void back(matrix A, const double *x, double out[3]) {
     for (int i = 0; i < 3; i++) out[i] = A[0][i] * x[0] + A[1][i] * x[1] + A[2][i] * x[2];
 }
 
-void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_ROW_N], double V[CFEM_ROW_N][CFEM_ROW_N]) {
-    matrix A[K + 1] = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, R[K], first[K][3], second[K][3][3], M[K + 1];
-    double X[K + 1][3], Y[K + 1][3], behind[K + 1]; /* of the row behind a module's base; its share in the mass */
+void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_ROW_N], double work[CFEM_ROW_N],
+                     double V[CFEM_ROW_N][CFEM_ROW_N]) {
+    matrix A[K + 1] = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, R[K], first[K][3], second[K][3][3], M[K + 1], Z[K + 1] = {{{0}}};
+    double X[K + 1][3], Y[K + 1][3], behind[K + 1], T[K + 1][3] = {{0}}; /* of the row behind a module's base; its share in the mass */
     for (int r = 0; r < CFEM_NE; r++)
         for (int n = 0; n < CFEM_ROW_N; n++) B[r][n] = 0.0;
-    for (int m = 0; m < CFEM_ROW_N; m++)
+    for (int m = 0; m < CFEM_ROW_N; m++) {
+        work[m] = 0.0;
         for (int n = 0; n < CFEM_ROW_N; n++) V[m][n] = 0.0;
+    }
     for (int i = 0; i < K; i++) {
         turn(e[i] + 3, R[i], first[i], second[i]);
         multiply(A[i], R[i], A[i + 1]);
@@ -83,11 +92,21 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
 #if HEAVY
             Y[i][f] += cfem_module_share[i] * (cfem_module_rest[i][6 + f] + e[i][6 + f]);
 #endif
+            for (int p = 0; p < 3; p++) Z[i][p][f] = T[i + 1][p] * x + cfem_dot(3, Z[i + 1][p], R[i][f]);
         }
+        for (int f = 0; f < 3; f++) T[i][f] = T[i + 1][f];
+        for (int l = 0; l < PATCHES; l++)
+            for (int p = 0; p < 3; p++) {
+                const int at = CFEM_POSE + 3 * l;
+                const double force = cfem_row_force[i][3 * l + p];
+                T[i][p] += force;
+                for (int q = 0; q < 3; q++) Z[i][p][q] += force * (cfem_module_rest[i][at + q] + e[i][at + q]);
+            }
     }
     for (int i = 0; i <= K; i++)
         for (int p = 0; p < 3; p++)
-            for (int q = 0; q < 3; q++) M[i][p][q] = cfem_wrench[p] * X[i][q] + (HEAVY ? cfem_wrench[CFEM_NE - 3 + p] * Y[i][q] : 0.0);
+            for (int q = 0; q < 3; q++)
+                M[i][p][q] = cfem_wrench[p] * X[i][q] + (HEAVY ? cfem_wrench[CFEM_NE - 3 + p] * Y[i][q] : 0.0) + Z[i][p][q];
     for (int r = 0; r < 3; r++) y[r] = X[0][r], y[CFEM_NE - 3 + r] = HEAVY ? Y[0][r] : X[0][r];
     for (int i = 0; i < K; i++) {
         const int at = i * P;
@@ -99,10 +118,13 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
                 B[3 + p][at + 6 + q] = cfem_module_share[i] * A[i][p][q];
 #endif
             }
+        back(A[i], T[i + 1], work + at);
+        for (int l = 0; l < PATCHES; l++) back(A[i], cfem_row_force[i] + 3 * l, work + at + CFEM_POSE + 3 * l);
         for (int a = 0; a < 3; a++) {
             const int here = at + 3 + a;
             matrix turned; /* the frame behind module i, by its rotation */
             multiply(A[i], first[i][a], turned);
+            work[here] = inner(turned, Z[i + 1]);
             for (int p = 0; p < 3; p++) {
                 B[p][here] = cfem_dot(3, turned[p], X[i + 1]);
 #if HEAVY
@@ -118,13 +140,19 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
                 const int there = j * P;
                 double force[3], pulled[3];
                 matrix next;
-                for (int f = 0; f < 3; f++) force[f] = cfem_wrench[f] + (HEAVY ? behind[j + 1] * cfem_wrench[CFEM_NE - 3 + f] : 0.0);
+                for (int f = 0; f < 3; f++)
+                    force[f] = cfem_wrench[f] + (HEAVY ? behind[j + 1] * cfem_wrench[CFEM_NE - 3 + f] : 0.0) + T[j + 1][f];
                 back(turned, force, pulled);
                 for (int f = 0; f < 3; f++) V[here][there + f] = V[there + f][here] = -pulled[f];
 #if HEAVY
                 back(turned, cfem_wrench + 3, pulled);
                 for (int f = 0; f < 3; f++) V[here][there + 6 + f] = V[there + 6 + f][here] = -cfem_module_share[j] * pulled[f];
 #endif
+                for (int l = 0; l < PATCHES; l++) {
+                    const int place = there + CFEM_POSE + 3 * l;
+                    back(turned, cfem_row_force[j] + 3 * l, pulled);
+                    for (int f = 0; f < 3; f++) V[here][place + f] = V[place + f][here] = -pulled[f];
+                }
                 for (int b = 0; b < 3; b++) {
                     multiply(turned, first[j][b], next);
                     V[here][there + 3 + b] = V[there + 3 + b][here] = -inner(next, M[j + 1]);
@@ -135,6 +163,8 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
             }
         }
     }
+    for (int n = 0; n < CFEM_ROW_N; n++)
+        for (int r = 0; r < CFEM_NE; r++) work[n] += cfem_wrench[r] * B[r][n];
 }
 
 #endif
