@@ -49,3 +49,14 @@ def test_the_weight_turns_with_the_ground_and_keeps_its_point_of_the_base():
 
 def test_a_push_below_friction_sticks_and_modes_say_so():
     assert standing([0.0, 0.0, 1.0]).modes == (Mode.STICK,) * 4
+
+
+@pytest.mark.parametrize("share", [-2.0, -0.8, 0.1, 0.8, 0.95])
+def test_a_tall_base_tilts_more_and_one_that_hangs_less(share):
+    """stiffness: of the pads against tilting (N mm), which a weight P at a height h lessens:
+    tilt = P e / (stiffness - P h). The linearisation of a round knows the pads alone."""
+    stiffness, off = (CORNERS[:, 1] ** 2).sum() / SOFT, 0.002
+    found = standing([0.0, off, share * stiffness])
+    assert found.converged and found.iterations < 12
+    tilt = np.arcsin(found.around.R[2, 1])
+    assert abs(tilt) == pytest.approx(off / (stiffness * (1 - share)), rel=2e-3)

@@ -31,6 +31,7 @@ EXACT, ROUGH = 1e-11, 1e-5  # relative residuals of a robot: of the last state, 
 NEARLY = 1e-4  # of law and balance: from here on robots are solved exactly
 CONDENSED = 1e-2  # of A^-1 H^T: W, which has the square of it, only serves Newton's method
 ALIKE = 2e-3  # of the robot's length: where rows have moved by less, the points yield alike
+QUICK, BUCKLES = 0.1, 0.99  # ratios of a correction to the one before: below and above, it is taken as it is
 STAYED = 1e-5  # mm: a robot whose points are this far from where they are held did not come there
 
 
@@ -39,7 +40,9 @@ class TouchStatus(Enum):
 
     CONVERGED = "converged"
     NO_MODE = "no combination of open, sticking and sliding points is in equilibrium"
-    ITERATIONS = "open, sticking and sliding points keep changing: the iterations allowed were used up"
+    ITERATIONS = (
+        "no balance found in the rounds allowed: points keep opening, sticking and sliding, or the robot nearly buckles"
+    )
     MANY = "more patches are near something than may be: take larger patches"
     SWAPPED = "one patch begins to press while another lets go: the step is too long for friction to know the way"
     NO_EQUILIBRIUM = "the robot finds no equilibrium with its contact points held"
@@ -217,7 +220,7 @@ def touch(
     else:
         at = points + (turns @ np.concatenate([one.delta_c for one in before.solved])).reshape(-1, 3)
         stuck, modes, solved = before.stuck, before.modes, list(before.solved)
-    verdict, posed, cost = None, None, 0
+    verdict, posed, cost, last = None, None, 0, None
 
     def ended(status: TouchStatus, count: int) -> Touch:
         return Touch(status, tuple(solved), modes, around, stuck, verdict, count, cost, posed)
@@ -245,9 +248,24 @@ def touch(
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
             return ended(TouchStatus.NO_MODE, iteration)
-        modes, around = answer.modes, around.moved(posed.motion(answer))
-        at = at + (compliance @ posed.into.T @ (answer.lam - posed.force)).reshape(-1, 3)
+        goes, xi = compliance @ posed.into.T @ (answer.lam - posed.force), posed.motion(answer)
+        way = np.concatenate([goes, around.motion(at) @ xi])
+        share = _share(last, way) if answer.modes == modes else 1.0
+        last = way if share == 1.0 else None
+        modes, around = answer.modes, around.moved(share * xi)
+        at = at + share * goes.reshape(-1, 3)
     return ended(TouchStatus.ITERATIONS, iterations)
+
+
+def _share(last: np.ndarray | None, way: np.ndarray) -> float:
+    """By what to multiply the correction `way` (n,) mm after one, `last`, that was taken as it was. The linearisation
+    leaves out that arms and weights turn with what moves. Corrections may so shrink slowly, all along one direction:
+    this is the sum of their series (Aitken). It has a sum beyond a ratio of -1 too, where the robot is stiffer than its
+    linearisation. At a ratio of 1 the state is unstable, and is not to be found."""
+    if last is None:
+        return 1.0
+    ratio = float(last @ way) / float(last @ last)
+    return 1 / (1 - ratio) if abs(ratio) > QUICK and ratio < BUCKLES else 1.0
 
 
 def yields(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
