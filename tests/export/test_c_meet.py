@@ -3,21 +3,25 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from export.embedded import tool
+from export.planning import Planning, demand_same_ticks
 
 import cfem
 from cfem.contact.detection import patch_normals
 from cfem.contact.obstacle import Plane
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_content
 from cfem.export.c_meet import areas
 from cfem.export.compiled import compiler
 from cfem.export.compiled_meet import CompiledMeet
+from cfem.predict.contact_model import ContactModel
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.meeting import Meeting, PlacedModel
 from cfem.robot.build import build_robot
@@ -112,6 +116,25 @@ def test_cables_go_slack_as_in_python(exported, touchable, mu):
             one, other = (np.concatenate(getattr(state, name)) for state in (found, now))
             assert np.abs(one - other).max() < 1e-9 * max(size, np.abs(other).max()), name
     assert slack[-6:] == [True, True, True, True, True, False]
+
+
+@needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_a_tick_plans_among_soft_robots_as_python_does(exported, touchable, robots, mu):
+    """The bar bends up into the twin above; then that one bends too."""
+    over, course = (robots[1].R, robots[1].t), np.array([[0.0], [0.5]])
+    twin = replace(robots[1], unilateral=np.ones(1, dtype=bool)), ActuatedRobot(touchable.model, course, None, *over)
+    among, now = ContactModel(touchable, {}, mu=mu, others={"twin": twin}), np.zeros(1)
+    planning = Planning(exported[0], [], mu, STRICT)
+    among.settle(now)
+    assert demand_same_ticks(planning, among, now, (0.8, 1.6, 2.0, 2.4) if mu else (0.8, 1.6, 2.2, 1.9, 2.4)) > 1e-3
+    pressed = among.before.pressed
+    assert pressed > 0.005
+    if not mu:  # with friction it matters which one goes first
+        planning.others[0] = 0.5
+        among.pass_to(1.0)
+        assert demand_same_ticks(planning, among, among.at, (2.4, 2.5)) > 1e-3
+        assert among.before.pressed > 1.2 * pressed
 
 
 @needs_compiler

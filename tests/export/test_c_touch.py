@@ -2,10 +2,10 @@
 
 import ctypes
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from export.planning import Planning, demand_same_ticks
 from support.benchmark import benchmark
 
 import cfem
@@ -15,12 +15,11 @@ from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.problem import ContactProblem
 from cfem.contact.round import pressed
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_content
 from cfem.export import c_export, c_touch
 from cfem.export.c_touch import write_c_touch
-from cfem.export.compiled import STANDARD, CompiledController, compiler, run
+from cfem.export.compiled import STANDARD, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
 from cfem.predict.contact_model import ContactModel
 from cfem.predict.kept_patches import touchable_of
@@ -139,22 +138,6 @@ def test_cables_go_slack_as_in_python(compiled, touchable, mu):
     assert slack == [False, True, True, False]
 
 
-class Planning(CompiledController):
-    """cfem_touch_control of a folder."""
-
-    def __init__(self, folder, obstacles, mu):
-        super().__init__(folder)
-        self._touch = CompiledTouch(folder, STRICT)
-        contact, (_, bodies, count, friction, *_) = (
-            self._touch.library,
-            self._touch.given(np.zeros(1), obstacles, mu)[1],
-        )
-        self._state = (ctypes.c_double * 300_000)()
-        self._references[0], self._bodies = ctypes.byref(self._state), bodies  # which it points to
-        assert contact.cfem_touch_control_init(self._references[0], bodies, count, friction) == 0
-        self._library = SimpleNamespace(cfem_step=contact.cfem_touch_control)
-
-
 @needs_compiler
 @pytest.mark.parametrize("mu", [0.0, 0.4])
 def test_a_tick_plans_with_contact_as_python_does(exported, touchable, mu):
@@ -163,20 +146,10 @@ def test_a_tick_plans_with_contact_as_python_does(exported, touchable, mu):
     at = foremost(touchable, np.array([1.0]))
     wall = Plane(R=np.diag([1.0, -1.0, -1.0]), t=at - [0, 0, 0.1])
     among = ContactModel(touchable, {"wall": wall}, mu=mu)
-    planning, model, now = Planning(exported[0] / "c", [wall], mu), touchable.model, np.zeros(1)
+    planning, now = Planning(exported[0] / "c", [wall], mu, STRICT), np.zeros(1)
     among.settle(now)
-    limits = Limits.of(model.reach, np.ones(1, dtype=bool))
-    apart = 0.0
-    for wanted in (0.8, 1.6, 1.8, 1.7, 1.5):
-        goal = model.rest_e + model.at_displacement(np.array([wanted])).delta_e
-        aim = Aim(goal - model.rest_e, np.ones(len(goal)), ridge_of(1e-10, model.reach, model.length))
-        here = among.at_displacement(now)
-        step, found = inverse_step(here, aim, limits.within(now, 5.0)), planning.step(goal)
-        assert not found.status & NO_MODEL and found.delta_a == pytest.approx(step.delta_a, abs=1e-6)
-        apart = max(apart, abs(here.W_aa[0, 0] / model.at_displacement(now).W_aa[0, 0] - 1))
-        now = found.delta_a
-        among.settle(now)
-    assert among.before.forces.any() and apart > 1e-3
+    assert demand_same_ticks(planning, among, now, (0.8, 1.6, 1.8, 1.7, 1.5)) > 1e-3
+    assert among.before.forces.any()
 
 
 @needs_compiler

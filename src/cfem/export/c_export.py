@@ -43,9 +43,10 @@ def write_c(
     vectors = [_vector(predictor, p, s, spec, box) for s in states[: spec.vectors]]
     reachable = [one["x_e"] for one in vectors if one["reachable"]]
     constants["cfem_example_goal"] = reachable[0] if reachable else predictor.rest_e
-    rigid = bool(spec.obstacles) and all(one.kind not in ("robot", "itself") for one in spec.obstacles.values())
-    contact = rigid and predictor.form == spec.controller.command == "displacement"
-    defines_here = {**defines, "CFEM_FULL": int(spec.full), "CFEM_CONTACT": int(contact)}
+    contact = 0  # 1: the tick plans among rigid obstacles, 2: among soft ones too
+    if spec.obstacles and predictor.form == spec.controller.command == "displacement":
+        contact = 1 + any(one.kind in ("robot", "itself") for one in spec.obstacles.values())
+    defines_here = {**defines, "CFEM_FULL": int(spec.full), "CFEM_CONTACT": contact}
     header, data = _data(meta, model, defines_here, constants, spec.scalar)
     write_whole(folder / "cfem_data.h", header.encode())
     write_whole(folder / "cfem_data.c", data.encode())

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.contact.obstacle import Rounded
-from cfem.export import c_meet, c_touch
-from cfem.export.compiled import CORE, FAST, library, struct_of
+from cfem.export.compiled import FAST, struct_of
 from cfem.export.compiled_touch import CompiledTouch
 
 
@@ -35,7 +34,7 @@ class CompiledMeet:
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         self._touch, real = CompiledTouch(folder, flags), ctypes.c_double
-        self.library = library(folder, (*CORE, *c_touch.CORE, *c_meet.CORE), flags)
+        self.library = self._touch.library
         met, room, robots = (ctypes.c_ulong * 3).in_dll(self.library, "cfem_meet_sizes")
         counts = [("status", ctypes.c_uint), *((name, ctypes.c_int) for name in ("iterations", "pairs", "holds"))]
         begin = struct_of([*counts, ("robot", self._touch.state * robots)])

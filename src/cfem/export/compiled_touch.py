@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.contact.obstacle import Rounded
-from cfem.export import c_touch
+from cfem.export import c_meet, c_touch
 from cfem.export.compiled import CORE, FAST, defines_of, library, struct_of
 
 
@@ -62,7 +62,8 @@ class CompiledTouch:
         pose = [("R", real * 9), ("t", real * 3)]
         self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
         self._states, self._before = (self.state(), self.state()), None
-        self.library = library(folder, (*CORE, *c_touch.CORE), flags)
+        soft = c_meet.CORE if (folder / c_meet.CORE[0]).exists() else ()
+        self.library = library(folder, (*CORE, *c_touch.CORE, *soft), flags)
         self._room = (ctypes.c_byte * ctypes.c_ulong.in_dll(self.library, "cfem_touch_room_size").value)()
         self._call = self.library.cfem_touch
 

@@ -22,8 +22,9 @@ static int presses(const cfem_hold *hold) { return hold->push[0] != 0.0 || hold-
 
 /* Whether a pair has come in through the faces that it has. */
 static int entered(const cfem_meeting *at, const cfem_pair *pair) {
+    const int h = cfem_hold_of(at->now, pair->row.slot);
     return !at->begin || pair->row.slot >= ALL || cfem_first_gap(at, pair) > -ENTERED * CFEM_MEET_SPACING ||
-           cfem_hold_of(at->now, pair->row.slot) >= 0;
+           (h >= 0 && !at->now->hold[h].unknown);
 }
 
 /* Where all patches are under the forces. 0, or a status. */

@@ -15,11 +15,12 @@ extern "C" {
 
 #define CFEM_MEET_INSIDE 6 /* status beside those of cfem_touch.h: robots overlap where they begin */
 
-/* From where the slip of a pair counts: the row of patches that it had, and where an obstacle held its patch. push: N, on that. */
+/* From where the slip of a pair counts: the row of patches that it had, and where an obstacle held its patch; unknown: it does not, and the
+ * pair begins to. push: N, on that. */
 typedef struct {
     cfem_row_of row;
     double origin[3], push[3];
-    int mode;
+    int mode, unknown;
 } cfem_hold;
 
 /* One state. robot: of each one, `patch`, `force` in its own frame, `rows`, `delta_e` and `lambda_a`; `place` is in the scene. */

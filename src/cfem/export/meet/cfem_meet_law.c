@@ -35,7 +35,7 @@ static void begin_hold(cfem_meeting *at, const cfem_pair *pair, cfem_hold *hold)
     const double first = at->begin ? cfem_first_gap(at, pair) : pair->gap, last = pair->gap;
     const double share = first <= 0.0 ? 0.0 : last < 0.0 ? first / fmax(first - last, 1e-300) : 1.0;
     double x[CFEM_ROW_MOST][3], on[CFEM_ROW_MOST][2], mean[2] = {0.0}, aside[2] = {0.0}, M[4] = {0.0};
-    memset(hold, 0, sizeof *hold);
+    hold->unknown = 0, hold->origin[0] = hold->origin[1] = hold->origin[2] = 0.0;
     *row = pair->row;
     for (int k = 0; k < row->count; k++) {
         const double *const there = at->room->around.place[row->patch[k]], *const from = at->begin ? begun(at, row->patch[k]) : there;
@@ -64,8 +64,10 @@ unsigned cfem_meet_hold(cfem_meeting *at) {
         if (h < 0) {
             if (now->hold_count == CFEM_MEET_PAIRS) return CFEM_TOUCH_MANY;
             h = now->hold_count++, at->room->kept[h] = 0;
-            begin_hold(at, pair, &now->hold[h]);
+            memset(&now->hold[h], 0, sizeof now->hold[h]);
+            now->hold[h].unknown = 1;
         }
+        if (now->hold[h].unknown) begin_hold(at, pair, &now->hold[h]);
         at->room->kept[h] = pair->row.slot < ALL, at->room->faces[h] = pair->row;
     }
     return 0;

@@ -1,61 +1,121 @@
 #include "cfem_touch_control.h"
 
+#include <string.h>
+
 #include "cfem_linear.h"
+#if CFEM_CONTACT == 2
+#include "cfem_meet_law.h"
+#endif
 
 #if CFEM_CONTACT
 #define NA CFEM_NA
 #define NE CFEM_NE
 
-static const double STEP = 1e-4, SHARE = 0.05; /* of the reach: of differences; of a quasi-static step under friction */
+static const double STEP = 1e-4, SHARE = 0.05; /* of the reach: of differences; of a quasi-static step of a way */
+static const double ROUNDING = 1e-9;           /* of such a step */
+
+#define ALL_NA CFEM_CONTACT_NA
+#if CFEM_CONTACT == 2
+#define SOFT 1
+
+/* The planned robot, the first one, holds its actuators: see docs/contact.md. */
+static unsigned step(cfem_touch_controller *c, const double *deltas, const cfem_met *before, cfem_met *now) {
+    double each[CFEM_MEET_ROBOTS][NA];
+    for (int i = 0; i < ALL_NA; i++) each[i / NA][i % NA] = deltas[i];
+    return cfem_meet(each, c->robots, c->obstacles, c->count, c->mu, before, now, &c->room);
+}
+
+static const cfem_touched *own(const cfem_met *state) { return &state->robot[0]; }
+
+static double other(const cfem_touch_controller *c, int i) { return c->others[i / NA][i % NA]; }
+
+/* Forces are like those of `here`, friction counts from `near`, where the step to it began. */
+static void again(cfem_met *here, const cfem_met *near) {
+    const int count = here->hold_count;
+    for (int b = 0; b < CFEM_MEET_ROBOTS; b++) memcpy(here->robot[b].place, near->robot[b].place, sizeof near->robot[b].place);
+    for (int i = 0; i < count; i++) {
+        const int h = cfem_hold_of(near, here->hold[i].row.slot);
+        here->hold[i].unknown = h < 0;
+        if (h < 0) continue;
+        here->hold[i].row = near->hold[h].row;
+        memcpy(here->hold[i].origin, near->hold[h].origin, sizeof near->hold[h].origin);
+    }
+    for (int h = 0; h < near->hold_count && here->hold_count < CFEM_MEET_PAIRS; h++) {
+        if (cfem_hold_of(here, near->hold[h].row.slot) >= 0) continue;
+        cfem_hold *const more = &here->hold[here->hold_count++];
+        *more = near->hold[h], more->mode = CFEM_TOUCH_OPEN;
+        memset(more->push, 0, sizeof more->push);
+    }
+}
+#else
+#define SOFT 0
 
 static unsigned step(cfem_touch_controller *c, const double *delta_a, const cfem_touched *before, cfem_touched *now) {
     return cfem_touch(delta_a, c->obstacles, c->count, c->mu, before, now, &c->room);
 }
 
-/* `here` at delta_a from where the robot stands; with friction the way is gone in steps. `near`: where the last of them begins. */
+static const cfem_touched *own(const cfem_touched *state) { return state; }
+
+static double other(const cfem_touch_controller *c, int i) { return c->delta_a[i]; }
+
+/* Forces are like those of `here`, friction counts from `near`, where the step to it began. */
+static void again(cfem_touched *here, const cfem_touched *near) {
+    memcpy(here->holds, near->holds, sizeof near->holds);
+    memcpy(here->stuck, near->stuck, sizeof near->stuck);
+    memcpy(here->place, near->place, sizeof near->place);
+}
+#endif
+
+/* deltas (ALL_NA,): delta_a, and behind it where the others are to be. */
+static void with_others(const cfem_touch_controller *c, const double *delta_a, double *deltas) {
+    for (int i = 0; i < ALL_NA; i++) deltas[i] = i < NA ? delta_a[i] : other(c, i);
+}
+
+/* `here` at delta_a from where all robots stand; with friction, and with soft ones, the way is gone in steps. `near`: where the last of
+ * them begins. */
 static unsigned go(cfem_touch_controller *c, const double *delta_a) {
-    double longest = 0.0, on[NA];
+    double longest = 0.0, end[ALL_NA], on[ALL_NA];
+    with_others(c, delta_a, end);
     c->near = c->at;
-    for (int i = 0; i < NA && c->mu > 0.0; i++) {
-        const double way = fabs(delta_a[i] - c->delta_a[i]) / (SHARE * cfem_patch_reach[i]);
+    for (int i = 0; i < ALL_NA && (SOFT || c->mu > 0.0); i++) {
+        const double way = fabs(end[i] - c->delta_a[i]) / (SHARE * cfem_patch_reach[i % NA]);
         if (way > longest) longest = way;
     }
-    const int steps = longest > 1.0 ? (int)ceil(longest < 1e3 ? longest : 1e3) : 1;
+    const int steps = longest > 1.0 + ROUNDING ? (int)ceil((longest < 1e3 ? longest : 1e3) - ROUNDING) : 1;
     for (int k = 1; k < steps; k++) {
-        for (int i = 0; i < NA; i++) on[i] = c->delta_a[i] + (delta_a[i] - c->delta_a[i]) * k / steps;
+        for (int i = 0; i < ALL_NA; i++) on[i] = c->delta_a[i] + (end[i] - c->delta_a[i]) * k / steps;
         const unsigned status = step(c, on, &c->near, &c->here);
         if (status) return status;
         c->near = c->here;
     }
-    return step(c, delta_a, &c->near, &c->here);
+    return step(c, end, &c->near, &c->here);
 }
 
 /* As cfem_model, of the robot that obstacles touch: derivatives are central differences of contact states. */
 static unsigned touched_model(void *with, const double *s, cfem_condensed *m) {
     cfem_touch_controller *const c = with;
-    double J[NE][NA], K[NA][NA], to[NA];
+    const cfem_touched *const here = own(&c->here), *const ahead = own(&c->ahead), *const behind = own(&c->behind);
+    double J[NE][NA], K[NA][NA], to[ALL_NA];
     if (cfem_model(s, m) || go(c, s)) return CFEM_NO_MODEL;
-    for (int p = 0; p < CFEM_PATCHES; p++) { /* forces are like those here, friction counts from where the step began */
-        c->here.holds[p] = c->near.holds[p];
-        for (int a = 0; a < 3; a++) c->here.stuck[p][a] = c->near.stuck[p][a], c->here.place[p][a] = c->near.place[p][a];
-    }
+    again(&c->here, &c->near);
     for (int j = 0; j < NA; j++) {
         const double h = STEP * cfem_patch_reach[j];
-        for (int i = 0; i < NA; i++) to[i] = s[i] + (i == j ? h : 0.0);
+        with_others(c, s, to);
+        to[j] = s[j] + h;
         if (step(c, to, &c->here, &c->ahead)) return CFEM_NO_MODEL;
         to[j] = s[j] - h;
         if (step(c, to, &c->here, &c->behind)) return CFEM_NO_MODEL;
-        for (int e = 0; e < NE; e++) J[e][j] = (c->ahead.delta_e[e] - c->behind.delta_e[e]) / (2.0 * h);
-        for (int i = 0; i < NA; i++) K[i][j] = (c->ahead.lambda_a[i] - c->behind.lambda_a[i]) / (2.0 * h);
+        for (int e = 0; e < NE; e++) J[e][j] = (ahead->delta_e[e] - behind->delta_e[e]) / (2.0 * h);
+        for (int i = 0; i < NA; i++) K[i][j] = (ahead->lambda_a[i] - behind->lambda_a[i]) / (2.0 * h);
     }
     for (int i = 0; i < NA; i++)
         for (int j = 0; j < NA; j++) m->W_aa[i][j] = (K[i][j] + K[j][i]) / 2.0;
     if (cfem_invert(NA, CFEM_MOST_NA, &m->W_aa[0][0])) return CFEM_NO_MODEL;
-    for (int i = 0; i < NA; i++) m->lambda_a[i] = c->here.lambda_a[i];
+    for (int i = 0; i < NA; i++) m->lambda_a[i] = here->lambda_a[i];
     for (int i = 0; i < NA; i++) m->free_a[i] = s[i] - cfem_dot(NA, m->W_aa[i], m->lambda_a);
     for (int e = 0; e < NE; e++) {
         for (int j = 0; j < NA; j++) m->W_ea[e][j] = cfem_dot(NA, J[e], m->W_aa[j]);
-        m->free_e[e] = c->here.delta_e[e] - cfem_dot(NA, m->W_ea[e], m->lambda_a);
+        m->free_e[e] = here->delta_e[e] - cfem_dot(NA, m->W_ea[e], m->lambda_a);
     }
     return CFEM_OK;
 }
@@ -65,7 +125,7 @@ static unsigned settle(cfem_touch_controller *c) {
     const unsigned status = go(c, c->controller.delta_a);
     if (status) return status;
     c->at = c->here;
-    for (int i = 0; i < NA; i++) c->delta_a[i] = c->controller.delta_a[i];
+    with_others(c, c->controller.delta_a, c->delta_a);
     return status;
 }
 
@@ -73,7 +133,12 @@ unsigned cfem_touch_control_init(cfem_touch_controller *c, const cfem_obstacle *
     cfem_init(&c->controller);
     c->controller.ask = touched_model, c->controller.with = c;
     c->obstacles = obstacles, c->count = count, c->mu = mu;
-    for (int i = 0; i < NA; i++) c->delta_a[i] = c->controller.delta_a[i];
+#if CFEM_CONTACT == 2
+    memcpy(c->robots, cfem_robots, sizeof c->robots);
+    memset(c->robots[0].unilateral, 0, sizeof c->robots[0].unilateral);
+    memset(c->others, 0, sizeof c->others);
+#endif
+    with_others(c, c->controller.delta_a, c->delta_a);
     return step(c, c->delta_a, 0, &c->at);
 }
 
