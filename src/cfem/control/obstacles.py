@@ -79,10 +79,12 @@ class World:
                 lines.append(f"{name}: the robot came within {least:.3g} mm, {wanted}")
                 continue
             missed = np.abs(x[:, row] - one.press) if one.press else np.zeros(0)
-            text = f"{name}: pressed with {least:.3g} to {most:.3g} N"
+            text = f"{name}: pressed with {least:.4g} to {most:.4g} N"
             if len(missed):
                 figures[name] |= {"wanted": one.press, "error_mean": missed.mean(), "error_max": missed.max()}
-                text += f", {one.press:.3g} N wanted: error mean {missed.mean():.2g} N, max {missed.max():.2g} N"
+                text += (
+                    f" where {one.press:.3g} N are wanted: error mean {missed.mean():.2g} N, max {missed.max():.2g} N"
+                )
             lines.append(text + (f"; at most {one.largest_force:.3g} N allowed" if one.largest_force else ""))
         return figures, lines
 

@@ -13,6 +13,7 @@ from cfem.condensed.skin import Skin
 from cfem.constraint.attachment import Attachment
 from cfem.constraint.contact import ContactPoint
 from cfem.core.errors import NumericalError
+from cfem.core.progress import progress
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.held_patch import held
 from cfem.equilibrium.problem import Problem
@@ -56,18 +57,20 @@ def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarra
     shown, problem, rows = Problem(skinned(robot, skin)), Problem(touched), touched.rows
     own, tip = np.empty((len(states), rows.n_c, rows.n_c)), np.empty((len(states), rows.n_e, rows.n_c))
     start, bent, dented = None, [], []
-    for j, delta in enumerate(states):
-        moved = _solved(shown, delta, base=start, keep=True)
-        start = moved.state
-        bent.append(skin_load_derivatives(moved.linear))
-        lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
-        pushed = _solved(problem, delta, start=replace(start, lam=lam), keep=True).linear
-        dented.append(_dented(pushed))
-        W = pushed.W
-        across = W[rows.c, rows.a]
-        G = np.linalg.solve(W[rows.a, rows.a], across.T).T
-        own[j] = W[rows.c, rows.c] - G @ across.T
-        tip[j] = W[rows.e, rows.c] - W[rows.e, rows.a] @ G.T
+    with progress(f"pushing {len(patches)} patches of the surface by FE, in bent states", len(states)) as advance:
+        for j, delta in enumerate(states):
+            moved = _solved(shown, delta, base=start, keep=True)
+            start = moved.state
+            bent.append(skin_load_derivatives(moved.linear))
+            lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
+            pushed = _solved(problem, delta, start=replace(start, lam=lam), keep=True).linear
+            dented.append(_dented(pushed))
+            W = pushed.W
+            across = W[rows.c, rows.a]
+            G = np.linalg.solve(W[rows.a, rows.a], across.T).T
+            own[j] = W[rows.c, rows.c] - G @ across.T
+            tip[j] = W[rows.e, rows.c] - W[rows.e, rows.a] @ G.T
+            advance(1)
     return PatchResponse(states, own, tip, np.stack(bent), np.stack(dented))
 
 

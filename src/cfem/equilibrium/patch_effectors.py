@@ -10,6 +10,7 @@ from cfem.constraint.effector import PointEffector
 from cfem.constraint.patch import PatchLoad
 from cfem.constraint.surface import outer_surface
 from cfem.core.errors import NumericalError
+from cfem.core.progress import progress
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
@@ -47,11 +48,13 @@ def patch_yield(robot: Robot, patches: Sequence[PatchLoad], states: np.ndarray) 
     """One equilibrium a state, from near rest on, no further factorisation. NumericalError where there is none."""
     states = states[np.argsort(np.linalg.norm(states, axis=1))]
     problem, n_e, start, found = Problem(with_patches(robot, patches)), robot.rows.n_e, None, []
-    for delta in states:
-        solved = solve(problem, displacement(delta), start, slack=False, loads=True)
-        if not solved.converged:
-            raise NumericalError(f"patches under loads: {solved.status.value}")
-        start, at = solved.state, solved.condensed
-        C = at.W[at.rows.e, at.rows.e] - at.W_ea @ np.linalg.solve(at.W_aa, at.W_ea.T)  # contacts free
-        found.append((solved.delta_e[n_e:], C, solved.dC))
+    with progress("FE states under a force on the surface", len(states)) as advance:
+        for delta in states:
+            solved = solve(problem, displacement(delta), start, slack=False, loads=True)
+            if not solved.converged:
+                raise NumericalError(f"patches under loads: {solved.status.value}")
+            start, at = solved.state, solved.condensed
+            C = at.W[at.rows.e, at.rows.e] - at.W_ea @ np.linalg.solve(at.W_aa, at.W_ea.T)  # contacts free
+            found.append((solved.delta_e[n_e:], C, solved.dC))
+            advance(1)
     return PatchYield(states, *(np.stack(each) for each in zip(*found, strict=True)))

@@ -14,7 +14,6 @@ import numpy as np
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import DiskError, InputError
 from cfem.core.files import confined, content_sha256, write_npz
-from cfem.core.progress import doing
 from cfem.core.reading import read_npz
 from cfem.equilibrium.patch_compliance import PatchResponse, patch_response
 from cfem.equilibrium.patch_effectors import PatchYield, patch_yield
@@ -39,7 +38,6 @@ def touchable_of(
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
     def solved() -> PatchResponse:
-        doing(f"solving how {len(patches)} patches of the surface yield, at {len(states)} states")
         return patch_response(robot, own.watched, patches, states)
 
     return Touchable(model, patches, _kept(folder.parent / f"patches-{key}.npz", PatchResponse, solved))
@@ -59,7 +57,6 @@ def yield_of(
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
     def solved() -> PatchYield:
-        doing(f"solving how {len(patches)} loaded patches of the surface yield, at {len(states)} states")
         return patch_yield(robot, patches, states)
 
     return _kept(folder.parent / f"loads-{key}.npz", PatchYield, solved)
