@@ -5,11 +5,13 @@ import pytest
 
 from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.obstacle import Plane, Sphere
-from cfem.contact.prescribed_motion import ActuatedRobot
+from cfem.contact.prescribed_motion import ActuatedRobot, Translation
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.patch_compliance import patch_response
+from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact_model import ContactModel
 from cfem.predict.load import load_model
 from cfem.predict.meeting import PlacedModel
@@ -89,6 +91,30 @@ def test_another_robot_lets_its_cable_go_and_the_derivatives_know_it(touchable):
         assert here.effector_jacobian[-1, 0] == pytest.approx(slope[-1], rel=1e-2)
         derivatives.append(slope[-1])
     assert derivatives[1] < 0.9 * derivatives[0]  # it yields more
+
+
+def test_what_comes_and_lifts_the_robot_makes_its_cable_slack_until_it_goes(touchable, bar):
+    """As in finite elements; a plan from there holds the cable, and begins where it is."""
+    robot, delta = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml")), np.array([0.3])
+    places = touchable.patches.mean(touchable.model.shape(delta))
+    below = places[np.argmin(places[:, 2] - places[:, 0] / 10)] - [0, 0, 8.5]
+    ball = Translation(Sphere(8.0, t=below), np.array([[0.0, 0, 0], [0, 0, 2.5], [0, 0, 0.1]]))
+    given = {"ball": ball.at(0.0)}, ("ball",)
+    world = ContactModel(touchable, *given, mu=0.3, courses={"ball": ball}, unilateral=robot.unilateral)
+    skin = touchable.model.skin
+    plant = TouchPlant(Skinned(robot, skin.nodes, skin.triangles, touchable.patches), *given, (), 0.3, {"ball": ball})
+    world.settle(delta)
+    plant.step(delta)
+    for share, slack in ((0.5, True), (1.0, False)):
+        world.pass_to(share)
+        plant.pass_to(share)
+        (solved,) = plant.met.solved
+        assert (world.before.lambda_a[0] == 0.0) == solved.slack[0] == slack
+        assert world.before.delta_a == pytest.approx(solved.delta_a, abs=0.01)
+        force = world.before.pressed(1)[0]
+        assert force == pytest.approx(plant.step(delta).x_e[-1], rel=0.03, abs=1e-12)
+        here = world.at_displacement(world.before.delta_a)
+        assert here.delta_e[-1] == pytest.approx(force, rel=1e-3) if force else here.delta_e[-1] < 0
 
 
 def test_the_force_is_continuous_where_contact_begins(touchable, table):

@@ -113,9 +113,8 @@ def with_obstacles(
             demand_outside(robot, skin.nodes, at_first)
             demand_way(robot, skin.nodes, moving)
             touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
-            one = ContactModel(
-                touchable, solid, pressed, avoided, friction, courses=moving, others=learned, itself=itself
-            )
+            known = {"courses": moving, "others": learned, "itself": itself, "unilateral": robot.unilateral}
+            one = ContactModel(touchable, solid, pressed, avoided, friction, **known)
         except InputError as error:
             raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
         demand_apart(one)

@@ -41,7 +41,8 @@ class ContactModel:
     those of all these whose force is a row, in their order; avoided: obstacles whose distance is a row. It remembers
     the contact state `before` in which the robot stands, actuators `at` (n_a,) mm (`settle`): there a step begins, as
     friction and the side of an edge depend on the way. courses: of obstacles that move, by name; share: of the run,
-    where they are now (`pass_to`)."""
+    where they are now (`pass_to`); unilateral (n_a,) bool: actuators that go slack then, where they would push: plans
+    hold them."""
 
     touchable: Touchable
     solid: Mapping[str, Obstacle]
@@ -54,6 +55,7 @@ class ContactModel:
     share: float = 0.0
     others: Mapping[str, tuple[PlacedModel, ActuatedRobot]] = field(default_factory=dict)
     itself: tuple[str, ...] = ()
+    unilateral: np.ndarray | None = None
 
     @cached_property
     def rows(self) -> Rows:
@@ -100,9 +102,10 @@ class ContactModel:
 
     def _walked(self, delta_a: np.ndarray) -> tuple[Any, Any]:
         """The states in which the last step to delta_a (n_a,) mm begins and ends."""
-        begin, longest = np.zeros(len(delta_a)) if self.at is None else self.at, np.inf
+        longest = np.inf
         if not self.touches:
             return None, None
+        begin = np.zeros(len(delta_a)) if self.before is None else self.contact.stands(self.before)
         states = [self.before]
         if self.contact.walks:
             longest = SHARE * np.abs(self.touchable.model.reach).max(axis=1)
@@ -119,10 +122,10 @@ class ContactModel:
             raise NumericalError(f"learned contact: {status}")
         return states[-2], states[-1]
 
-    def _step(self, delta_a: np.ndarray, before: Any) -> Any:
+    def _step(self, delta_a: np.ndarray, before: Any, unilateral: np.ndarray | None = None) -> Any:
         if not self.touches:
             return None
-        found = self.contact.step(delta_a, before)
+        found = self.contact.step(delta_a, before, unilateral)
         if not found.converged:
             raise NumericalError(f"learned contact: {found.status.value}")
         return found
@@ -133,8 +136,8 @@ class ContactModel:
         self.before, self.at = self.touched(delta_a), delta_a
 
     def pass_to(self, share: float) -> None:
-        """What moves goes to where it is at this share of the run, the robot giving way with its actuators held.
-        NumericalError where there is no contact state: then it stays where there was one."""
+        """What moves goes to where it is at this share of the run, the robot giving way with its actuators held,
+        or slack. NumericalError where there is no contact state: then it stays where there was one."""
         longest, others = LONGEST * self.touchable.model.length, [one for _, one in self.others.values()]
         for begin, end in stops([*self.courses.values(), *others], self.share, share, longest):
             last = self.share
@@ -143,7 +146,7 @@ class ContactModel:
                 if self.at is not None and self.touches:
                     courses = {self.numbers[name]: one for name, one in self.courses.items() if name in self.numbers}
                     state = self.before and self.contact.carried(self.before, courses, begin, end)
-                    self.before = self._step(self.at, state)
+                    self.before = self._step(self.at, state, self.unilateral)
             except NumericalError:
                 self._stand(last)
                 raise

@@ -20,7 +20,13 @@ class Steps(Protocol):
     walks: bool
     """Whether the way between two states is gone in steps."""
 
-    def step(self, delta_a: np.ndarray, before: Any) -> Any: ...
+    def step(self, delta_a: np.ndarray, before: Any, unilateral: np.ndarray | None = None) -> Any:
+        """unilateral (n_a,) bool: actuators of the robot that go slack where they would push, none unless given."""
+        ...
+
+    def stands(self, state: Any) -> np.ndarray:
+        """(n_a,) mm where the robot's actuators are."""
+        ...
 
     def again(self, here: Any, before: Any) -> Any:
         """The state `here`, whose friction counts from where that of a step to it does: from `before`."""
@@ -49,8 +55,11 @@ class RigidSteps:
     def walks(self) -> bool:
         return self.mu > 0
 
-    def step(self, delta_a: np.ndarray, before: Touched | None) -> Touched:
-        return touch_step(self.touchable, delta_a, self.obstacles, mu=self.mu, before=before)
+    def step(self, delta_a: np.ndarray, before: Touched | None, unilateral: np.ndarray | None = None) -> Touched:
+        return touch_step(self.touchable, delta_a, self.obstacles, mu=self.mu, before=before, unilateral=unilateral)
+
+    def stands(self, state: Touched) -> np.ndarray:
+        return state.delta_a
 
     def again(self, here: Touched, before: Touched) -> Touched:
         return replace(here, stuck=before.stuck, everywhere=before.everywhere)
@@ -84,9 +93,12 @@ class SoftSteps:
     deltas: Sequence[np.ndarray]
     walks = True
 
-    def step(self, delta_a: np.ndarray, before: Met | None) -> Met:
+    def step(self, delta_a: np.ndarray, before: Met | None, unilateral: np.ndarray | None = None) -> Met:
         deltas = [delta_a, *self.deltas]
-        return self.meeting.start(deltas) if before is None else self.meeting.step(deltas, before)
+        return self.meeting.start(deltas) if before is None else self.meeting.step(deltas, before, unilateral)
+
+    def stands(self, state: Met) -> np.ndarray:
+        return state.deltas[0]
 
     def again(self, here: Met, before: Met) -> Met:
         return replace(here, memory=before.memory, places=before.places)

@@ -138,9 +138,11 @@ class Meeting:
         may = np.where(both, self.surroundings.may_meet, NEVER)
         return separation(state.places, self.normals(state.rows), may, self.surroundings.spacing)
 
-    def step(self, deltas: Sequence[np.ndarray], before: Met) -> Met:
-        """One quasi-static step, which ends as `go` does."""
-        cuts, unilateral = np.cumsum([len(one) for one in deltas])[:-1], self.unilateral
+    def step(self, deltas: Sequence[np.ndarray], before: Met, of_first: np.ndarray | None = None) -> Met:
+        """One quasi-static step, which ends as `go` does. of_first (n_a,) bool: `unilateral` of the first robot now."""
+        cuts, unilateral = np.cumsum([len(one) for one in deltas])[:-1], self.unilateral.copy()
+        if of_first is not None:
+            unilateral[: len(of_first)] = of_first
         target = np.concatenate([np.asarray(one, float) for one in deltas])
 
         def held(at: np.ndarray) -> Met:
