@@ -26,8 +26,8 @@ import numpy as np
 from cfem.condensed.model import under_force
 from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
+from cfem.control.camera_frame import CameraFrame
 from cfem.control.controller import Controller, Gains
-from cfem.control.frame import CameraFrame
 from cfem.control.gains import integral_for
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings

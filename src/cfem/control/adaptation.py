@@ -4,7 +4,7 @@ After each sample of the effectors, an extended Kalman filter with exponential f
 *Adaptive Control*, 2nd ed. 1995, section 2.2) moves the parameters to what the sample says. Unknown are shares z of the
 parameters' ranges, in the coordinates in which the model is smooth, losses b of the actuators, so that the robot feels
 u - b, and the rates r per sample of those shares that drift, Young's modulus: without them, an estimate trails a drift.
-A camera may have moved and turned by f (`cfem.control.frame`).
+A camera may have moved and turned by f (`cfem.control.camera_frame`).
 With the effectors x(z, b, f; u) that the camera shows of the model under the command, and F adding r to z,
 
     J = dx/dz, dx/db, 0, dx/df     P' = min(F P F^T / forgetting, P_0)     K = P' J^T (J P' J^T + R)^-1
@@ -30,7 +30,7 @@ from scipy.special import chdtri
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
 from cfem.condensed.parameters import coordinates, range_coordinates, references, values
-from cfem.control.frame import CameraFrame
+from cfem.control.camera_frame import CameraFrame
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
 from cfem.predict.at_parameters import AtParameters

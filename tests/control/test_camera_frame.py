@@ -9,7 +9,7 @@ from surrogate.stored import train_folder
 from cfem.condensed import Rows
 from cfem.condensed.model import under_force
 from cfem.control.adaptation import Tracker
-from cfem.control.frame import CameraFrame
+from cfem.control.camera_frame import CameraFrame
 from cfem.core.errors import InputError
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model
