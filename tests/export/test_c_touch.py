@@ -13,8 +13,8 @@ from cfem.contact.check import check
 from cfem.contact.newton import newton
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.patch_forces import pressed
 from cfem.contact.problem import ContactProblem
-from cfem.contact.round import pressed
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import artefact_content
 from cfem.export import c_export, c_touch

@@ -20,8 +20,8 @@ from cfem.condensed.patches import Patches
 from cfem.contact.detection import NEVER, WITHIN, detect, may_meet
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.patch_forces import pressed
 from cfem.contact.prescribed_motion import PrescribedMotion
-from cfem.contact.round import pressed
 
 SETTLING = 0.01  # distances of patches
 ENTERED = 0.1  # distances of patches: what was deeper where a step began has not come in

@@ -17,8 +17,8 @@ import numpy as np
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.patch_forces import pressed, turned
 from cfem.contact.problem import Law
-from cfem.contact.round import pressed, turned
 from cfem.predict.held import Held
 from cfem.predict.slack import with_slack
 from cfem.predict.touchable import Touchable
