@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cfem.contact import rounded
+from cfem.contact import rounded_boxes
 from cfem.contact.obstacle import Obstacle, Rounded
 
 
@@ -25,7 +25,7 @@ class ObstacleSet:
     def nearest(self, points: np.ndarray, farthest: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """(N,) mm distance of points (N, 3) mm to the nearest obstacle, and (N,) its number; `farthest` mm and any
         number where none is as near as that."""
-        distance, place = rounded.nearest(self._boxes, np.ascontiguousarray(points, float), float(farthest))
+        distance, place = rounded_boxes.nearest(self._boxes, np.ascontiguousarray(points, float), float(farthest))
         which = self._round[place] if len(self._round) else place
         for number in self._others:
             other = self.obstacles[number].distance(points)
@@ -40,7 +40,7 @@ class ObstacleSet:
             if place is None:
                 found[mine] = self.obstacles[which[mine][0]].frames(points[mine])
             else:
-                found[mine] = rounded.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
+                found[mine] = rounded_boxes.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return found
 
     @cached_property
@@ -53,7 +53,7 @@ class ObstacleSet:
         found = np.zeros((len(points), 3, 3))
         for mine, place in self._groups(which):
             if place is not None:
-                found[mine] = rounded.bends(self._boxes, place, np.ascontiguousarray(points[mine], float))
+                found[mine] = rounded_boxes.bends(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return found
 
     def _groups(self, which: np.ndarray) -> list[tuple[np.ndarray | slice, np.ndarray | None]]:
@@ -83,5 +83,5 @@ class ObstacleSet:
         return found
 
     @cached_property
-    def _boxes(self) -> rounded.Boxes:
-        return rounded.Boxes.of([self.obstacles[i] for i in self._round])
+    def _boxes(self) -> rounded_boxes.Boxes:
+        return rounded_boxes.Boxes.of([self.obstacles[i] for i in self._round])
