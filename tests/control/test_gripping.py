@@ -27,7 +27,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.touch import PlacedRobot, Touch, TouchStatus
 from cfem.plant.fem_patch import FemPatch
 from cfem.plant.grip_plant import GripPlant
-from cfem.predict.finger import LearnedFinger, WithinPatch
+from cfem.predict.gripping_finger import LearnedFinger, WithinPatch
 
 CENTRE, HALF, WEIGHT, MU = np.array([65.0, 5.0, 5.0]), np.array([5.0, 5.0, 5.0]), 2e-2, 0.8
 FLIP = np.diag([-1.0, -1.0, 1.0])

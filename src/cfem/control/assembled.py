@@ -25,7 +25,7 @@ from cfem.equilibrium.touch import PlacedRobot, Touching
 from cfem.plant.coupled_plant import CoupledPlant
 from cfem.plant.fem_patch import FemPatch
 from cfem.plant.grip_plant import GripPlant
-from cfem.predict.finger import LearnedFinger, WithinPatch
+from cfem.predict.gripping_finger import LearnedFinger, WithinPatch
 from cfem.predict.protocol import Predictor
 
 TABLE = 0.01  # mm/N of each of the four points of a table, in every direction

@@ -1,5 +1,5 @@
 """Robots and an object that they only touch, as the plant: contact points open, stick and slide. The robots are finite
-elements, or learned (`cfem.predict.finger`): what plans ask of a model is this plant of learned robots."""
+elements, or learned (`cfem.predict.gripping_finger`): what plans ask of a model is this plant of learned robots."""
 
 from collections.abc import Sequence
 from copy import copy

@@ -14,7 +14,7 @@ from cfem.equilibrium.patch_compliance import within_patch
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.touch import PlacedRobot
 from cfem.plant.fem_patch import FemPatch
-from cfem.predict.finger import LearnedFinger, WithinPatch
+from cfem.predict.gripping_finger import LearnedFinger, WithinPatch
 
 ACTUATORS = displacement(np.array([0.04, 0.02]))
 LIFT = np.array([-0.01, 0.005, -0.03, -0.01, 0.005, -0.03, -0.01, 0.005, -0.03])
