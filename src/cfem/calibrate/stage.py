@@ -34,7 +34,7 @@ def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
     from cfem.calibrate.calibration import calibrate, coverage
     from cfem.calibrate.measurements import read_measurements
     from cfem.calibrate.residuals import Noise
-    from cfem.condensed.given import demand_known, vector
+    from cfem.condensed.parameter_values import demand_known, vector
 
     paths = _paths(spec, base)
     family = family_of(spec, paths)
@@ -113,7 +113,7 @@ def family_of(spec: Any, paths: dict[str, Path]) -> Any:
 def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:
     """(k, n_p)."""
     from cfem.calibrate.fit import spread
-    from cfem.condensed.given import vector
+    from cfem.condensed.parameter_values import vector
     from cfem.condensed.parameters import from_shares
 
     if isinstance(spec.starts, list):
@@ -134,7 +134,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
 
 def summary(found: Any, spec: CalibrateSpec) -> dict[str, Any]:
     """All that the manifest says."""
-    from cfem.condensed.given import value_of
+    from cfem.condensed.parameter_values import value_of
 
     parameters = {one.name: one for one in found.problem.family.parameters}
     truth = {name: value_of(parameters[name], given, f"truth.{name}") for name, given in spec.truth.items()}

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.given import vector
+from cfem.condensed.parameter_values import vector
 from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot

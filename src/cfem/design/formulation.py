@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.given import demand_known, vector
+from cfem.condensed.parameter_values import demand_known, vector
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec

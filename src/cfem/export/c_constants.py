@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cfem.condensed.given import vector
 from cfem.condensed.packing import upper_indices
+from cfem.condensed.parameter_values import vector
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
 from cfem.export import c_row

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.given import vector
+from cfem.condensed.parameter_values import vector
 from cfem.core.errors import InputError
 from cfem.core.files import disk_errors, write_whole
 from cfem.export import c_export, c_text

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.given import vector
+from cfem.condensed.parameter_values import vector
 from cfem.core.files import disk_errors
 from cfem.export import c_text
 from cfem.export.spec import CSpec

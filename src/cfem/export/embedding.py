@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.given import vector
+from cfem.condensed.parameter_values import vector
 from cfem.condensed.parameters import from_json
 from cfem.core.errors import InputError
 from cfem.core.files import write_json

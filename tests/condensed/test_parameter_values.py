@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.condensed.given import vector
+from cfem.condensed.parameter_values import vector
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 
