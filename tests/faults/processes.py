@@ -40,9 +40,9 @@ def as_command(work: Any, arguments: tuple, said: Path) -> None:
 
 def stage(package: str, spec: Path, overrides: Sequence[str], out: Path) -> dict[str, Any]:
     """The manifest that the stage of a package leaves. Training and control keep their state as often as they can."""
-    from cfem.control import so_far
+    from cfem.control import resume
     from cfem.surrogate import descent, gauss_newton
 
-    so_far.EVERY = so_far.DEARER = 0.0
+    resume.EVERY = resume.DEARER = 0.0
     descent.CHECKPOINT_SECONDS = gauss_newton.CHECKPOINT_SECONDS = 0.0
     return import_module(f"cfem.{package}.stage").run(spec, overrides, out, Options(quiet=True))

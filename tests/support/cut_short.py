@@ -5,14 +5,14 @@ import pytest
 from pyarrow.parquet import read_table
 
 import cfem
-from cfem.control import so_far
+from cfem.control import resume
 
 TIMES = {"seconds", "step_us"}
 
 
 def cut_short(spec, after, **how):
     """Interrupts `cfem control` when so many goals are finished; all of them are on the disk."""
-    finished, count = so_far.SoFar.finished, []
+    finished, count = resume.SoFar.finished, []
 
     def interrupted(self, name, judge):
         finished(self, name, judge)
@@ -21,9 +21,9 @@ def cut_short(spec, after, **how):
             raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(so_far, "EVERY", 0.0)
-        patch.setattr(so_far, "DEARER", 0.0)
-        patch.setattr(so_far.SoFar, "finished", interrupted)
+        patch.setattr(resume, "EVERY", 0.0)
+        patch.setattr(resume, "DEARER", 0.0)
+        patch.setattr(resume.SoFar, "finished", interrupted)
         with pytest.raises(KeyboardInterrupt):
             cfem.run_stage("control", spec, **how)
 

@@ -11,7 +11,7 @@ from cfem.control.experiment import follow
 from cfem.control.mesh_error import discretisation, states_to_refine
 from cfem.control.pilots import pilots_of
 from cfem.control.prepared import Prepared
-from cfem.control.so_far import SoFar
+from cfem.control.resume import SoFar
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.summary import headline, record, summarise
 from cfem.core.progress import progress

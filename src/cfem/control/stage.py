@@ -33,7 +33,7 @@ def _work(folder: Path, spec: ControlSpec, base: Path) -> dict[str, Any]:
     from cfem.control.open_loop import carry_out
     from cfem.control.pilots import pilot_of
     from cfem.control.prepared import prepare
-    from cfem.control.so_far import SoFar
+    from cfem.control.resume import SoFar
 
     mesh, models = base / spec.mesh, {name: base / path for name, path in spec.models.items()}
     if spec.gait:

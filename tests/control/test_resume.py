@@ -11,8 +11,8 @@ import pytest
 from support.cut_short import cut_short, demand_equal
 
 import cfem
-from cfem.control import so_far
-from cfem.control.so_far import FILE, SoFar, _Reader
+from cfem.control import resume
+from cfem.control.resume import FILE, SoFar, _Reader
 from cfem.core.errors import OutputError
 from cfem.core.files import write_whole
 from cfem.core.manifest import read_manifest
@@ -101,8 +101,8 @@ def test_a_full_disk_ends_the_keeping_and_not_the_run(swing, tmp_path, capfd, mo
             raise OutputError(os.strerror(errno.ENOSPC), where=str(path))
         write_whole(path, data)
 
-    monkeypatch.setattr(so_far, "write_whole", full)
-    monkeypatch.setattr(so_far, "EVERY", 0.0)
+    monkeypatch.setattr(resume, "write_whole", full)
+    monkeypatch.setattr(resume, "EVERY", 0.0)
     cfem.run_stage("control", spec, overrides=SWING, out=tmp_path / "out")
     demand_equal(whole, tmp_path / "out")
     said = capfd.readouterr().err
@@ -110,7 +110,7 @@ def test_a_full_disk_ends_the_keeping_and_not_the_run(swing, tmp_path, capfd, mo
 
 
 def test_a_state_that_cannot_be_kept_is_said_once(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(so_far, "EVERY", 0.0)
+    monkeypatch.setattr(resume, "EVERY", 0.0)
     plant = SimpleNamespace(problems=[], memory=lambda: None)
     plant.changing = [(plant, ("memory",))]
     run = SoFar(tmp_path)
