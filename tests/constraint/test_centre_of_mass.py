@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 import cfem
-from cfem.control.pilots import weights_of
+from cfem.control.planners import weights_of
 from cfem.core.errors import SpecError
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.load_spec import LoadSpec, loads_of

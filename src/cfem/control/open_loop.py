@@ -9,7 +9,7 @@ import numpy as np
 from cfem.control.controller import Controller
 from cfem.control.experiment import follow
 from cfem.control.mesh_error import discretisation, states_to_refine
-from cfem.control.pilots import pilots_of
+from cfem.control.planners import pilots_of
 from cfem.control.prepared import Prepared
 from cfem.control.resume import SoFar
 from cfem.control.spec import FE_BASED, ControlSpec

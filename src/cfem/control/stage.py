@@ -31,7 +31,7 @@ def _work(folder: Path, spec: ControlSpec, base: Path) -> dict[str, Any]:
     """Results: `trajectories`, per trajectory and controller (`summary.summarise`), and `discretisation`, the estimated
     error of the mesh itself (`mesh_error.mesh_error`)."""
     from cfem.control.open_loop import carry_out
-    from cfem.control.pilots import pilot_of
+    from cfem.control.planners import pilot_of
     from cfem.control.prepared import prepare
     from cfem.control.resume import SoFar
 
