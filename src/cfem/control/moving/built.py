@@ -10,7 +10,7 @@ from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.controller import Controller, Gains
 from cfem.control.inverse import Aim
 from cfem.control.loop import Iterate, reach
-from cfem.control.moving.ahead import Computed, Shaped
+from cfem.control.moving.feedforward import Computed, Shaped
 from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
