@@ -1,5 +1,5 @@
-"""Each best design of the model brought to an optimum by finite elements (trust.py), from several starts; and what is
-said of it."""
+"""Each best design of the model brought to an optimum by finite elements (trust_region.py), from several starts; and
+what is said of it."""
 
 import time
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from cfem.design.objectives import said
 from cfem.design.problem import Problem
 from cfem.design.search import Grid, Scalar, best, starts_apart
 from cfem.design.spec import DesignSpec
-from cfem.design.trust import Limits, Optimum, best_of, optimum
+from cfem.design.trust_region import Limits, Optimum, best_of, optimum
 
 _SAME = 0.02  # of a range: ends of two starts that count as one optimum
 

@@ -9,7 +9,7 @@ from design.problems import plain
 
 from cfem.core.errors import NumericalError
 from cfem.design.search import evaluate_grid
-from cfem.design.trust import Limits, best_of, first_order, optimum
+from cfem.design.trust_region import Limits, best_of, first_order, optimum
 
 LIMITS = Limits(tolerance=1e-4, solves=30)
 TRUE = (0.37, 0.61)
