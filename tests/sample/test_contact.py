@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.condensed.restrict import onto_patch
+from cfem.condensed.contact_pose import onto_patch
 from cfem.dataset.reader import as_dataset
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.held_patch import contact_points, patch_of

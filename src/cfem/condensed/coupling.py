@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.contact_pose import from_energy
 from cfem.condensed.model import Model
 from cfem.condensed.pose import COORDINATES, Turn, turn
-from cfem.condensed.restrict import from_energy
 from cfem.core.errors import NumericalError
 
 TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it

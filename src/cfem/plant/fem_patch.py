@@ -3,7 +3,7 @@
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.condensed.restrict import onto_patch
+from cfem.condensed.contact_pose import onto_patch
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.held_patch import contact_points, held, patch_of
 from cfem.equilibrium.newton import Settings

@@ -93,7 +93,7 @@ class FiniteElements:
     slack: bool = True
 
     def __call__(self) -> Solver:
-        from cfem.condensed.restrict import onto_patch
+        from cfem.condensed.contact_pose import onto_patch
         from cfem.equilibrium.actuation import force
         from cfem.equilibrium.held_patch import contact_points, patch_of
         from cfem.equilibrium.inertia import mass_of

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.contact_pose import from_energy, onto_patch, slopes_onto_patch
 from cfem.condensed.pose import Patch
-from cfem.condensed.restrict import from_energy, onto_patch, slopes_onto_patch
 
 N_A = 2
 POINTS = np.array([[0.0, 2, 1], [1.7, 2, -1], [-1.7, 2, -1]])
