@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cfem.predict import yielding
-from cfem.predict.beyond import beyond, slope
+from cfem.predict.high_order_load import beyond, slope
 from cfem.predict.touchable import turn_cubic
 
 

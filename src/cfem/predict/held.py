@@ -4,14 +4,14 @@ How its rows go is known to the second order in the load w on the modes of the s
 
     rows = rows_0 + C_ss w + D_ss[w, w] / 2 + ...
 
-and the orders beyond follow as far as the energy along the load tells them (`cfem.predict.beyond`). So do the dents, by
-which a force on a patch changes what this patch yields. All of it is the derivative of one energy by the forces, so
-that the compliance is symmetric."""
+and the orders beyond follow as far as the energy along the load tells them (`cfem.predict.high_order_load`). So do
+the dents, by which a force on a patch changes what this patch yields. All of it is the derivative of one energy by
+the forces, so that the compliance is symmetric."""
 
 import numpy as np
 
 from cfem.predict import yielding
-from cfem.predict.beyond import slope
+from cfem.predict.high_order_load import slope
 from cfem.predict.touchable import NONE, Touchable
 from cfem.predict.yielding import Parts, loaded
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from cfem.predict.beyond import Beyond, beyond, slope
+from cfem.predict.high_order_load import Beyond, beyond, slope
 
 
 class Parts(NamedTuple):

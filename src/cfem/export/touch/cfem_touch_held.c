@@ -8,7 +8,7 @@
 #define NE CFEM_NE
 #define PACKED (NE * K + K * (K + 1) / 2)
 #define BENT (K * (K + 1) * (K + 2) / 6 + NE * K * (K + 1) / 2)
-static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.beyond */
+static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.high_order_load */
 
 typedef struct {
     double value[NA][CFEM_PATCH_DEGREE + 2], slope[NA][CFEM_PATCH_DEGREE + 2];
@@ -224,7 +224,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
     move_tip(now, room);
-    /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.beyond */
+    /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.high_order_load */
     evaluate(room->s, &t);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
         const double load = cfem_dot(K, cfem_patch_series[l], w);

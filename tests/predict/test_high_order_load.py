@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.predict.beyond import TRUSTED, beyond, slope
+from cfem.predict.high_order_load import TRUSTED, beyond, slope
 
 
 def cubic(rng, n):
