@@ -23,7 +23,7 @@ from cfem.predict.obstacle_spec import RobotObstacle
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
-from cfem.robot.same import demand_robot
+from cfem.robot.same_robot import demand_robot
 
 STOPS = 21  # places of a way that are looked at
 PRESSED = 0.05  # of the force that is wanted: how far off it may be where a goal is reached

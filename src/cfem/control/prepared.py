@@ -25,7 +25,7 @@ from cfem.predict.load import load_model
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
-from cfem.robot.same import demand_robot
+from cfem.robot.same_robot import demand_robot
 from cfem.robot.spec import SceneSpec
 
 

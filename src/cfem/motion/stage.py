@@ -141,7 +141,7 @@ def _beside(
     from cfem.motion.full import simulate_full
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
-    from cfem.robot.same import demand_robot
+    from cfem.robot.same_robot import demand_robot
 
     model, commands, payload, unilateral = motion
     scene, read = load_scene_and_mesh(base / spec.full.scene, _mesh(spec, base))

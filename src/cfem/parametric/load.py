@@ -10,7 +10,7 @@ from cfem.parametric.differentiable import FIELDS, VIBRATIONS, Differentiable
 from cfem.parametric.family import FiniteElements, Learned
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
-from cfem.robot.same import demand_robot
+from cfem.robot.same_robot import demand_robot
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import scene_parameters
 from cfem.sample.rest import Rest

@@ -101,7 +101,7 @@ def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, mani
     """InputError where what the page is about is not all of the scene's robot."""
     from cfem.predict.load import read_meta
     from cfem.report.used_models import demand_used
-    from cfem.robot.same import demand_mesh_of, demand_robot, recorded_robot
+    from cfem.robot.same_robot import demand_mesh_of, demand_robot, recorded_robot
 
     do = "name results of one robot"
     demand_mesh_of(scene, scene_path, manifests["mesh"][0])

@@ -8,7 +8,7 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import artefact_content, artefact_file
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.mesh.mesh_file import read_mesh
-from cfem.robot.same import demand_mesh_of
+from cfem.robot.same_robot import demand_mesh_of
 from cfem.robot.spec import SceneSpec, scene_meaning
 from cfem.robot.stage import MESH
 

@@ -17,7 +17,7 @@ from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.viscosity import Viscosity
-from cfem.robot.same import robot_of
+from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
 from cfem.sample.skin import Inside
 
