@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter
 
 from cfem.core.spec import Spec
 from cfem.core.units import Density, Stress, StressVector, Time
-from cfem.robot.named import NameAllowed, constants_of
+from cfem.robot.named_material import NameAllowed, constants_of
 from cfem.robot.selection import Box, Selection
 
 
