@@ -21,8 +21,8 @@ from cfem.init.shape import Shape, Source, make_shape, natural_unit, read_source
 from cfem.init.texts import SPECS, NewScene, number, short, texts, vector
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.robot.build import build_robot
+from cfem.robot.cable_passage import demand_inside
 from cfem.robot.mesh.meshing import make_mesh
-from cfem.robot.passage import demand_inside
 from cfem.robot.plausible import size_doubts
 from cfem.robot.spec import SceneSpec
 

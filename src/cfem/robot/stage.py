@@ -30,10 +30,10 @@ def _reads(scene: SceneSpec, folder: Path) -> dict[str, Path]:
 
 def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
+    from cfem.robot.cable_passage import demand_inside
     from cfem.robot.mesh.grading import scene_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
     from cfem.robot.mesh.quality import quality
-    from cfem.robot.passage import demand_inside
     from cfem.robot.plausible import doubts
     from cfem.robot.soundness import demand_held, demand_independent, demand_unfolded
 

@@ -8,8 +8,8 @@ from support.blocks import block
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
 from cfem.mechanics.mesh import Mesh, boundary_facets
+from cfem.robot.cable_passage import demand_inside, gaps
 from cfem.robot.mesh.mesh_file import write_mesh
-from cfem.robot.passage import demand_inside, gaps
 from cfem.robot.stage import run
 
 QUIET = Options(quiet=True)
