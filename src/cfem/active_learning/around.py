@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.active_learning.choose import choose, disagreement
-from cfem.active_learning.fill import COMMITTEE, largest_error, model
+from cfem.active_learning.until_error import COMMITTEE, largest_error, model
 from cfem.condensed.parameters import references, sampled, shares
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole

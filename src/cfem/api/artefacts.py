@@ -53,7 +53,7 @@ def run_stage(
 
     kind = kind_named(stage)
     if kind == "sample":
-        more = {"fill": import_module("cfem.active_learning.fill").fill, **more}
+        more = {"fill": import_module("cfem.active_learning.until_error").fill, **more}
     options = Options(force=force, check=check, quiet=quiet)
     return stage_module(kind).run(Path(spec), overrides, None if out is None else Path(out), options, **more)
 

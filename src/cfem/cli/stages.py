@@ -178,7 +178,7 @@ def _sample(
     overrides += [f"around.task={around.resolve()}"] if around else []
 
     def fill(*arguments):
-        return import_module("cfem.active_learning.fill").fill(*arguments)
+        return import_module("cfem.active_learning.until_error").fill(*arguments)
 
     solve = import_module("cfem.sample.stage").run
     how = {"workers": workers, "scheduler": scheduler, "timeout": timeout, "shard": shard}

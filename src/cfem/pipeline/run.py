@@ -105,7 +105,7 @@ def _line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
 def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]:
     more: dict[str, Any] = {}
     if step.kind == "sample":
-        from cfem.active_learning.fill import fill
+        from cfem.active_learning.until_error import fill
 
         more = {"fill": fill, "workers": workers}
     return stage_module(step.kind).run(step.spec, step.stage.overrides, None, options, **more)

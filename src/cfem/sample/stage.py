@@ -35,8 +35,8 @@ def run(
     workers: processes, one a core by default; scheduler: address of a Dask scheduler, whose workers solve instead;
     timeout: s without a finished shard after which they are given up. The three change nothing but the time. The scene
     enters by its values: a comment in it makes no dataset stale. fill: makes the dataset's files; one that samples
-    actively where `spec.until` asks for it is `cfem.active_learning.fill.fill`. shard: 'i/n', to solve the i-th of n
-    parts alone, for `merge`."""
+    actively where `spec.until` asks for it is `cfem.active_learning.until_error.fill`. shard: 'i/n', to solve the i-th
+    of n parts alone, for `merge`."""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)

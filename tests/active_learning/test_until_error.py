@@ -8,7 +8,7 @@ import pytest
 from sample.synthetic import Factory
 from surrogate.synthetic import POISSON, YOUNG
 
-from cfem.active_learning import fill as active
+from cfem.active_learning import until_error as active
 from cfem.dataset.reader import as_dataset
 from cfem.dataset.writer import content_hash
 from cfem.sample.spec import SampleSpec
