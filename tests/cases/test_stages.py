@@ -8,9 +8,9 @@ import pytest
 from cases.lab import CASES, NOISE, QUIET, ROLL, YOUNG, lab, write
 
 from cfem.cases.prediction.stage import run as predict
+from cfem.cases.prediction_table import repeats
 from cfem.cases.stage import run as calibrate
 from cfem.cases.table import Cases
-from cfem.cases.written import repeats
 from cfem.core.errors import InputError, SpecError
 
 

@@ -30,7 +30,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import FILE, estimates, read_calibrated, write_calibrated
     from cfem.cases.predict import predict
-    from cfem.cases.written import repeats, write_predictions
+    from cfem.cases.prediction_table import repeats, write_predictions
 
     begin = time.process_time()
     lab = load_lab(spec, base)

@@ -32,7 +32,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     from cfem.cases.load import load_lab
     from cfem.cases.outcome import read_calibrated
     from cfem.cases.predict import beyond_calibration, predict
-    from cfem.cases.written import repeats, write_predictions
+    from cfem.cases.prediction_table import repeats, write_predictions
 
     path = base / spec.cases
     lab = load_lab(load_spec(path, CasesSpec), path.parent)
