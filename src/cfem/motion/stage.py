@@ -138,7 +138,7 @@ def _write(path: Path, model: Any, found: dict[str, np.ndarray]) -> None:
 def _beside(
     folder: Path, spec: SimulateSpec, base: Path, motion: tuple, found: dict, dt: float, until: float
 ) -> dict[str, Any]:
-    from cfem.motion.full import simulate_full
+    from cfem.motion.fe_motion import simulate_full
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
     from cfem.robot.same_robot import demand_robot
