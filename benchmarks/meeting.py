@@ -1,5 +1,5 @@
 """Soft robots that touch each other, and one that touches itself, against finite elements whose surfaces do the same: a
-table of docs/contact.md.
+table of docs/soft-contact.md.
 
 python benchmarks/meeting.py bars    two bars that bend towards each other
 python benchmarks/meeting.py bars --mu 0.3    with friction

@@ -18,7 +18,7 @@ static const double ROUNDING = 1e-9;           /* of such a step */
 #if CFEM_CONTACT == 2
 #define SOFT 1
 
-/* The planned robot, the first one, holds its actuators: see docs/contact.md. */
+/* The planned robot, the first one, holds its actuators: see docs/contact-in-c.md. */
 static unsigned step(cfem_touch_controller *c, const double *deltas, const cfem_met *before, cfem_met *now) {
     double each[CFEM_MEET_ROBOTS][NA];
     for (int i = 0; i < ALL_NA; i++) each[i / NA][i % NA] = deltas[i];
