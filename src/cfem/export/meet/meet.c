@@ -8,6 +8,7 @@
 #include <stdio.h>
 
 #include "cfem_meet_vectors.h"
+#include "cfem_touch_control.h"
 #include "cost.h"
 
 static cfem_met states[2];
@@ -18,6 +19,39 @@ static double apart(int n, const double *a, const double *b) {
     for (int i = 0; i < n; i++) most = fmax(most, fabs(a[i] - b[i]));
     return most;
 }
+
+#if CFEM_CONTACT == 2 && !defined(__arm__) /* whose memory is too small */
+#define TICKS 3
+
+static cfem_touch_controller robot;
+
+/* The tick that plans follows the tip of the first robot along the same way, the others go as they went. */
+static void follow(void) {
+    uint64_t sum = 0, most = 0;
+    double missed = 0.0;
+    cfem_input input = {0};
+    cfem_output output;
+    unsigned status = cfem_touch_control_init(&robot, cfem_obstacles, CFEM_TOUCH_OBSTACLES, CFEM_TOUCH_FRICTION);
+    for (int v = 0; v < CFEM_MEET_VECTORS; v++) {
+        const cfem_meet_vector *const one = &vectors[v];
+        for (int i = CFEM_NA; i < CFEM_CONTACT_NA; i++) robot.others[i / CFEM_NA][i % CFEM_NA] = one->delta_a[i];
+        for (int e = 0; e < CFEM_NE; e++) input.goal[e] = (cfem_real)(cfem_rest_e[e] + one->delta_e[e]);
+        for (int k = 0; k < TICKS; k++) {
+            const uint64_t begin = now();
+            status |= cfem_touch_control(&robot, &input, &output) & (CFEM_NO_MODEL | CFEM_NO_QP);
+            const uint64_t took = now() - begin;
+            sum += took, most = took > most ? took : most;
+        }
+        missed = fmax(missed, apart(CFEM_NE, robot.at.robot[0].delta_e, one->delta_e));
+    }
+    printf("planned: %d ticks, status %u; the tip is %.2g mm from the way at most; %.2g MB of state\n", TICKS * CFEM_MEET_VECTORS, status,
+           missed, 1e-6 * sizeof robot);
+    printf("a tick: mean %llu, largest %llu " UNIT "\n", (unsigned long long)(sum / TICKS / CFEM_MEET_VECTORS),
+           (unsigned long long)most);
+}
+#else
+static void follow(void) {}
+#endif
 
 int main(void) {
     int failed = 0;
@@ -44,5 +78,6 @@ int main(void) {
     printf("meeting: %d steps, %d failed; off by at most %.2g; pressed with %.3g N at most\n", CFEM_MEET_VECTORS, failed, largest,
            pressed);
     printf("a step: mean %llu, largest %llu " UNIT "\n", (unsigned long long)(sum / CFEM_MEET_VECTORS), (unsigned long long)most);
+    follow();
     return failed != 0;
 }
