@@ -42,6 +42,7 @@ def test_a_stated_force_is_what_finite_elements_feel(bar):
     assert met["error_max"] < 0.05 * 0.03
     assert found["trajectories"]["there"]["spectral"]["reached"] == 2
     assert found["headline"][0].startswith("ceiling: pressed with 0.0")
+    assert "held at 2 of 2 goals" in found["headline"][0]
     assert "2 of 2 commands carried out" in found["headline"][-1]
 
 
@@ -51,6 +52,7 @@ def test_a_goal_without_the_force_that_is_wanted_is_not_reached(bar):
     search = {"step": "0.5 mm", "weights": [0, 0, 0], "largest_force": "0.1 N"}
     found = cfem.run_stage("control", control(bar, "hard", obstacles, search=search, plant="model"))["results"]
     assert found["obstacles"]["ceiling"]["largest"] < 1.9
+    assert "where 2 N are wanted: held at 0 of 2 goals" in found["headline"][0]
     row = found["trajectories"]["there"]["spectral"]
     assert row["reached"] == row["reachable"] == 0 and row["goals"] == 2
 

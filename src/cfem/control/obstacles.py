@@ -82,9 +82,9 @@ class World:
             text = f"{name}: pressed with {least:.4g} to {most:.4g} N"
             if len(missed):
                 figures[name] |= {"wanted": one.press, "error_mean": missed.mean(), "error_max": missed.max()}
-                text += (
-                    f" where {one.press:.3g} N are wanted: error mean {missed.mean():.2g} N, max {missed.max():.2g} N"
-                )
+                met = int((missed <= PRESSED * one.press).sum())
+                text += f" where {one.press:.3g} N are wanted: held at {met} of {len(missed)} goals"
+                text += f" (error mean {missed.mean():.2g} N, max {missed.max():.2g} N)"
             lines.append(text + (f"; at most {one.largest_force:.3g} N allowed" if one.largest_force else ""))
         return figures, lines
 
