@@ -12,7 +12,7 @@
 #define NE CFEM_NE
 
 static const double STEP = 1e-4, SHARE = 0.05; /* of the reach: of differences; of a quasi-static step of a way */
-static const double ROUNDING = 1e-9;           /* of such a step */
+static const double ROUNDING = 1e-9, SHORTEST = 1.0 / 64; /* of a way: a step that is cut further ends it */
 
 #define ALL_NA CFEM_CONTACT_NA
 #if CFEM_CONTACT == 2
@@ -71,24 +71,25 @@ static void with_others(const cfem_touch_controller *c, const double *delta_a, d
     for (int i = 0; i < ALL_NA; i++) deltas[i] = i < NA ? delta_a[i] : other(c, i);
 }
 
-/* `here` at delta_a from where all robots stand; with friction, and with soft ones, the way is gone in steps. `near`: where the last of
- * them begins. */
+/* `here` at delta_a from where all robots stand; with friction, and with soft ones, the way is gone in steps, and one that fails is halved,
+ * as in cfem.equilibrium.quasi_static. `near`: where the last of them begins. */
 static unsigned go(cfem_touch_controller *c, const double *delta_a) {
-    double longest = 0.0, end[ALL_NA], on[ALL_NA];
+    const int walks = SOFT || c->mu > 0.0;
+    double longest = 1.0, share = 0.0, there, end[ALL_NA], on[ALL_NA];
     with_others(c, delta_a, end);
     c->near = c->at;
-    for (int i = 0; i < ALL_NA && (SOFT || c->mu > 0.0); i++) {
-        const double way = fabs(end[i] - c->delta_a[i]) / (SHARE * cfem_patch_reach[i % NA]);
-        if (way > longest) longest = way;
-    }
-    const int steps = longest > 1.0 + ROUNDING ? (int)ceil((longest < 1e3 ? longest : 1e3) - ROUNDING) : 1;
-    for (int k = 1; k < steps; k++) {
-        for (int i = 0; i < ALL_NA; i++) on[i] = c->delta_a[i] + (end[i] - c->delta_a[i]) * k / steps;
+    for (int i = 0; i < ALL_NA && walks; i++)
+        longest = fmax(longest, fabs(end[i] - c->delta_a[i]) / (SHARE * cfem_patch_reach[i % NA]));
+    const double first = 1.0 / ceil(fmin(longest, 1e3) - ROUNDING), shortest = fmin(SHORTEST, first / 8.0);
+    for (double size = first; share < 1.0; share = there) {
+        there = share + size > 1.0 - ROUNDING ? 1.0 : share + size;
+        for (int i = 0; i < ALL_NA; i++) on[i] = there < 1.0 ? c->delta_a[i] + (end[i] - c->delta_a[i]) * there : end[i];
         const unsigned status = step(c, on, &c->near, &c->here);
-        if (status) return status;
-        c->near = c->here;
+        if (status && !(walks && size > shortest * (1.0 + ROUNDING))) return status;
+        if (status) size = (there - share) / 2.0, there = share;
+        else if (there < 1.0) size = fmin(2.0 * size, fmax(first, size)), c->near = c->here;
     }
-    return step(c, end, &c->near, &c->here);
+    return 0;
 }
 
 /* As cfem_model, of the robot that obstacles touch: derivatives are central differences of contact states. */
