@@ -92,7 +92,10 @@ def test_what_encloses_nothing_is_refused_by_one_sentence():
     vertices, triangles = box_arrays([0, 0, 0], [1, 1, 1])
     one = np.arange(len(triangles))[:, None] == 3
     cases = {
-        "is not closed: 3 edges belong to one triangle only, one of them from": (vertices, triangles[1:]),
+        "is not closed: 3 edges belong to one triangle only, one of them from \\(0, 0, 0\\) to": (
+            vertices,
+            triangles[1:],
+        ),
         "is not oriented: at 3 edges": (vertices, np.where(one, triangles[:, ::-1], triangles)),
         "turned inside out: its normals point inward": (vertices, triangles[:, ::-1]),
         "branches: 3 edges": (np.vstack([vertices, [[9, 9, 9]]]), np.vstack([triangles, tent(triangles[0], 8)])),

@@ -89,6 +89,20 @@ def test_what_is_wrong_with_an_obstacle_is_said(bar, obstacle, what):
         cfem.run_stage("control", control(bar, "wrong", {"thing": obstacle}))
 
 
+def test_patches_as_large_as_the_robot_are_refused(bar):
+    with pytest.raises(
+        SpecError, match=r"patches: 50 mm is too coarse for a robot that is 60 mm long \(take about 3 mm"
+    ):
+        cfem.run_stage("control", control(bar, "coarse", {"ceiling": CEILING}, contact={"patches": "50 mm"}))
+
+
+def test_robots_that_overlap_are_refused_before_finite_elements_take_a_while(bar, monkeypatch):
+    monkeypatch.delattr("cfem.control.obstacles.touchable_of")
+    inside = {**TOUCHED, "translate": {"mm": [0, 0, 9]}}
+    with pytest.raises(SpecError, match=r"obstacles\.twin: the robot starts 4\.5 mm inside it.*move it away"):
+        cfem.run_stage("control", control(bar, "overlap", {"twin": inside}))
+
+
 def test_friction_below_zero_is_refused(bar):
     with pytest.raises(SpecError, match="friction"):
         cfem.run_stage("control", control(bar, "rough", {"ceiling": CEILING}, contact={"friction": -0.1}))
@@ -143,7 +157,7 @@ def test_another_robot_is_kept_clear_of(bar):
     ("change", "what"),
     [
         ({"path": {"mm": [[0, 0, 0], [0, 0, -9]]}}, r"its way leads .* mm into where the robot is held, .* % through"),
-        ({**TWIN, "shares": [[0, 1]]}, "has 1 actuators, and `shares`"),
+        ({**TWIN, "shares": [[0, 1]]}, "has 1 actuators, and each row of `shares`"),
         ({**TWIN, "shares": [[2]]}, "between 0 and 1"),
         ({**TWIN, "translate": {"mm": [0, 3, 2]}}, r"starts .* mm inside it"),
         ({**TWIN, "model": "../../models/nothing"}, "no such file"),

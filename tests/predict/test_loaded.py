@@ -94,6 +94,8 @@ def test_too_large_a_load_says_how_much_is_taken(model):
     with pytest.raises(InputError, match=r"wrong by about 1\.3 mm, and 0\.3 mm are allowed .*take at most 48% of them"):
         loaded(model, wrench_of(model.rows, {"tip": 0.1 * DIRECTION}))
     loaded(model, wrench_of(model.rows, {"tip": 0.047 * DIRECTION}))
+    with pytest.raises(InputError, match="take less than 1% of them"):
+        loaded(model, wrench_of(model.rows, {"tip": 100 * DIRECTION}))
 
 
 def test_an_unknown_effector_is_named(model):

@@ -227,4 +227,4 @@ def _portions(items: np.ndarray, most: int) -> list[slice]:
 
 
 def _shown(point: np.ndarray) -> str:
-    return np.array2string(point, precision=4, separator=", ")
+    return f"({', '.join(f'{x:.6g}' for x in point)})"

@@ -1,13 +1,14 @@
 """From what `control.yaml` says of obstacles to models that plan with contact, and to the FE robot that meets them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle import Obstacle, Plane
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
@@ -103,20 +104,21 @@ def with_obstacles(
     avoided = {name: obstacles[name] for name, one in spec.obstacles.items() if one.avoid is not None}
     solid = {name: one for name, one in obstacles.items() if name not in avoided}
     found, plant, friction = {}, None, spec.contact.friction
-    others = {name: other_robot(spec, one, base, name) for name, one in met.items()}
-    at_first = obstacles | {name: course.at(0.0) for name, (_, _, course) in others.items()}
+    bends = {name: one.course(base) for name, one in met.items()}
+    at_first = obstacles | {name: course.at(0.0) for name, course in bends.items()}
+    for name, model in predictors.items():  # before finite elements take a while
+        with naming(models[name]):
+            demand_outside(robot, model.skin.nodes, at_first)
+            demand_way(robot, model.skin.nodes, moving)
+    others = {name: other_robot(spec, one, base, name, bends[name]) for name, one in met.items()}
     learned = {name: (placed, course) for name, (placed, _, course) in others.items()}
     made_of = made_from(base / spec.scene, base / spec.mesh) | {"loads": meaning(spec.loads)}
     for name, model in predictors.items():
-        try:
-            skin = model.skin
-            demand_outside(robot, skin.nodes, at_first)
-            demand_way(robot, skin.nodes, moving)
+        skin = model.skin
+        with naming(models[name]):
             touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
             known = {"courses": moving, "others": learned, "itself": itself, "unilateral": robot.unilateral}
             one = ContactModel(touchable, solid, pressed, avoided, friction, **known)
-        except InputError as error:
-            raise InputError(error.what, where=error.where or str(models[name]), do=error.do) from None
         demand_apart(one)
         found[name] = one
         if plant is None:
@@ -133,22 +135,29 @@ def with_obstacles(
     return World(first.rows, goal, weights, bounds), found, plant
 
 
+@contextmanager
+def naming(model: Path) -> Iterator[None]:
+    """An InputError that says not where it is has this model in its place."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.what, where=error.where or str(model), do=error.do) from None
+
+
 def other_robot(
-    spec: ControlSpec, one: RobotObstacle, base: Path, name: str
+    spec: ControlSpec, one: RobotObstacle, base: Path, name: str, course: ActuatedRobot
 ) -> tuple[PlacedModel, Skinned, ActuatedRobot]:
     """Learned and by finite elements, and the course of its actuators. InputError where its model is not of its
     scene."""
-    course, own = one.course(base), base / (one.scene or spec.scene)
+    own = base / (one.scene or spec.scene)
     scene, mesh = load_scene_and_mesh(own, None if one.scene else base / spec.mesh)
     model = course.model
     do = f"name its scene in obstacles.{name}.scene"
     demand_robot(scene, model.meta.get("robot"), base / one.model, do)
     robot, skin = build_robot(scene, mesh), model.skin
     made_of = made_from(own, own.parent / scene.out if one.scene else base / spec.mesh) | {"loads": {}}
-    try:
+    with naming(base / one.model):
         touchable = touchable_of(model, base / one.model, robot, made_of, spec.contact.patches)
-    except InputError as error:
-        raise InputError(error.what, where=error.where or str(base / one.model), do=error.do) from None
     place = course.R, course.t, False
     return (
         PlacedModel(touchable, *place, robot.unilateral),
@@ -180,7 +189,9 @@ def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obst
             raise SpecError(
                 f"the robot starts {-distance[worst]:.3g} mm inside it, at ({place}) mm",
                 where=f"obstacles.{name}",
-                do="move the obstacle, or turn its normal out of it",
+                do="turn its normal out of it, or move it"
+                if isinstance(one, Plane)
+                else "move it away at the first goal",
             )
 
 

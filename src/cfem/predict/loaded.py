@@ -106,10 +106,11 @@ def _demand_trusted(length: float, trusted: float, error: float, of_share: Calla
         share = np.floor(100 * np.sqrt(allowed / error)) / 100
         while share > 0 and of_share(share) > allowed:
             share -= 0.01
+        at_most = f"at most {share:.0%}" if share > 0.005 else "less than 1%"
         raise InputError(
             f"the loads move the effectors so far that the model would be wrong by about {error:.2g} mm, "
             f"and {allowed:.2g} mm are allowed ({100 * trusted:g} % of the length)",
-            do=f"take at most {share:.0%} of them, or give them to the scene and sample it",
+            do=f"take {at_most} of them, or give them to the scene and sample it",
         )
 
 

@@ -166,7 +166,9 @@ class RobotObstacle(_Any):
         model = load_model(folder / self.model)
         n_a = model.rows.n_a
         if any(len(one) != n_a for one in self.shares):
-            raise InputError(f"has {n_a} actuators, and `shares` has rows of another number", where=where)
+            raise InputError(
+                f"the model has {n_a} actuators, and each row of `shares` needs as many numbers", where=where
+            )
         shares = np.array(self.shares)
         if not (np.isfinite(shares).all() and shares.min() >= 0 and shares.max() <= 1):
             raise InputError("`shares` must be between 0 and 1", where=where)

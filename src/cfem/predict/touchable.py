@@ -21,7 +21,7 @@ from scipy.linalg import qr
 
 from cfem.condensed.patches import Patches, cut
 from cfem.contact.detection import along
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.patch_compliance import PatchResponse
 from cfem.predict.chebyshev import Basis, basis
 from cfem.predict.domain import Domain
@@ -30,6 +30,7 @@ from cfem.predict.protocol import Predictor
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 TERMS, MOST = 10, 3  # of the polynomials through these, and their highest degree
 NONE = np.zeros(0)
+COARSEST = 0.5  # of the length: patches farther apart are no surface
 
 
 @dataclass(frozen=True)
@@ -213,5 +214,9 @@ def touch_states(domain: Domain, n_a: int) -> np.ndarray:
 
 
 def patches_of(model: Predictor, apart: float | None = None) -> Patches:
-    """The patches of a model's skin, about `apart` mm from each other, a twentieth of the length unless given."""
+    """The patches of a model's skin, about `apart` mm from each other, a twentieth of the length unless given.
+    SpecError where they are too far apart."""
+    if apart is not None and apart > COARSEST * model.length:
+        what = f"{apart:g} mm is too coarse for a robot that is {model.length:.3g} mm long"
+        raise SpecError(what, where="patches", do=f"take about {model.length / 20:.2g} mm, or leave the key out")
     return cut(model.skin.rest, model.skin.weights, apart or model.length / 20, model.skin.triangles)
