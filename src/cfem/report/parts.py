@@ -13,6 +13,7 @@ from cfem.motion.load import FILE as MOTION
 from cfem.motion.load import load_motion
 from cfem.predict.load import load_model
 from cfem.report.animation import animation
+from cfem.report.gait import gait_section, gait_summary
 from cfem.report.interactive import link
 from cfem.report.loops import loop_section
 from cfem.report.models import models_section, trained
@@ -50,13 +51,15 @@ def learned(
     forces = {units[name][1] for name in data.rows.actuators}
     force = forces.pop() if len(forces) == 1 else "N, MPa"
     mesh = read_mesh(artefact_file(manifests["mesh"][0], MESH))
+    done, crawls = controlled["results"], bool(controlled["spec"].get("gait"))
     sections = [
-        tracking_section(tracking, units),
+        gait_section(tracking, done, units) if crawls else tracking_section(tracking, units),
         models_section("The learned model", results, trusts, spec.published, force=force),
         samples_section(splits, sampled["results"]),
         *_vibrating({name: path for name, (path, _) in models.items() if (path / MOTION).exists()}),
     ]
-    summary, shown = tracking_summary(tracking), card(scene, mesh, data)
+    summary = gait_summary(tracking, done) if crawls else tracking_summary(tracking)
+    shown = card(scene, mesh, data)
     if spec.page:
         shown = replace(shown, link=link(*manifests["page"]))
     return summary, animation(control, controlled, tracking, scene), shown, sections

@@ -43,18 +43,21 @@ class Course:
         doing(f"walking {len(u)} commands")
         return crawler.walk(u, spec.ground.friction if friction is None else friction)
 
+    def tried(self, learned: Crawler, gait: Gait) -> tuple[float, float]:
+        """mm a cycle, NaN where it ends before, and the smallest force of an actuator (N), 0 at most."""
+        walk = self.walk(learned, gait, FEW)
+        return walk.per_cycle(self.spec.steps, self.direction), float(walk.least.min(initial=0.0))
+
     def best(self, learned: Crawler) -> Gait:
         """The gait that carries the learned crawler farthest. NumericalError where none carries it along."""
         spec = self.spec
         with progress("gaits are tried on the model", spec.evaluations) as advance:
 
             def distance(gait: Gait) -> tuple[float, float]:
-                walk = self.walk(learned, gait, FEW)
                 advance(1)
-                least = float(walk.least.min(initial=0.0))
-                return walk.per_cycle(spec.steps, self.direction), least
+                return self.tried(learned, gait)
 
-            best, far = best_gait(distance, self.n_a, spec.evaluations)
+            best, far = best_gait(distance, self.n_a, spec.steps, spec.evaluations)
         if not far > 0:
             what = f"none of {spec.evaluations} gaits carries the crawler along"
             raise NumericalError(what, do="allow larger gait.pulls, more evaluations, another weight or friction")

@@ -59,7 +59,7 @@ class GaitSpec(Spec):
     distance: Annotated[Length, Field(gt=0)] | None = None
     """How far it should go along the direction, from rest. It then walks as many commands as the model needs for that,
     whatever `cycles` says."""
-    evaluations: PositiveInt = 150
+    evaluations: PositiveInt = 24
     """Gaits that are tried on the model."""
     frictions: list[Friction] = []
     """Other coefficients of friction at which model and finite elements walk the same gait."""

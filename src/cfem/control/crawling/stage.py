@@ -1,7 +1,7 @@
 """The `gait:` part of `cfem control`: a gait is found on the learned model, and finite elements walk it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,21 @@ from cfem.robot.load import load_scene_and_mesh
 Place = tuple[np.ndarray, np.ndarray]
 
 
-def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:
-    """Writes trajectories.parquet, a row a command, and states.npz; returns the results."""
+@dataclass(frozen=True)
+class Setting:
+    """What a spec says, made: one leg and the model of it, by its name; where the legs are; the crawler twice."""
+
+    robot: Robot
+    name: str
+    model: Any
+    places: Sequence[Place]
+    on: Course
+    learned: Crawler
+    fe: Crawler
+
+
+def setting_of(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Setting:
+    """base: folder of the spec; mesh and models: artefacts."""
     scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
     robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
     demand_same_rows(robot, predictors, models)
@@ -42,24 +55,30 @@ def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mappi
     feet = [_with_feet(robot, load) for load in loads]
     rest = np.array([one.rest for one in feet[0].contacts])
     standing = [PlacedRobot(Problem(leg), *place) for leg, place in zip(feet, places, strict=True)]
-    fe = crawler_of(gait, standing, names, weights)
     held = held_by(model, models[name])
     learning = [
         LearnedLeg(held, robot.unilateral, rest, *place, load) for place, load in zip(places, loads, strict=True)
     ]
-    learned = crawler_of(gait, learning, names, weights)
+    learned, fe = (crawler_of(gait, legs, names, weights) for legs in (learning, standing))
     on = Course(gait, [one in gait.mirrored for one in names], robot.rows.n_a)
+    return Setting(robot, name, model, places, on, learned, fe)
+
+
+def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:
+    """Writes trajectories.parquet, a row a command, and states.npz; returns the results."""
+    at, gait = setting_of(spec, base, mesh, models), spec.gait
+    on, learned, fe, robot = at.on, at.learned, at.fe, at.robot
     best = on.best(learned)
     planned = on.plan(learned, best)
     walks = {"planned": planned, "fe": on.repeat(fe, planned)}
     far = {key: on.far(one) for key, one in walks.items()}
     sweep = [on.at_friction(other, best, learned, fe) for other in gait.frictions]
     alone = [on.planned_at(other, best, learned) for other in gait.planned_frictions]
-    rows = _records(name, planned, walks["fe"], spec.reached, model)
+    rows = _records(at.name, planned, walks["fe"], spec.reached, at.model)
     outside = sum(not row["inside"] for row in rows)
     ratio = max((one.ratio for touch in planned.touches for one in touch.solved[:-1]), default=0.0)
-    _write(folder / "trajectories.parquet", rows, robot, names, fe.centre)
-    np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], places, robot, gait))
+    _write(folder / "trajectories.parquet", rows, robot, [one.name for one in spec.robots], fe.centre)
+    np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], at.places, robot, gait))
     account = account_of(walks["fe"])
     return {
         KEY: judged(far, on.unit, ratio),
