@@ -48,7 +48,7 @@ gait:
   ground: {point: {mm: [0, 0, -5.2]}, normal: [0, 0, 1], friction: 0.6}
   direction: [0, 1, 0]
   mirrored: [two]
-  pulls: {mm: [0, 1]}
+  pulls: {mm: [0, 0.5]}
   gravity: 9.81 m/s^2
   steps: 4
   cycles: 2
