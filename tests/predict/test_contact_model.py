@@ -1,5 +1,7 @@
 """A learned robot among obstacles as a model: its rows, its derivatives, and what control finds with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,8 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.meet import Skinned
 from cfem.equilibrium.patch_compliance import patch_response
 from cfem.plant.touch_plant import TouchPlant
-from cfem.predict.contact_model import ContactModel
+from cfem.predict.contact_model import TRUSTED, ContactModel
+from cfem.predict.held import Held
 from cfem.predict.load import load_model
 from cfem.predict.meeting import PlacedModel
 from cfem.predict.touchable import Touchable, patches_of, touch_states
@@ -161,6 +164,20 @@ def test_friction_remembers_where_the_robot_stands(touchable, table):
     before = smooth.at_displacement(DELTA).lambda_a[0]
     smooth.settle(DELTA + 0.5)
     assert smooth.at_displacement(DELTA).lambda_a[0] == pytest.approx(before, rel=1e-9)
+
+
+def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(touchable, table):
+    """The second order of the load's motion is what its symmetric difference leaves, and grows in proportion to it."""
+    world = ContactModel(touchable, {"table": table}, ("table",))
+    state, touched = world.at_displacement(DELTA), world.touched(DELTA)
+    held, size = Held(touchable, DELTA), 1e-3
+    ends = []
+    for share in (size, -size):
+        held.bear(touched.patches, share * touched.forces)
+        ends.append(held.rows - held.unloaded)
+    share = np.linalg.norm(ends[0] + ends[1]) / np.linalg.norm(ends[0] - ends[1])
+    assert share / size == pytest.approx(state.bending, rel=1e-4) and state.bending > 0
+    assert world.inside(state) and not world.inside(replace(state, bending=1.01 * TRUSTED))
 
 
 def test_no_contact_state_is_an_error(touchable, table, monkeypatch):

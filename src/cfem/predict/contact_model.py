@@ -29,9 +29,17 @@ from cfem.predict.contact_step import RigidSteps, SoftSteps, Steps
 from cfem.predict.meeting import Meeting, PlacedModel
 from cfem.predict.touchable import Touchable
 
+TRUSTED = 0.3  # second order of the motion over the first: beyond it forces are wrong (docs/contact.md)
 STEP = 1e-4  # of the reach: of the differences
 LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
 SHARE = 0.05  # of its reach: the longest way of an actuator in one quasi-static step under friction
+
+
+@dataclass(frozen=True)
+class InContact(Condensed):
+    """bending: as `Touched` has it."""
+
+    bending: float
 
 
 @dataclass
@@ -183,10 +191,12 @@ class ContactModel:
         W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
-        return Condensed(rows, W, delta - W[:, rows.a] @ lam, lam)
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, 0.0 if here is None else here.bending)
 
     def inside(self, condensed: Condensed) -> bool:
-        return self.touchable.model.inside(condensed)
+        """Whether forces bend the robot no further than a model of second order knows, too."""
+        known = not isinstance(condensed, InContact) or condensed.bending <= TRUSTED
+        return known and self.touchable.model.inside(condensed)
 
     def distance(self, condensed: Condensed) -> float:
         return self.touchable.model.distance(condensed)

@@ -80,6 +80,13 @@ class Held:
         dented = pairs.ravel() @ parts.dented[..., 3:].reshape(-1, n_e)
         return (of.modes.first * self.C_es + of.modes.second / 2 * of.change[:n_e]) @ self.w + own + dented
 
+    def bending(self) -> float:
+        """The second order of what the load does to the modes, as a share of the first."""
+        if not self.w.any():
+            return 0.0
+        second = self._loaded.change[len(self.C_es) :] @ self.w / 2
+        return float(np.linalg.norm(second) / np.linalg.norm(self.C_ss @ self.w))
+
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
         skin, w = self.of.model.skin, self.w

@@ -47,7 +47,8 @@ class PlacedModel:
 class Met(Pressing):
     """One state at `deltas`. Of all N patches, robot after robot, in the scene: forces (N, 3) N, places (N, 3) mm, and
     chosen (c,), those whose pairs are near. modes: of pairs that touch, by slot; memory: from where slip is counted;
-    delta_e (n_e,) mm and lambda_a (n_a,) N of each robot, in its own frame; rows: of its skin."""
+    delta_e (n_e,) mm and lambda_a (n_a,) N of each robot, in its own frame; rows: of its skin; bending: largest of
+    `Touched.bending`."""
 
     status: TouchedStatus
     deltas: list[np.ndarray]
@@ -59,6 +60,7 @@ class Met(Pressing):
     delta_e: list[np.ndarray]
     lambda_a: list[np.ndarray]
     rows: list[np.ndarray]
+    bending: float
     iterations: int
 
     @property
@@ -295,5 +297,6 @@ class _Step:
             delta_e,
             lambda_a,
             [one.rows for one in self.held],
+            max(one.bending() for one in self.held),
             self.iterations,
         )

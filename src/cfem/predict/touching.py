@@ -47,7 +47,8 @@ class Touched:
     that they touch; modes: of each patch; delta_e (n_e,) mm of the touched robot, at delta_a (n_a,) mm under lambda_a
     (n_a,) N, negative where a cable that is held would have to push; rows (k,) mm of the skin, from which
     `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds each patch, NaN where
-    it does not; near (d,): numbers of these patches and of those that may touch next."""
+    it does not; near (d,): numbers of these patches and of those that may touch next; bending: the second order of the
+    motion over its first (`ContactModel.inside`)."""
 
     status: TouchedStatus
     patches: np.ndarray
@@ -64,6 +65,7 @@ class Touched:
     rows: np.ndarray
     stuck: np.ndarray
     near: np.ndarray
+    bending: float
     iterations: int
 
     @property
@@ -258,5 +260,6 @@ class _Step:
             held.rows,
             self.stuck,
             near[meets | (self.distance[near] < NEAR * self.length)],
+            held.bending(),
             self.iterations,
         )
