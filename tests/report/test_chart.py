@@ -1,6 +1,8 @@
 import re
+from itertools import pairwise
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cfem.report.chart import HEIGHT, TEXT, THEME, WIDTH, chart, panel
 from cfem.report.style import FE, LEARNED, grid, outside_legend, png, tick
@@ -73,3 +75,17 @@ def test_a_linear_axis_of_small_numbers_has_no_common_factor_over_its_title():
     axis.plot([0, 1], [-2e-5, 2e-5])
     text = chart("small", "", [axis]).panels[0]
     assert ">−2·10⁻⁵<" in text and "1e" not in text.replace("1em", "")
+
+
+def test_labels_of_numbers_that_are_nearly_alike_stand_apart():
+    axis = panel("y (mm)", "x (mm)")
+    axis.plot([58.45, 58.525, 58.597], [0.06, 0.04, 0.01])
+    FigureCanvasAgg(axis.figure).draw()
+    low, high = axis.get_xlim()
+    boxes = [
+        one.label1.get_window_extent()
+        for one in axis.xaxis.get_major_ticks()
+        if low <= one.get_loc() <= high and one.label1.get_text()
+    ]
+    assert len(boxes) >= 3
+    assert all(left.x1 + 4 < right.x0 for left, right in pairwise(boxes))

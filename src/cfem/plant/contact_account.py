@@ -39,7 +39,7 @@ class ContactAccount:
         """For people."""
         points = ", ".join(f"{count} {mode}" for mode, count in self.account()["points"].items())
         return (
-            f"contact: {self.commands - self.failures} of {self.commands} commands carried out; after them points "
-            f"{points}; {self.steps} quasi-static steps, {self.iterations} rounds of FE; the law is met to "
+            f"contact: {self.commands - self.failures} of {self.commands} commands carried out; contact points at "
+            f"their ends: {points}; {self.steps} quasi-static steps, {self.iterations} rounds of FE; the law is met to "
             f"{self.worst:.1e}"
         )

@@ -66,6 +66,8 @@ def panel(title: str, x: str, log: str = "", count: bool = False) -> Axes:
     axis.set(xscale="log" if "x" in log else "linear", yscale="log" if "y" in log else "linear")
     if count:
         axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    elif "x" not in log:
+        axis.xaxis.set_major_locator(MaxNLocator(4))  # so that labels such as 58.525 stand apart
     return axis
 
 

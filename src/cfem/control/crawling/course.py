@@ -163,7 +163,7 @@ def headline(
         said = ", ".join(f"{'no whole cycle' if far is None else format(far, '.3g')} at {mu:g}" for mu, far in gone)
         lines.append(f"planned alone, mm a cycle at a friction: {said}")
     points = ", ".join(f"{count} {mode}" for mode, count in sorted(account["points"].items()))
-    said = f"contact: {account['commands']} commands carried out; after them points {points}"
+    said = f"contact: {account['commands']} commands carried out; contact points at their ends: {points}"
     if fe.status != CONVERGED:
         said += f"; then: {fe.status}"
     return [*lines, f"{said}; the law is met to {account['law_residual']:.1e}"]
