@@ -130,9 +130,13 @@ static double merit(const cfem_condensed *m, const double *aim, double penalty) 
 
 /* m becomes the model where the inverse step leads, of the longest of step, step / 2, step / 4, ... for which that is better;
  * it stays where none is, or where the step is shorter than CFEM_TOLERANCE. A shorter step, not a part of the step: what the
- * goal needs is still done, what hardly matters waits. The status is of the first. */
+ * goal needs is still done, what hardly matters waits. Among obstacles, where friction makes that lead aside, it is a part of the step as
+ * long as the limits leave it as long as it was. The status is of the first. */
 static unsigned descend(const cfem_controller *c, cfem_condensed *m, const double *aim, int *moved) {
     double lambda_a[MOST_NA], delta_a[MOST_NA], strongest, share = 1.0;
+#if CFEM_CONTACT
+    double whole[MOST_NA] = {0.0};
+#endif
     unsigned first = CFEM_OK;
     *moved = 0;
     for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
@@ -145,6 +149,14 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
         for (int i = 0; i < NA; i++)
             if (fabs(delta_a[i] - m->delta_a[i]) > farthest) farthest = fabs(delta_a[i] - m->delta_a[i]);
         if (farthest <= CFEM_TOLERANCE) break;
+#if CFEM_CONTACT
+        double shorter = 0.0;
+        for (int i = 0; i < NA; i++) {
+            if (halving == 0) whole[i] = delta_a[i];
+            shorter = fmax(shorter, fabs(delta_a[i] - whole[i]));
+        }
+        for (int i = 0; i < NA && shorter <= CFEM_TOLERANCE; i++) delta_a[i] = m->delta_a[i] + share * (delta_a[i] - m->delta_a[i]);
+#endif
         if (ask(c, CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
         if (merit(&trial, aim, 2.0 * strongest) < merit(m, aim, 2.0 * strongest)) {
             *m = trial, *moved = 1;
