@@ -193,7 +193,8 @@ def place_of(one: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
 def _pose_rows(predictor: Predictor, robot: Robot, where: Path) -> int:
     n_pose = int(predictor.meta.get("n_c", 0))
     if not n_pose or predictor.rows.actuators[: robot.rows.n_a] != robot.rows.actuators:
-        what = f"has rows {predictor.rows.actuators}, the scene actuators {robot.rows.actuators} and a held patch"
+        known, needed = (", ".join(one.rows.actuators) for one in (predictor, robot))
+        what = f"the model has the inputs {known}; an object needs {needed} and the pose of the contact points"
         raise InputError(what, where=str(where), do="train it on samples with `contact`")
     return n_pose
 
