@@ -22,6 +22,7 @@ from cfem.equilibrium.third_order import steepest
 # at nu = 0.49 (bars of four cells along their length, which lock).
 OUTER, INNER = 1e-5, 2e-5
 ENOUGH = 1e-5  # of what is left of the motions: the residual of their correction
+LOCKED = 1e-3  # of what a wrench on a row strains with the actuators free: steps are of no less, as Q may be rounding
 
 
 def load_curvatures(at: Linear) -> np.ndarray:
@@ -39,15 +40,20 @@ def load_curvatures(at: Linear) -> np.ndarray:
 
 class _Pulled:
     """States under a small wrench on one row each. Q (n_dof, n_e): motions that a wrench makes, actuators held, which
-    pull with `pulls` (n_a, n_e) more; steps (n_e,) N: of inner differences, 0 for a row that moves nothing."""
+    pull with `pulls` (n_a, n_e) more; steps (n_e,) N: of inner differences, 0 for a row that moves nothing even with
+    the actuators free."""
 
     def __init__(self, at: Linear):
         self.at, rows, W = at, at.problem.robot.rows, at.W
         self.stiffness = np.linalg.inv(W[rows.a, rows.a])
         self.pulls = self.stiffness @ W[rows.a, rows.e]
         self.Q = at.Z[:, rows.e] - at.Z[:, rows.a] @ self.pulls
-        steepness = np.array([steepest(at.problem, at.problem.kinematics.spread(at.at.x, q)) for q in self.Q.T])
+        steepness = np.maximum(self._steepness(self.Q), LOCKED * self._steepness(at.Z[:, rows.e]))
         self.steps = np.divide(INNER, steepness, out=np.zeros(rows.n_e), where=steepness > 0)
+
+    def _steepness(self, motions: np.ndarray) -> np.ndarray:
+        spread = self.at.problem.kinematics.spread
+        return np.array([steepest(self.at.problem, spread(self.at.at.x, q)) for q in motions.T])
 
     def change(self, row: int, h: float) -> np.ndarray:
         """(row + 1, n_e, n_e): D[k] of k <= row, under h N on the row."""
