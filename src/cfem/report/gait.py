@@ -8,7 +8,7 @@ import numpy as np
 from cfem.core.shown import duration, length, length_unit
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.page import Number, Section, Summary
-from cfem.report.style import GOAL
+from cfem.report.style import INK
 from cfem.report.tables import Table, number, tabulate
 from cfem.report.tracking import FLOOR, Tracking, carried
 
@@ -53,7 +53,7 @@ def way_chart(found: Tracking, results: Mapping[str, Any]) -> Chart:
 
 def _looks() -> dict[str, dict]:
     return {
-        "plan": {"marker": "o", "ms": 5, "mfc": "none", "lw": 0, "color": GOAL, "label": "plan"},
+        "plan": {"marker": "o", "ms": 5, "mfc": "none", "lw": 0, "color": INK, "label": "plan"},
         "fe": {"marker": ".", "ms": 4, "lw": 1.3, "color": "C0", "label": "finite elements"},
     }
 
@@ -70,6 +70,7 @@ def _over_friction(found: Tracking, results: Mapping[str, Any]) -> Any:
         known = [(one[FRICTION], one[key]) for one in distances(found, results) if one.get(key) is not None]
         if known:
             axis.plot(*zip(*known, strict=True), **look)
+    axis.margins(y=0.1)
     axis.set_ylim(bottom=0)
     return axis
 
