@@ -3,6 +3,7 @@ import pytest
 from scipy.optimize import minimize
 from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
+from cfem.condensed import Condensed, Rows
 from cfem.control.inverse import Aim, Limits, ridge_of
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 
@@ -108,3 +109,27 @@ def test_powell_update_meets_the_secant_condition_and_stays_symmetric():
         s = to.delta_a - before.delta_a
         np.testing.assert_allclose(at.hessian @ s, to.effector_jacobian - before.effector_jacobian, atol=1e-9)
         np.testing.assert_allclose(at.hessian, at.hessian.swapaxes(1, 2), atol=1e-12)
+
+
+class Slipping:
+    """One spring of 1 N/mm: its place, and what a grip has left, which falls where the place is beyond 2 mm."""
+
+    rows = Rows(("place", "grip"), ("pull",))
+
+    def at_displacement(self, delta_a):
+        a = float(np.asarray(delta_a)[0])
+        J = np.array([[1.0], [-0.1]])
+        W = np.block([[J @ J.T, J], [J.T, np.eye(1)]])
+        delta = np.array([a, 1 - 0.1 * a - 5 * (a > 2), a])
+        return Condensed(self.rows, W, delta - W[:, 2] * a, np.array([a]))
+
+
+def test_a_bound_that_no_step_has_met_yet_is_not_given_up_for_the_goal():
+    """The linearisation does not see the slip, so that the bound has no price."""
+    model = Slipping()
+    limits = Limits(
+        np.array([[-np.inf, np.inf]]), np.array([[-10.0, 10.0]]), np.array([[-np.inf, np.inf], [0, np.inf]])
+    )
+    aim = Aim(np.array([3.0, 0.0]), np.array([1.0, 0.0]), np.full(1, 1e-6))
+    found = reach(model, aim, limits, Iterate.at(model.at_displacement(np.zeros(1))))
+    assert 1.9 < found.delta_a[0] <= 2.0 and found.delta_e[1] > 0

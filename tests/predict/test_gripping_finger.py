@@ -7,6 +7,7 @@ import pytest
 from support.blocks import bar
 
 from cfem.condensed import Rows
+from cfem.condensed.pose import turn
 from cfem.constraint.contact import make_contact
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.held_patch import contact_points, patch_of
@@ -71,3 +72,14 @@ def test_a_patch_that_buckles_has_no_answer(both):
 
     found, _ = replace(both[1], model=Weak()).respond(ACTUATORS, LIFT, None)
     assert not found.converged
+
+
+def test_the_patch_is_placed_to_rounding(both):
+    """What is missing of the place would be a force, and contact without forces would never be at rest."""
+    finger, missing = both[1], []
+    for seed in range(20):
+        delta = LIFT + LEAN * np.random.default_rng(seed).uniform(-3, 3)
+        X, size, _ = finger._placed(delta, np.zeros(6))
+        shapes = np.kron(np.eye(3), turn(X[3:]).R) @ finger.within.shapes
+        missing.append(np.abs(delta - finger.patch.displacement(X) - shapes @ size).max())
+    assert max(missing) <= 1e-14 * np.abs(finger.patch.points).max()

@@ -14,6 +14,7 @@ from cfem.contact.obstacle import Box
 from cfem.control.grasp import from_table, taken
 from cfem.control.gripping import Grip, Gripping
 from cfem.control.spec import ControlSpec, RobotSpec
+from cfem.control.squeeze import balanced
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.grip import Free
 from cfem.equilibrium.ground import Pads
@@ -116,11 +117,10 @@ def touching(
     fingers = [PlacedRobot(Problem(robot), *place_of(one)) for one in spec.robots]
     _demand_touch(spec, robot, shape, fingers)
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
-    ends, grasp = n_a * np.arange(count + 1), np.full(n_a * count, spec.search.preload)
-    handed = grasp if spec.search.preload else None
+    ends, preload = n_a * np.arange(count + 1), spec.search.preload
 
-    def grip(robots: Sequence[Touching], first: np.ndarray | None, table: Pads | None) -> GripPlant:
-        return GripPlant(robots, ends, held, law, mu, points, first, about.margin, table)
+    def grip(robots: Sequence[Touching], grasp: np.ndarray, table: Pads | None) -> GripPlant:
+        return GripPlant(robots, ends, held, law, mu, points, grasp if preload else None, about.margin, table)
 
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
         do = "add contact.rotation to sample.yaml, sample and train"
@@ -132,14 +132,16 @@ def touching(
     table = table_under(about.centre, about.half_size, force) if about.table else None
     for name, glued in models.items():
         learned = [LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds]
-        robots = grip(learned, handed, table)
+        grasp = balanced(learned, held, preload)
+        robots = grip(learned, grasp, table)
         if table:
-            plans = from_table(robots, glued, mu, about.margin, grasp, spec.search.preload)
+            plans = from_table(robots, glued, mu, about.margin, grasp, preload)
         else:
             plans = Gripping(robots, glued, mu, about.margin, grasp, taken(robots))
         found[name] = plans
-    fe = grip(fingers, handed, table)
-    return Grip.of(next(iter(found.values())), fe), found, fe
+    first = next(iter(found.values()))
+    fe = grip(fingers, first.home, table)
+    return Grip.of(first, fe), found, fe
 
 
 def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) -> Pads:

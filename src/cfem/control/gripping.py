@@ -21,6 +21,7 @@ from cfem.constraint.effector import inverse_left_jacobian
 from cfem.contact.sensitivity import sensitivity
 from cfem.control.obstacles import World
 from cfem.control.spec import ControlSpec
+from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.plant.grip_plant import GripPlant
@@ -176,6 +177,10 @@ class Grip(World):
     def of(cls, model: Gripping, fe: GripPlant) -> "Grip":
         k = model.rows.n_e - model.glued.rows.n_e
         return cls(model.rows, np.zeros(k), np.zeros(k), np.tile([0.0, np.inf], (k, 1)), fe, model)
+
+    def pilot(self, pilot: Pilot) -> Pilot:
+        """Its actuators tend to the squeeze."""
+        return replace(super().pilot(pilot), preload=self.model.home)
 
     def said(self, spec: ControlSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
         """Margins to slip, planned and by finite elements: figures, and a line for people."""

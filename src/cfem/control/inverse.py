@@ -68,7 +68,7 @@ class Aim:
     goal: np.ndarray
     weights: np.ndarray
     ridge: np.ndarray
-    preload: float = 0.0
+    preload: np.ndarray | float = 0.0
     damping: np.ndarray | float = 0.0
     places: np.ndarray | None = None
 

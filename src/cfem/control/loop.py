@@ -10,7 +10,7 @@ Out of reach the residual stays large and Gauss-Newton (the paper's step, repeat
 Hessian lacks S = sum_i w_i^2 (e_i - goal_i) hess e_i. The model gives grad e at every state for nothing, so
 hess e is learned from its differences (Powell's symmetric Broyden update); it belongs to the robot, not to the
 goal, and is handed from goal to goal. A step that does not lower the cost plus an exact penalty on forbidden
-multipliers is halved."""
+multipliers and effector rows is halved; the penalty never falls during a search."""
 
 import time
 from collections.abc import Callable
@@ -24,6 +24,8 @@ from cfem.condensed.model import Model, under_force
 from cfem.control.inverse import Aim, InverseStep, Limits, inverse_step
 from cfem.control.qp import Backend
 from cfem.core.errors import NumericalError
+
+UNMET = 10.0
 
 # The state after a share of an inverse step from a state.
 Place = Callable[[Model, Condensed, InverseStep, float], Condensed]
@@ -139,7 +141,7 @@ def reach(
     begin = time.perf_counter()
     at, status = start, ReachStatus.ITERATIONS
     iterations = queries = 0
-    softened, kkt = False, 0.0
+    softened, kkt, penalty = False, 0.0, 0.0
     while iterations < settings.iterations:
         here = at.condensed.delta_a
         try:
@@ -154,7 +156,7 @@ def reach(
             status = ReachStatus.CONVERGED
             break
         prices = step.qp.z if limits.delta_e is None else np.concatenate([step.qp.z, step.qp.y[len(here) :]])
-        penalty = 2.0 * float(np.abs(prices).max())
+        penalty = max(penalty, 2.0 * float(np.abs(prices).max()), _least_penalty(at.condensed, aim, limits))
         trial, used = _descend(
             lambda share, here=at.condensed, step=step: place(model, here, step, share),
             aim,
@@ -190,6 +192,16 @@ def _descend(
         if _merit(trial, aim, limits, penalty) < merit:
             return trial, halving + 1
     return None, halvings + 1
+
+
+def _least_penalty(condensed: Condensed, aim: Aim, limits: Limits) -> float:
+    """Of effector rows outside their bounds, which have no price before they have met them: what an actuator changes
+    there on its way x costs UNMET times x times what is missed."""
+    if limits.delta_e is None:
+        return 0.0
+    bounded = np.isfinite(limits.delta_e).any(axis=1)
+    slope = np.abs(condensed.effector_jacobian[bounded]).max(initial=0.0)
+    return UNMET * aim.missed(condensed.delta_e) / slope if slope > 0 else 0.0
 
 
 def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float) -> float:

@@ -15,6 +15,7 @@ from cfem.core.errors import NumericalError
 
 ROUNDS = 8
 NEAR = 1e-3  # mm from the place: nearer is not asked for
+ALIKE = 0.1  # of its weight, that the height of a hold is that of the first: it may rise where the margin wants it
 
 
 def put_down(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings) -> Reach:
@@ -31,6 +32,7 @@ def put_down(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings) -
     best, opened, least = None, None, np.inf
     cost = {"iterations": 0, "queries": 0, "seconds": 0.0}
     for _ in range(ROUNDS):
+        model.begin_search()
         above = reach(model, replace(aim, goal=goal, weights=weights), limits, at, settings)
         cost = {key: value + getattr(above, key) for key, value in cost.items()}
         try:
@@ -38,7 +40,8 @@ def put_down(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings) -
         except NumericalError:
             if best is None:
                 raise
-            break
+            goal[steered] = (before[0] + goal[steered]) / 2  # half the way back to the last hold that it let go
+            continue
         missed = aim.missed(now.delta_e)
         if missed < least:
             least, state = missed, (now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e))
@@ -53,7 +56,7 @@ def put_down(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings) -
         before = held, found
         goal[steered] = held + np.linalg.solve(slope, aim.goal[steered] - found)
         if not weights[up]:
-            weights[up], goal[up] = aim.weights[up], above.delta_e[up]
+            weights[up], goal[up] = ALIKE * aim.weights[up], above.delta_e[up]
         at = above.iterate
     model.before = opened
     return replace(best, **cost)

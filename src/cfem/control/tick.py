@@ -39,7 +39,7 @@ class Pilot:
     ridge: np.ndarray
     settings: Settings = ONCE
     rate: float = np.inf
-    preload: float = 0.0
+    preload: np.ndarray | float = 0.0
     damping: np.ndarray | float = 0.0
     approach: Settings | None = None
     places: np.ndarray | None = None

@@ -90,7 +90,8 @@ class LearnedFinger:
     def _placed(self, delta_c: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """X (6,) and sizes (n,) of the shapes at which the points stand at delta_c (3 k,) mm from rest, and the
         derivative of their places by both."""
-        z, k = np.zeros(len(self.within.compliance)), len(self.patch.points)
+        z, k, before = np.zeros(len(self.within.compliance)), len(self.patch.points), np.inf
+        near = TOLERANCE * float(np.abs(self.patch.points).max())
         for _ in range(ITERATIONS):
             now = turn(X[3:])
             shapes = (now.R @ self.within.shapes.reshape(k, 3, -1)).reshape(3 * k, -1)
@@ -99,8 +100,10 @@ class LearnedFinger:
             J[:, 3:] += np.einsum("jab,kb->kaj", now.first, local).reshape(3 * k, 3)
             M = np.hstack([J, shapes])
             missing = delta_c - self.patch.displacement(X) - shapes @ z
-            if np.abs(missing).max() <= TOLERANCE * np.abs(self.patch.points).max():
+            size = float(np.abs(missing).max())
+            if size <= near and size >= before / 2:  # to rounding: the patch is stiff, and what is missing is a force
                 return X, z, M
+            before = size
             step = np.linalg.solve(M, missing)
             X, z = X + step[:6], z + step[6:]
         raise NumericalError("a patch of contact points is bent out of shape")
