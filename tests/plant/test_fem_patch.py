@@ -34,6 +34,18 @@ def test_a_question_asked_again_costs_nothing_and_a_new_one_a_solve(patch):
     assert patch.seconds > 0
 
 
+def test_another_pose_at_the_same_actuators_takes_the_factor_at_hand(patch):
+    """And is the state of a robot that never knew it."""
+    at, further = np.array([0.4, 0.6, 0.1, 0.0, 0.1]), np.array([0, 0, 1e-4, -2e-4, 1e-4])
+    patch.at_displacement(at)
+    factorizations = patch.factorizations
+    found = patch.at_displacement(at + further)
+    assert patch.factorizations == factorizations
+    alone = FemPatch(bar(element="hex8", divisions=(6, 1, 1), contact=True), turns=False).at_displacement(at + further)
+    np.testing.assert_allclose(found.W, alone.W, rtol=1e-8, atol=1e-9 * np.abs(alone.W).max())
+    np.testing.assert_allclose(found.lam, alone.lam, atol=1e-9 * np.abs(alone.lam).max())
+
+
 def test_what_has_no_state_is_an_error(patch):
     with pytest.raises(NumericalError, match="FE robot"):
         patch.at_displacement(np.full(5, np.nan))

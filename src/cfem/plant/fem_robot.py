@@ -45,14 +45,16 @@ class FemRobot:
         return self._problem.rest if self.state is None else self.state.state.x
 
     def _solve(
-        self, actuation: Actuation, near: np.ndarray, slack: bool, place: np.ndarray | None = None
+        self, actuation: Actuation, near: np.ndarray, slack: bool, place: np.ndarray | None = None, again: bool = False
     ) -> Equilibrium:
         """near: (n,) about where the robot will be; place: (n,) where it then is, contact points held; None: where its
-        actuators stand. NumericalError where it does not converge to a stable equilibrium."""
+        actuators stand; again: so little from the last state that its factor serves on. NumericalError where it does
+        not converge to a stable equilibrium."""
         begin = time.perf_counter()
         base = None if self.state is None else self.state.state
         start = predict(self._known, near, actuation)
-        found = solve(self._problem, actuation, start, base, settings=self._settings, slack=slack)
+        tangent = self._problem.latest if again else None
+        found = solve(self._problem, actuation, start, base, settings=self._settings, slack=slack, tangent=tangent)
         self.solves += 1
         self.factorizations += found.factorizations
         self.seconds += time.perf_counter() - begin
