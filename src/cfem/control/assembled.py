@@ -132,7 +132,7 @@ def touching(
     table = table_under(about.centre, about.half_size, force) if about.table else None
     for name, glued in models.items():
         learned = [LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds]
-        grasp = balanced(learned, held, preload)
+        grasp = balanced(learned, held, preload) if about.balanced else np.full(n_a * count, preload)
         robots = grip(learned, grasp, table)
         if table:
             plans = from_table(robots, glued, mu, about.margin, grasp, preload)

@@ -73,6 +73,8 @@ class ObjectSpec(Spec):
     """Coefficient of friction."""
     margin: float | None = Field(None, ge=1)
     """Least margin to slip that plans keep: the friction that each robot's normal force allows over what it uses."""
+    balanced: bool = False
+    """Whether robots share search.preload so that they do not push the box aside. All actuators have it otherwise."""
     table: bool = False
     """Whether the box stands on a table, with the side that `force` points to. The robots squeeze it there, lift it,
     and put it back where a goal is on the table. Plans and plant know the table."""
