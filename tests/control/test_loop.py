@@ -131,5 +131,5 @@ def test_a_bound_that_no_step_has_met_yet_is_not_given_up_for_the_goal():
         np.array([[-np.inf, np.inf]]), np.array([[-10.0, 10.0]]), np.array([[-np.inf, np.inf], [0, np.inf]])
     )
     aim = Aim(np.array([3.0, 0.0]), np.array([1.0, 0.0]), np.full(1, 1e-6))
-    found = reach(model, aim, limits, Iterate.at(model.at_displacement(np.zeros(1))))
+    found = reach(model, aim, limits, Iterate.at(model.at_displacement(np.zeros(1))), Settings(cautious=True))
     assert 1.9 < found.delta_a[0] <= 2.0 and found.delta_e[1] > 0

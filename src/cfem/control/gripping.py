@@ -28,7 +28,6 @@ from cfem.plant.grip_plant import GripPlant
 
 MOST = 8.0  # times its load: further is not looked how much a grip holds
 APART = 1e-6  # mm between robots and an object that they have let go: less is rounding
-KNOWN = 0.3  # mm that actuators go before points that open and slide have changed how the object follows
 STUCK = 50  # quasi-static steps without a solution after which the search for a goal ends
 
 
@@ -180,9 +179,8 @@ class Grip(World):
         return cls(model.rows, np.zeros(k), np.zeros(k), np.tile([0.0, np.inf], (k, 1)), fe, model)
 
     def pilot(self, pilot: Pilot) -> Pilot:
-        """Its actuators tend to the squeeze, and no step of a search is longer than what a contact state tells of."""
-        settings = replace(pilot.settings, step=min(pilot.settings.step, KNOWN))
-        return replace(super().pilot(pilot), preload=self.model.home, settings=settings)
+        """Its actuators tend to the squeeze."""
+        return replace(super().pilot(pilot), preload=self.model.home)
 
     def said(self, spec: ControlSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
         """Margins to slip, planned and by finite elements: figures, and a line for people."""

@@ -10,7 +10,7 @@ Out of reach the residual stays large and Gauss-Newton (the paper's step, repeat
 Hessian lacks S = sum_i w_i^2 (e_i - goal_i) hess e_i. The model gives grad e at every state for nothing, so
 hess e is learned from its differences (Powell's symmetric Broyden update); it belongs to the robot, not to the
 goal, and is handed from goal to goal. A step that does not lower the cost plus an exact penalty on forbidden
-multipliers and effector rows is halved; the penalty never falls during a search."""
+multipliers and effector rows is halved; in a cautious search the penalty never falls."""
 
 import time
 from collections.abc import Callable
@@ -55,13 +55,14 @@ class ReachStatus(Enum):
 class Settings:
     """iterations: inverse steps allowed a goal, 1 is the paper's; tolerance: mm, a smaller move of every
     actuator ends the search; step: mm, the largest move of an actuator in one iteration; halvings: of a step
-    that leads uphill."""
+    that leads uphill; cautious: bounds of effector rows count before a step has met them."""
 
     iterations: int = 20
     tolerance: float = 1e-5
     step: float = np.inf
     halvings: int = 8
     backend: Backend = "active_set"
+    cautious: bool = False
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,9 @@ def reach(
             status = ReachStatus.CONVERGED
             break
         prices = step.qp.z if limits.delta_e is None else np.concatenate([step.qp.z, step.qp.y[len(here) :]])
-        penalty = max(penalty, 2.0 * float(np.abs(prices).max()), _least_penalty(at.condensed, aim, limits))
+        penalty = max(penalty if settings.cautious else 0.0, 2.0 * float(np.abs(prices).max()))
+        if settings.cautious:
+            penalty = max(penalty, _least_penalty(at.condensed, aim, limits))
         trial, used = _descend(
             lambda share, here=at.condensed, step=step: place(model, here, step, share),
             aim,

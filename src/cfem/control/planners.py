@@ -28,7 +28,7 @@ def pilot_of(spec: ControlSpec, robot: Any, model: Any) -> Pilot:
         _limits(spec, robot),
         weights_of(spec, robot),
         ridge_of(search.regularisation, robot.reach, robot.length),
-        Settings(search.iterations, search.tolerance, search.step, backend=search.qp),
+        Settings(search.iterations, search.tolerance, search.step, backend=search.qp, cautious=search.cautious),
         preload=search.preload,
         damping=ridge_of(search.damping, robot.reach, robot.length),
         places=~np.array(robot.rows.turns),

@@ -40,6 +40,9 @@ class SearchSpec(Spec):
     way by which it moves a corner of the object. 0 leaves a row free."""
     largest_force: Effort | None = None
     """Largest force of any actuator."""
+    cautious: bool = False
+    """Whether bounds on effector rows, such as margins to slip, count before a step has met them. Such a search is
+    slower, and leaves them less."""
     qp: Literal["active_set", "osqp"] = "active_set"
     """Solver of the quadratic program."""
 
