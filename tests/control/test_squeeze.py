@@ -9,7 +9,7 @@ from cfem.condensed.pose import Patch
 from cfem.contact.obstacle import Box
 from cfem.control.squeeze import balanced
 from cfem.equilibrium.grip import Free
-from cfem.predict.finger import LearnedFinger, WithinPatch
+from cfem.predict.gripping_finger import LearnedFinger, WithinPatch
 
 CENTRE, HALF = np.array([0.0, 35.0, -95.0]), np.array([35.0, 14.5, 15.0])
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])

@@ -13,7 +13,7 @@ import numpy as np
 
 from cfem.condensed.coupling import state_of
 from cfem.equilibrium.grip import Free
-from cfem.predict.finger import LearnedFinger
+from cfem.predict.gripping_finger import LearnedFinger
 
 LEAST = 0.1  # of the mean normal force: a squeeze that leaves a robot with less does without it
 
