@@ -82,3 +82,18 @@ def test_too_many_patches_end_the_way_and_say_so(robot, surface, patches, monkey
 
 def test_it_takes_displacements_only(robot, surface, patches):
     assert "displacements" in plant(robot, surface, patches, {"ceiling": CEILING}).step(np.array([1.0]), "force").status
+
+
+def test_a_surface_that_passes_an_obstacle_between_its_patches_is_called_poor(robot, surface, patches):
+    """Patches of 8 mm on faces of 10 mm: their places, which touch, are within the body, and a small ball goes by."""
+    ball = Sphere(3.0, t=np.array([45.0, 0.0, 9.0]))
+    among = plant(robot, surface, patches, {"ball": ball})
+    assert among.step(np.array([1.5])).status == "converged"
+    middles = among.x[surface.nodes][surface.triangles].mean(axis=1)  # of triangles: not where it is nearest
+    depth, name = among.deepest
+    assert name == "ball" and 3.0 > depth > -ball.distance(middles).min() > 0.01 * robot.length
+    (judged,) = among.judged(robot.length)
+    assert "into ball between its patches" in judged["what"] and "into ball" in among.sentence()
+    far = plant(robot, surface, patches, {"far": Sphere(2.0, t=np.array([0.0, 90.0, 0.0]))})
+    far.step(np.array([1.5]))
+    assert not far.judged(robot.length) and "between" not in far.sentence()

@@ -14,6 +14,7 @@ from cfem.control.prepared import Prepared
 from cfem.control.resume import SoFar
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.summary import headline, record, summarise
+from cfem.core.judgement import KEY
 from cfem.core.progress import progress
 from cfem.dataset.writer import write_records
 
@@ -61,6 +62,7 @@ def carry_out(folder: Path, spec: ControlSpec, base: Path, at: Prepared, so_far:
     so_far.remove()
     return {
         "headline": lines,
+        KEY: at.touched.judged(robot.length) if at.touched else [],
         "object": held,
         "obstacles": met,
         "load_error": at.load_error,

@@ -2,21 +2,27 @@
 
 from collections import Counter
 from collections.abc import Iterable
+from typing import Any
 
+from cfem.contact.clearance import TOLERANCE
 from cfem.contact.modes import Mode
+from cfem.core.judgement import poor
+
+DEEP = 0.01  # of the length: how far the surface may be in an obstacle between its patches
 
 
 class ContactAccount:
     """counts: how many contact points were open, stuck and slipped at the end of each command so far; commands;
     failures: of them ended before their goal; steps, iterations: quasi-static steps, rounds of FE solves that they
-    took; worst: relative residual of law and balance at the end of a command."""
+    took; worst: relative residual of law and balance at the end of a command; deepest: how far (mm) the surface was in
+    which rigid obstacle then, between the patches, which alone touch."""
 
     def __init__(self) -> None:
         self.counts: list[dict[str, int]] = []
         self.commands = self.steps = self.iterations = self.failures = 0
-        self.worst = 0.0
+        self.worst, self.deepest = 0.0, (0.0, "")
 
-    COUNTED = ("counts", "commands", "failures", "steps", "iterations", "worst")
+    COUNTED = ("counts", "commands", "failures", "steps", "iterations", "worst", "deepest")
 
     def seen(self, modes: Iterable[Mode], residual: float) -> None:
         """The state in which a command ended."""
@@ -33,7 +39,17 @@ class ContactAccount:
             "steps": self.steps,
             "iterations": self.iterations,
             "law_residual": self.worst,
+            "deepest": self.deepest[0],
         }
+
+    def judged(self, length: float) -> list[dict[str, Any]]:
+        """Of a robot of this length (mm): POOR where its patches, which alone touch, let the surface through."""
+        depth, name = self.deepest
+        if depth <= DEEP * length:
+            return []
+        return [
+            poor(f"the surface reaches {depth:.2g} mm into {name} between its patches: take a smaller contact.patches")
+        ]
 
     def sentence(self) -> str:
         """For people."""
@@ -41,5 +57,9 @@ class ContactAccount:
         return (
             f"contact: {self.commands - self.failures} of {self.commands} commands carried out; contact points at "
             f"their ends: {points}; {self.steps} quasi-static steps, {self.iterations} rounds of FE; the law is met to "
-            f"{self.worst:.1e}"
+            f"{self.worst:.1e}{self._between()}"
         )
+
+    def _between(self) -> str:
+        depth, name = self.deepest
+        return f"; between its patches the surface reaches up to {depth:.2g} mm into {name}" if depth > TOLERANCE else ""

@@ -43,6 +43,7 @@ class TouchPlant(ContactAccount):
         robots = [replace(robot, itself=bool(itself)), *(one for one, _ in self._others.values())]
         self._meeting = Meeting(robots, ObstacleSet(tuple(obstacles.values())), mu)
         self._at, self.met = np.zeros(robot.robot.rows.n_a), None
+        self._solid = tuple(name for name in obstacles if name not in avoided)
         super().__init__()
 
     @property
@@ -75,7 +76,9 @@ class TouchPlant(ContactAccount):
         self.seen(self.met.modes.values(), self.met.residual / robot.length)
         solved = self.met.solved[0]
         forces = [self.met.between(0, self._numbers[name]) for name in self._pressed]
-        x_e = np.concatenate([robot.rest_e + solved.delta_e, forces, self._distances()])
+        x_e = np.concatenate([robot.rest_e + solved.delta_e, forces, self._distances(self._avoided)])
+        for name, distance in zip(self._solid, self._distances(self._solid), strict=True):
+            self.deepest = max(self.deepest, (-float(distance), name))
         return Measurement(x_e, solved.delta_a, solved.lambda_a, self.commands, status)
 
     def pass_to(self, share: float) -> None:
@@ -110,7 +113,8 @@ class TouchPlant(ContactAccount):
             self.met, self._at = found, u
         return CONVERGED if found.converged else found.status.value
 
-    def _distances(self) -> np.ndarray:
+    def _distances(self, names: Sequence[str]) -> np.ndarray:
+        """(k,) mm of the whole surface, between the patches too."""
         surface = self.x[self._robot.nodes]
         triangles, all_of_them = self._robot.triangles, self._obstacles
-        return np.array([nearest_of_surface(surface, triangles, all_of_them[name]).distance for name in self._avoided])
+        return np.array([nearest_of_surface(surface, triangles, all_of_them[name]).distance for name in names])
