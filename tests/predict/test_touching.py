@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cfem.contact.obstacle import Box, Plane, Sphere
-from cfem.core.errors import InputError
+from cfem.contact.obstacle import Box, Capsule, Plane, Sphere
+from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.actuation import Actuation, displacement
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.patch_compliance import patch_response, with_patches
@@ -43,6 +43,37 @@ def wall(touchable, depth, delta=DELTA):
     t = places[np.argmax(places @ -normal)] + depth * normal
     turn = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])  # z of the plane along the normal
     return Plane(R=turn, t=t)
+
+
+@pytest.mark.parametrize("mu", [-1.0, np.nan, np.inf])
+def test_what_is_no_friction_is_refused(touchable, mu):
+    with pytest.raises(SpecError, match="coefficient of friction"):
+        touch_step(touchable, DELTA, [wall(touchable, 0.1)], mu=mu)
+
+
+def in_all(touchable, found):
+    """(N, 3) N on all patches."""
+    forces = np.zeros((len(touchable.patches), 3))
+    forces[found.patches] = found.forces
+    return forces
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3, 1.5])
+def test_what_makes_no_difference_makes_none(touchable, mu):
+    """Neither a second obstacle in the place of the first, nor one far away, nor their order, nor how the same body is
+    called and turned about itself."""
+    places = touchable.patches.mean(touchable.model.shape(DELTA))
+    at = places[np.argmax(places[:, 0] - places[:, 1])]
+    ball = Sphere(8.0, t=at + np.array([1.0, -7.5, 0.4]))
+    far = Box(np.ones(3), t=np.array([0.0, 900.0, 0.0]))
+    found = touch_step(touchable, DELTA, [ball], mu=mu)
+    assert found.converged and found.forces.any()
+    turned = Sphere(8.0, R=np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]]), t=ball.t)
+    for others in ([ball, ball], [far, ball], [ball, far], [turned], [Capsule(8.0, 0.0, t=ball.t)]):
+        same = touch_step(touchable, DELTA, others, mu=mu)
+        assert same.converged and same.delta_e == pytest.approx(found.delta_e, abs=1e-8 * touchable.model.length)
+        largest = np.abs(found.forces).max()
+        assert in_all(touchable, same) == pytest.approx(in_all(touchable, found), abs=1e-6 * largest)
 
 
 def test_without_obstacles_in_reach_it_is_the_model(touchable):

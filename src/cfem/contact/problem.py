@@ -49,10 +49,9 @@ class ContactProblem:
             raise SpecError(f"contact: G is {self.G.shape}, {n} rows and wrench {self.wrench.shape} are there")
         if not all(np.isfinite(each).all() for each in (self.W, self.free, self.motion, self.load)):
             raise SpecError("contact: the problem holds numbers that are not finite")
-        if not 0 <= self.mu < np.inf or self.sides < 4 or self.sides % 2:
-            raise SpecError(
-                f"contact: mu {self.mu} with {self.sides} sides", do="mu >= 0 and an even number of sides, 4 or more"
-            )
+        demand_friction(self.mu)
+        if self.sides < 4 or self.sides % 2:
+            raise SpecError(f"contact: a cone of {self.sides} sides", do="take an even number of sides, 4 or more")
 
     @property
     def m(self) -> int:
@@ -117,3 +116,9 @@ class Units:
             return cls(length, load or 1.0, length / column)
         length = max(float(np.abs(problem.free).max()), compliance * load) or 1.0
         return cls(length, length / compliance, length / column)
+
+
+def demand_friction(mu: float) -> None:
+    """SpecError where it is none."""
+    if not 0 <= mu < np.inf:
+        raise SpecError(f"contact: a coefficient of friction mu must be a finite number, 0 or more, not {mu}")

@@ -19,6 +19,7 @@ from cfem.contact.detection import along, patch_normals
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
+from cfem.contact.problem import demand_friction
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.evaluation import Cost
 from cfem.equilibrium.pressed_robot import STRICT, PressedRobot
@@ -97,6 +98,9 @@ class Meeting:
     robots: Sequence[Skinned]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
+
+    def __post_init__(self) -> None:
+        demand_friction(self.mu)
 
     @property
     def length(self) -> float:

@@ -16,6 +16,7 @@ from cfem.contact.detection import NEVER, patch_normals, separation
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings, balance
+from cfem.contact.problem import demand_friction
 from cfem.core.errors import InputError
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.held import Held
@@ -80,6 +81,9 @@ class Meeting:
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
+
+    def __post_init__(self) -> None:
+        demand_friction(self.mu)
 
     @cached_property
     def own(self) -> list[slice]:

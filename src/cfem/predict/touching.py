@@ -18,7 +18,7 @@ from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.patch_forces import pressed, turned
-from cfem.contact.problem import Law
+from cfem.contact.problem import Law, demand_friction
 from cfem.predict.held import Held
 from cfem.predict.slack import with_slack
 from cfem.predict.touchable import Touchable
@@ -93,7 +93,9 @@ def touch_step(
 ) -> Touched:
     """Quasi-static step to delta_a (n_a,) mm from the state `before` (none: the free robot, from where patches
     slide). Obstacles stand in the frame of the robot; mu: of friction, of all; unilateral (n_a,) bool: actuators that
-    go slack where they would push (`cfem.predict.slack`), the others are held. Never raises for numerical failure."""
+    go slack where they would push (`cfem.predict.slack`), the others are held. Never raises for numerical failure.
+    SpecError where mu is no coefficient of friction."""
+    demand_friction(mu)
     target, around = np.asarray(delta_a, float), ObstacleSet.of(obstacles)
 
     def held(at: np.ndarray) -> Touched:
