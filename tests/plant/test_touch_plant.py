@@ -96,4 +96,4 @@ def test_a_surface_that_passes_an_obstacle_between_its_patches_is_called_poor(ro
     assert "into ball between its patches" in judged["what"] and "into ball" in among.sentence()
     far = plant(robot, surface, patches, {"far": Sphere(2.0, t=np.array([0.0, 90.0, 0.0]))})
     far.step(np.array([1.5]))
-    assert not far.judged(robot.length) and "between" not in far.sentence()
+    assert not far.judged(robot.length) and "between patches" not in far.sentence()

@@ -62,4 +62,4 @@ class ContactAccount:
 
     def _between(self) -> str:
         depth, name = self.deepest
-        return f"; between its patches the surface reaches up to {depth:.2g} mm into {name}" if depth > TOLERANCE else ""
+        return f"; between patches the surface reaches up to {depth:.2g} mm into {name}" if depth > TOLERANCE else ""
