@@ -73,6 +73,7 @@ def test_the_model_alone_can_be_the_plant(bar):
     goals = {"up": {"kind": "goals", "points": {"mm": [[57, 0, 4]]}}}
     found = cfem.run_stage("control", control(bar, "model", obstacles, trajectories=goals, plant="model"))["results"]
     assert found["obstacles"]["ceiling"]["largest"] == pytest.approx(0.02, rel=1e-3)
+    assert "commands carried out" not in found["headline"][-1]  # by no FE robot
 
 
 @pytest.mark.parametrize(
@@ -80,6 +81,7 @@ def test_the_model_alone_can_be_the_plant(bar):
     [
         ({"kind": "plane", "point": {"mm": [0, 0, 4]}, "normal": [0, 0, -1]}, r"starts 1 mm inside it, at \("),
         ({**CEILING, "avoid": "1 mm", "press": "1 N"}, "pressed or avoided"),
+        ({**CEILING, "press": "3 N", "largest_force": "1 N"}, "3 N is more than largest_force, 1 N"),
         ({"kind": "sphere", "centre": {"mm": [0, 0, 90]}, "radius": "-1 mm"}, "radius"),
         ({"kind": "cone"}, "kind"),
     ],

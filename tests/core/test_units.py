@@ -103,3 +103,8 @@ def test_a_quantity_is_the_same_with_and_without_a_blank_for_editors():
     pattern = re.compile(TypeAdapter(Length).json_schema()["pattern"])
     assert all(pattern.search(text) for text in ("9mm", "9 mm", "1e-2 m", "2 N/mm^2"))
     assert not any(pattern.search(text) for text in ("9", "mm", "9 mm+2 m", "2*3 mm", "(9) mm"))
+
+
+def test_a_number_that_is_none_is_named():
+    with pytest.raises(ValueError, match="expected finite numbers under 'N', got nan"):
+        parse_array({"N": [0.0, float("nan"), 1.0]}, "N", 1, 3)

@@ -57,7 +57,7 @@ def carry_out(folder: Path, spec: ControlSpec, base: Path, at: Prepared, so_far:
         figures, said = at.world.said(spec, records)
         lines = [*said, *lines]
         held, met = (held | figures, None) if spec.object else (None, figures)
-    if at.touched:
+    if at.touched and at.touched.commands:  # none where the model is its own plant
         lines.append(at.touched.sentence())
     so_far.remove()
     return {

@@ -123,8 +123,10 @@ def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None)
         if "is not a unit" in str(error):
             raise
         raise ValueError(f"expected numbers under '{unit}'") from error
-    if array.ndim != ndim or array.size == 0 or not np.isfinite(array).all():
-        raise ValueError(f"expected {ndim} level(s) of lists of finite numbers under '{unit}', got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"expected finite numbers under '{unit}', got {array[~np.isfinite(array)][0]:g}")
+    if array.ndim != ndim or array.size == 0:
+        raise ValueError(f"expected {ndim} level(s) of lists of numbers under '{unit}', got shape {array.shape}")
     if last is not None and array.shape[-1] != last:
         raise ValueError(f"expected {last} numbers per row under '{unit}', got {array.shape[-1]}")
     array.setflags(write=False)

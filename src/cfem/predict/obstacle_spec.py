@@ -35,6 +35,8 @@ class _Any(Spec):
     def check(self) -> None:
         if self.avoid is not None and (self.press is not None or self.largest_force is not None):
             raise ValueError("an obstacle is pressed or avoided; leave one of them out")
+        if self.press is not None and self.largest_force is not None and self.press > self.largest_force:
+            raise ValueError(f"press: {self.press:g} N is more than largest_force, {self.largest_force:g} N")
 
     @property
     def pressed(self) -> bool:
