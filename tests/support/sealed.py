@@ -38,7 +38,7 @@ def outcome(*words):
     lines = [line for line in result.stderr.splitlines() if line.startswith("cfem: ")]
     if result.exit_code:
         assert len(lines) == 1, result.stderr
-        assert "a defect of cfem" not in lines[0]
+        assert "a defect of cfem" not in lines[0], lines[0]
     return result.exit_code, lines[0] if lines else ""
 
 

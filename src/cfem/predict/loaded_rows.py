@@ -8,17 +8,19 @@ of degree three, less where that has many terms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
-from cfem.equilibrium.patch_effectors import PatchYield
 from cfem.predict.chebyshev import basis, union
 from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.skin import LearnedSkin
 from cfem.predict.spectral import SpectralPredictor
-from cfem.predict.touchable import degrees
+
+if TYPE_CHECKING:
+    from cfem.equilibrium.patch_effectors import PatchYield
 
 LEFT = 0.08  # of what forces on patches move the effectors by: what the modes of the skin leave of it
 HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
@@ -39,7 +41,9 @@ class LoadedRows:
     moves: np.ndarray
 
 
-def rows_of(model: SpectralPredictor, patches: Sequence[PatchLoad] = (), by_fe: PatchYield | None = None) -> LoadedRows:
+def rows_of(
+    model: SpectralPredictor, patches: Sequence[PatchLoad] = (), by_fe: "PatchYield | None" = None
+) -> LoadedRows:
     """The effectors, then the patches; by_fe: how these yield by finite elements. InputError where the model has no
     skin, or one of another geometry; SpecError where a patch is not on it."""
     rows, series = layout(model.rows.n_a, model.rows.n_e), model.arrays["series"]
@@ -54,7 +58,9 @@ def rows_of(model: SpectralPredictor, patches: Sequence[PatchLoad] = (), by_fe: 
     return found if by_fe is None else _corrected(model, found, by_fe)
 
 
-def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: PatchYield) -> LoadedRows:
+def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: "PatchYield") -> LoadedRows:
+    from cfem.predict.touchable import degrees  # what finite elements need, and the export of a row does not
+
     n_e, terms = model.rows.n_e, degrees(model.rows.n_a)[: len(by_fe.states)]
     z = model.box(by_fe.states)
     inverse, known = np.linalg.pinv(basis(z, terms)), basis(z, rows.indices)
