@@ -8,6 +8,7 @@ check_wheel.py base --keep FOLDER       the base alone asks that model and contr
 The wheel is built once and stays in FOLDER too. Exit 1 where anything fails."""
 
 import argparse
+import os
 import shutil
 import subprocess
 import sys
@@ -43,6 +44,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--extras", default="all")
     given = parser.parse_args()
+    os.environ.pop("PYTHONPATH", None)  # a checkout on it would stand in for the wheel
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch:
         keep = (given.keep or Path(scratch) / "kept").resolve()
         wheel = build(keep)
