@@ -29,7 +29,6 @@ from cfem.export.c_touch import write_c_touch
 from cfem.export.compiled import compiler
 from cfem.export.compiled_touch import CompiledTouch
 from cfem.export.spec import CSpec
-from cfem.predict.contact_model import TRUSTED
 from cfem.predict.kept_patches import touchable_of
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.predict.protocol import Predictor
@@ -130,7 +129,7 @@ def main() -> None:
         print(
             f"  {kind:6s} {depth:.2f} mm: largest force {largest:.3f} N on {np.sum(exact.any(axis=1))} of {len(near)}, "
             f"worst error {100 * forces[-1]:.1f} %; tip moved {away:.2f} mm, error {tips[-1]:.3f} mm"
-            f"{'; OUTSIDE' if found.bending > TRUSTED else ''}",
+            f"{'' if found.known else '; NOT KNOWN'}",
             flush=True,
         )
     for name, values, unit in (("force", 100 * np.array(forces), "%"), ("tip", np.array(tips), "mm")):

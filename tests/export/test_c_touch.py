@@ -23,7 +23,7 @@ from cfem.export.compiled import STANDARD, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
 from cfem.predict.contact_model import ContactModel
 from cfem.predict.kept_patches import touchable_of
-from cfem.predict.touching import touch_step
+from cfem.predict.touching import TRUSTED, touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning
@@ -33,7 +33,7 @@ a_problem = benchmark("contact_random").a_problem
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
-BAD_INPUT, NO_MODEL = 4, 64  # of cfem_touch.h, of cfem.h
+BAD_INPUT, OUTSIDE, NO_MODEL = 4, 4, 64  # of cfem_touch.h; of cfem.h
 
 
 def export(bar, out, obstacles, **contact):
@@ -105,7 +105,8 @@ def test_steps_are_those_of_python(compiled, touchable, mu):
             assert before.converged and found.status == 0 and found.iterations == before.iterations
             np.testing.assert_array_equal(found.patches, before.patches)
             np.testing.assert_array_equal(found.obstacles, before.obstacles)
-            for name in ("forces", "normals", "delta_e", "lambda_a", "everywhere", "rows"):
+            assert found.deep == before.deep
+            for name in ("forces", "normals", "delta_e", "lambda_a", "everywhere", "rows", "bending"):
                 wanted = getattr(before, name)
                 size = np.abs(wanted).max(initial=1e-6)
                 np.testing.assert_allclose(getattr(found, name), wanted, atol=1e-8 * size, rtol=0, err_msg=name)
@@ -114,6 +115,41 @@ def test_steps_are_those_of_python(compiled, touchable, mu):
             np.testing.assert_allclose(found.stuck[holds], before.stuck[holds], atol=1e-8)
             touched += bool(before.forces.any())
         assert touched
+
+
+@needs_compiler
+@pytest.mark.parametrize("mu", [0.0, 0.4, 1.5])
+def test_where_a_long_step_could_end_in_several_states_both_say_so(compiled, touchable, mu):
+    """Boxes that are there at once, up to 2 mm within the bar. Rounding decides which state some of these steps end
+    in: none of those that C and Python both know."""
+    places = touchable.patches.mean(touchable.model.shape([1.5]))
+    rng, loose, known = np.random.default_rng(11), np.flatnonzero(~touchable.held_still), 0
+    for seed in range(80):
+        box = Box(np.array([3.0, 2, 2]), R=turn(seed))
+        at, inwards, depth = places[rng.choice(loose)], turn(seed + 1000)[0], rng.uniform(0.05, 2.0)
+        way = np.linspace(0.0, 8.0, 801)[:, None] * inwards  # of the box, which begins with the patch at its centre
+        box = replace(box, t=at + way[np.argmin(np.abs(Box(box.half, R=box.R, t=at).distance(at - way) + depth))])
+        compiled.reset()
+        found, other = touch_step(touchable, [1.5], [box], mu=mu), compiled([1.5], [box], mu)
+        if not found.known or other.deep or other.bending > TRUSTED:
+            continue
+        known += 1
+        assert found.converged == (other.status == 0)
+        if found.converged:
+            np.testing.assert_allclose(other.delta_e, found.delta_e, atol=1e-6)
+    assert 15 < known < 70
+
+
+@needs_compiler
+@pytest.mark.parametrize("seed", [8, 10])
+def test_a_patch_that_a_round_throws_far_off_comes_back_as_in_python(compiled, touchable, seed):
+    """Farther than distances are asked of patches that do not touch."""
+    place, R = touchable.patches.mean(touchable.model.shape([2.0]))[1], turn(seed)
+    box = Box(np.array([3.0, 2, 2]), R=R, t=place - 1.5 * R[:, 0])
+    compiled.reset()
+    before, found = touch_step(touchable, [2.0], [box], mu=1.5), compiled([2.0], [box], 1.5)
+    assert before.converged and found.status == 0 and found.iterations == before.iterations
+    np.testing.assert_allclose(found.delta_e, before.delta_e, atol=1e-6)
 
 
 @needs_compiler
@@ -150,6 +186,19 @@ def test_a_tick_plans_with_contact_as_python_does(exported, touchable, mu):
     among.settle(now)
     assert demand_same_ticks(planning, among, now, (0.8, 1.6, 1.8, 1.7, 1.5)) > 1e-3
     assert among.before.forces.any()
+
+
+@needs_compiler
+@pytest.mark.parametrize("depth", [0.01, 1.0])
+def test_a_tick_says_that_contact_bends_the_robot_too_far(exported, touchable, depth):
+    """A ball pushes the tip along the bar."""
+    places = touchable.patches.mean(touchable.model.shape(np.zeros(1)))
+    ball = Sphere(20.0, t=places[np.argmax(places[:, 0])] + [20.0 - depth, 0, 0])
+    among = ContactModel(touchable, {"ball": ball}, mu=1.5)
+    among.settle(np.zeros(1))
+    found = Planning(exported[0] / "c", [ball], 1.5, STRICT).step(touchable.model.rest_e)
+    assert not found.status & NO_MODEL and among.before.forces.any()
+    assert bool(found.status & OUTSIDE) == (among.before.bending > TRUSTED) == (depth == 1.0)
 
 
 @needs_compiler

@@ -16,7 +16,7 @@ from cfem.equilibrium.solve import solve
 from cfem.predict.held import Held
 from cfem.predict.load import load_model
 from cfem.predict.touchable import Touchable, patches_of, touch_states
-from cfem.predict.touching import TouchedStatus, touch_step
+from cfem.predict.touching import TOLERANCE, TRUSTED, TouchedStatus, touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -138,6 +138,70 @@ def test_what_it_answers_obeys_the_law(touchable, mu):
     assert (np.linalg.norm(tangents, axis=1) <= mu * normal + 1e-9).all()
     assert found.gaps.min() > -1e-6 * touchable.model.length
     assert (np.abs(found.gaps[normal > 1e-9]) < 1e-6 * touchable.model.length).all()
+
+
+def off_the_law(touchable, delta, obstacle, mu, found, before):
+    """mm by which patches are off: those that bear from the surface; those that stick from where friction holds them,
+    along the surface; those that slide from the line of their friction. Where they are follows from the forces anew."""
+    held = Held(touchable, delta)
+    begin = held.free if before is None else np.where(np.isnan(before.stuck), before.everywhere, before.stuck)
+    held.bear(found.patches, found.forces)
+    places, off = held.places()[found.patches], []
+    for x, force, slip in zip(places, found.forces, places - begin[found.patches], strict=True):
+        normal = obstacle.normals(x[None])[0]
+        pressing, slip = force @ normal, slip - (slip @ normal) * normal
+        friction = force - pressing * normal
+        size = np.linalg.norm(friction)
+        assert size <= mu * pressing * (1 + 1e-7)
+        along = -friction / size if size > mu * pressing * (1 - 1e-7) else np.zeros(3)
+        assert slip @ along >= -TOLERANCE * touchable.model.length
+        off += [abs(obstacle.distance(x[None])[0]), np.linalg.norm(slip - (slip @ along) * along)]
+    return max(off)
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.5])
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "edge", "plane"])
+def test_what_sticks_and_slides_obeys_the_law_to_the_tolerance(touchable, kind, mu):
+    """Of what sticks on something curved, more than the gap has to be known at the end of a round."""
+    places = touchable.patches.mean(touchable.model.shape(DELTA))
+    at, before = places[np.argmax(places[:, 2])], None
+    lying, half = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.sqrt(0.5)
+    on_edge = np.array([[1.0, 0, 0], [0, half, -half], [0, half, half]])
+    for depth, delta in ((0.3, DELTA), (0.3, DELTA + 0.05), (0.5, DELTA + 0.05)):
+        obstacle = {
+            "sphere": Sphere(6.0, t=at + [1.0, 0.5, 6.0 - depth]),
+            "capsule": Capsule(3.0, 8.0, R=lying, t=at + [0, 1.0, 3.0 - depth]),
+            "edge": Box(np.full(3, 3.0), R=on_edge, t=at + [0, 0.05, 3 * np.sqrt(2) - depth]),
+            "plane": Plane(R=np.diag([1.0, -1.0, -1.0]), t=at - [0, 0, depth]),
+        }[kind]
+        found = touch_step(touchable, delta, [obstacle], mu=mu, before=before)
+        assert found.converged and found.forces.any()
+        off = off_the_law(touchable, delta, obstacle, mu, found, before)
+        assert off < 3 * TOLERANCE * touchable.model.length
+        before = found
+    assert found.iterations <= 5
+
+
+def test_a_step_that_is_too_long_says_so(touchable):
+    """A plate comes edge first. In short steps its edge pushes the patch before it; in one long step the side of the
+    plate is nearer by then. A ball that pushes the tip along the bar bends it by more than the model knows."""
+    places = touchable.patches.mean(touchable.model.shape(DELTA))
+    at = places[np.argmax(places[:, 2])]
+
+    def plate(depth):
+        return Box(np.array([0.5, 3.0, 3.0]), t=at + [0.1, 0, 3.0 - depth])
+
+    steps, before = [], None
+    for depth in np.arange(1, 11) / 10:
+        before = touch_step(touchable, DELTA, [plate(depth)], before=before)
+        steps.append(before)
+    assert all(one.converged and one.known for one in steps)
+    far = touch_step(touchable, DELTA, [plate(1.0)])
+    assert far.converged and far.deep and not far.known
+    assert np.abs(far.forces).max(axis=0).argmax() == 0 and np.abs(before.forces).max(axis=0).argmax() == 2
+    tip = places[np.argmax(places[:, 0])]
+    pushed = touch_step(touchable, DELTA, [Sphere(20.0, t=tip + [19.0, 0, 0])], mu=1.5)
+    assert not pushed.deep and pushed.bending > TRUSTED and not pushed.known
 
 
 def test_friction_holds_what_slides_without_it(touchable):

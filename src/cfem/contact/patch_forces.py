@@ -4,7 +4,7 @@ import numpy as np
 
 from cfem.contact.enumerate import MOST
 from cfem.contact.modes import Mode
-from cfem.contact.newton import modes_from, newton
+from cfem.contact.newton import modes_from, newton, projected
 from cfem.contact.path import along_friction
 from cfem.contact.problem import ContactProblem
 from cfem.contact.solve import ContactStatus, solve_contact
@@ -46,3 +46,12 @@ def pressed(
     if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
         return None
     return answer.modes, answer.lam.reshape(-1, 3)
+
+
+def violation(forces: np.ndarray, gap: np.ndarray, compliance: np.ndarray, mu: float) -> float:
+    """mm: the largest distance of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
+    frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.newton`), times what a
+    patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
+    yields = compliance.diagonal().reshape(-1, 3).max(axis=1)[:, None]
+    lawful, _ = projected(forces - gap / yields, mu)
+    return float(np.linalg.norm(yields * (forces - lawful), axis=1).max())

@@ -30,6 +30,8 @@ class TouchedInC:
     delta_e: np.ndarray
     delta_a: np.ndarray
     lambda_a: np.ndarray
+    bending: float
+    deep: bool
     everywhere: np.ndarray
     stuck: np.ndarray
     holds: np.ndarray
@@ -55,6 +57,8 @@ class CompiledTouch:
             ("delta_e", real * n_e),
             ("delta_a", real * self.n_a),
             ("lambda_a", real * self.n_a),
+            ("bending", real),
+            ("deep", ctypes.c_int),
         ]
         patches = [("place", real * (3 * n)), ("stuck", real * (3 * n)), ("holds", ctypes.c_ubyte * n)]
         near = [("near_count", ctypes.c_int), ("near", numbers)]
@@ -86,6 +90,8 @@ class CompiledTouch:
             *(np.array(values).reshape(-1, 3)[:c] for values in (now.force, now.normal)),
             np.array(now.gap)[:c],
             *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),
+            now.bending,
+            bool(now.deep),
             *(np.array(values).reshape(-1, 3) for values in (now.place, now.stuck)),
             np.array(now.holds, dtype=bool),
         )

@@ -28,8 +28,8 @@ from cfem.predict.clearance import clearance
 from cfem.predict.contact_step import RigidSteps, SoftSteps, Steps
 from cfem.predict.meeting import Meeting, PlacedModel
 from cfem.predict.touchable import Touchable
+from cfem.predict.touching import TRUSTED
 
-TRUSTED = 0.3  # second order of the motion over the first: beyond it forces are wrong (docs/contact.md)
 STEP = 1e-4  # of the reach: of the differences
 LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
 SHARE = 0.05  # of its reach: the longest way of an actuator in one quasi-static step under friction

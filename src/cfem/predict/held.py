@@ -21,7 +21,8 @@ class Held:
     the patches then; C_es (n_e, k) and C_ss (k, k) mm/N.
 
     chosen (c,), forces (c, 3) N: patches and what is on them since `bear`, none at first; w (k,) N: their load on the
-    modes; rows (k,) mm under it."""
+    modes; rows (k,) mm under it; bending: the second order of what loads do to the modes over the first, the largest of
+    all `bear`."""
 
     def __init__(self, of: Touchable, delta: np.ndarray):
         skin, k = of.model.skin, len(of.model.skin)
@@ -32,7 +33,7 @@ class Held:
         self.free = of.patches.rest + (of.flat @ self.unloaded).reshape(-1, 3)
         self._known: tuple[bytes, Parts] | None = None
         self.chosen, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        self.w, self.rows = np.zeros(k), self.unloaded
+        self.w, self.rows, self.bending = np.zeros(k), self.unloaded, 0.0
 
     def bear(self, chosen: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
@@ -43,6 +44,7 @@ class Held:
         parts, forces = self._parts(chosen), np.ascontiguousarray(forces, float)
         self._loaded = loaded(forces, self.C_ss, self._D, parts.U, parts.yields, parts.dented)
         self.w, self.rows = self._loaded.w, self.unloaded + self._loaded.modes.motion
+        self.bending = max(self.bending, self._loaded.bending)
 
     def places(self) -> np.ndarray:
         """(N, 3) mm of all patches. What is local is known of the chosen ones alone."""
@@ -79,13 +81,6 @@ class Held:
         pairs = of.seconds[:, None, None] / 2 * self.forces[:, :, None] * self.forces[:, None]
         dented = pairs.ravel() @ parts.dented[..., 3:].reshape(-1, n_e)
         return (of.modes.first * self.C_es + of.modes.second / 2 * of.change[:n_e]) @ self.w + own + dented
-
-    def bending(self) -> float:
-        """The second order of what the load does to the modes, as a share of the first."""
-        if not self.w.any():
-            return 0.0
-        second = self._loaded.change[len(self.C_es) :] @ self.w / 2
-        return float(np.linalg.norm(second) / np.linalg.norm(self.C_ss @ self.w))
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""

@@ -301,6 +301,6 @@ class _Step:
             delta_e,
             lambda_a,
             [one.rows for one in self.held],
-            max(one.bending() for one in self.held),
+            max(one.bending for one in self.held),
             self.iterations,
         )

@@ -17,7 +17,7 @@ import numpy as np
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.contact.patch_forces import pressed, turned
+from cfem.contact.patch_forces import pressed, turned, violation
 from cfem.contact.problem import Law, demand_friction
 from cfem.predict.held import Held
 from cfem.predict.slack import with_slack
@@ -26,6 +26,8 @@ from cfem.predict.touchable import Touchable
 ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
 MOST = 30  # patches that may touch at once
+TRUSTED = 0.3  # second order of the motion over the first: beyond it forces are wrong (docs/contact.md)
+SIDE = 0.7  # product of normals: less is another side of an obstacle
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
 FAR = 0.1  # of the length: no distance is larger, as none is asked
 NEAR = 0.005  # of the length: farther patches that bear nothing are forgotten between steps
@@ -48,7 +50,8 @@ class Touched:
     (n_a,) N, negative where a cable that is held would have to push; rows (k,) mm of the skin, from which
     `LearnedSkin.surface` draws it (without what is local); stuck (N, 3) mm where friction holds each patch, NaN where
     it does not; near (d,): numbers of these patches and of those that may touch next; bending: the second order of the
-    motion over its first (`ContactModel.inside`)."""
+    motion over its first, the largest of all rounds; deep: whether a patch began so far within an obstacle that,
+    twice as far in, another side of it is nearer (`known`)."""
 
     status: TouchedStatus
     patches: np.ndarray
@@ -66,11 +69,19 @@ class Touched:
     stuck: np.ndarray
     near: np.ndarray
     bending: float
+    deep: bool
     iterations: int
 
     @property
     def converged(self) -> bool:
         return self.status is TouchedStatus.CONVERGED
+
+    @property
+    def known(self) -> bool:
+        """Whether the step was no longer than what it is linear about allows. Beyond, forces may be wrong, a patch may
+        lie on another side than the one on which it came in, and rounding may choose between states that all obey the
+        law: take shorter steps."""
+        return self.bending <= TRUSTED and not self.deep
 
     @property
     def pull(self) -> np.ndarray:
@@ -132,6 +143,7 @@ class _Step:
         self.places = held.places()
         self.distance, self.which = around.nearest(self.places, FAR * self.length)
         self.distance[held.of.held_still] = np.inf
+        self.deep = self._deep()
 
     @property
     def chosen(self) -> np.ndarray:
@@ -160,25 +172,20 @@ class _Step:
             self._bear(chosen, self.chosen, self.forces)
             self.places, self._into = self.held.places(), None  # moved by those beside them
             self.distance[chosen], self.which[chosen] = self.around.nearest(self.places[chosen])
-        local = self._law(self.held.compliance(), self.which[chosen], self.places[chosen])
-        if local is None:
+        into = self.around.frames(self.which[chosen], self.places[chosen]) if self._into is None else self._into
+        found = self._law(self.held.compliance(), into)
+        if found is None:
             return TouchedStatus.NO_MODE
-        return TouchedStatus.CONVERGED if self._moved(*local) else None
+        return TouchedStatus.CONVERGED if self._moved(*found) else None
 
-    def _law(
-        self, yields: np.ndarray, which: np.ndarray, places: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Forces by the law of contact, linear about the chosen patches' places (c, 3) mm: in the frames,
-        straight on, and turned with curved obstacles, each (c, 3) N. None where nothing obeys the law."""
-        into = self.around.frames(which, places) if self._into is None else self._into
-        known, gap = (into @ self.forces[:, :, None])[:, :, 0], np.zeros_like(places)
-        if self.mu:
-            gap = (into @ (places - self.stuck[self.chosen])[:, :, None])[:, :, 0]
-        gap[:, 0] = self.distance[self.chosen]
-        softer = None
+    def _law(self, yields: np.ndarray, into: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces by the law of contact, linear about the chosen patches' places, where `into` (c, 3, 3) are the frames:
+        in these frames, and turned with curved obstacles, each (c, 3) N. None where nothing obeys the law."""
+        known, gap, softer = (into @ self.forces[:, :, None])[:, :, 0], self._gaps(into), None
         if self.around.curved:
-            turns = np.where(self._sticks[self.chosen], 0.0, known[:, 0])
-            softer = turned(yields, turns[:, None, None] * self.around.bends(which, places)) if turns.any() else None
+            turns, chosen = np.where(self._sticks[self.chosen], 0.0, known[:, 0]), self.chosen
+            bends = turns[:, None, None] * self.around.bends(self.which[chosen], self.places[chosen])
+            softer = turned(yields, bends) if turns.any() else None
         answer = None if softer is None else pressed(softer[0], gap, into, known, self.mu)
         if answer is None:
             softer, answer = None, pressed(yields, gap, into, known, self.mu)
@@ -187,12 +194,21 @@ class _Step:
         if answer is None:
             return None
         self.modes, local = answer
-        straight = (local[:, None] @ into)[:, 0]
-        if softer is None:
-            return local, straight, straight
-        return local, straight, straight + (softer[1] @ (straight - self.forces).ravel()).reshape(-1, 3)
+        forces = (local[:, None] @ into)[:, 0]
+        if softer is not None:
+            forces += (softer[1] @ (forces - self.forces).ravel()).reshape(-1, 3)
+        return local, forces
 
-    def _moved(self, local: np.ndarray, straight: np.ndarray, forces: np.ndarray) -> bool:
+    def _gaps(self, into: np.ndarray) -> np.ndarray:
+        """(c, 3) mm of the chosen patches, in the frames `into` (c, 3, 3): from what they meet, and from where they
+        last stuck."""
+        found = np.zeros((len(into), 3))
+        if self.mu:
+            found = (into @ (self.places - self.stuck)[self.chosen, :, None])[:, :, 0]
+        found[:, 0] = self.distance[self.chosen]
+        return found
+
+    def _moved(self, local: np.ndarray, forces: np.ndarray) -> bool:
         """To where `forces` bring the patches. True where the law holds there too, with the frames there, in
         which the forces are then."""
         chosen, mu, held = self.chosen, self.mu, self.held
@@ -203,17 +219,14 @@ class _Step:
         before, self.places = self.places, held.places()
         self._look(np.abs(self.places - before).max())
         self._into = into = self.around.frames(self.which[chosen], self.places[chosen])
-        there = (local[:, None] @ into)[:, 0]
-        there[sticks] = forces[sticks]
-        off = held.unpressed(chosen) @ (there - (straight if mu else forces)).ravel()
-        off[::3] = np.maximum(np.abs(off[::3]), np.where(local[:, 0] > 0, np.abs(self.distance[chosen]), 0.0))
-        if np.abs(off).max() > TOLERANCE * self.length or self.distance.min() < -OVERLAP * self.length:
+        there, yields = (local[:, None] @ into)[:, 0], held.unpressed(chosen)
+        there[sticks], local[sticks] = forces[sticks], (into[sticks] @ forces[sticks, :, None])[:, :, 0]
+        off = max(np.abs(yields @ (there - forces).ravel()).max(), violation(local, self._gaps(into), yields, mu))
+        if off > TOLERANCE * self.length or self.distance.min() < -OVERLAP * self.length:
             return False
-        if len(sticks):
-            pressing = (into[sticks] @ forces[sticks, :, None])[:, :, 0]
-            beyond = np.hypot(pressing[:, 1], pressing[:, 2]) - mu * pressing[:, 0]
-            if beyond.max() > TOLERANCE * np.abs(forces).max():
-                return False
+        beyond = np.hypot(local[:, 1], local[:, 2]) - mu * local[:, 0]
+        if beyond.max() > TOLERANCE * np.abs(forces).max():
+            return False
         if not np.array_equal(there, forces):
             held.bear(chosen, there)
         return True
@@ -230,12 +243,26 @@ class _Step:
         near[self.chosen] = True
         self.distance[near], self.which[near] = self.around.nearest(self.places[near])
 
+    def _deep(self) -> bool:
+        """`Touched.deep`."""
+        within = self.distance < 0
+        if not within.any():
+            return False
+        which, places = self.which[within], self.places[within]
+        normals = self.around.frames(which, places)[:, 0]
+        deeper = self.around.frames(which, places + self.distance[within, None] * normals)[:, 0]
+        return bool(((normals * deeper).sum(axis=1) < SIDE).any())
+
     def _settle(self) -> None:
         """Where friction holds patches from here on."""
         holds = np.full_like(self.stuck, np.nan)
         if self.mu and self.modes:
-            bears, stay = self.chosen[self.forces.any(axis=1)], self.chosen[self._stick()]
-            holds[bears], holds[stay] = self.places[bears], self.stuck[stay]
+            bears, stay = self.chosen[self.forces.any(axis=1)], self._stick()
+            holds[bears] = self.places[bears]
+            if len(stay):  # where they were, on the surface
+                last, normals = self.stuck[self.chosen[stay]], self._into[stay, 0]
+                away = ((self.places[self.chosen[stay]] - last) * normals).sum(axis=1)
+                holds[self.chosen[stay]] = last + away[:, None] * normals
         self.stuck = holds
 
     def result(self, status: TouchedStatus) -> Touched:
@@ -262,6 +289,7 @@ class _Step:
             held.rows,
             self.stuck,
             near[meets | (self.distance[near] < NEAR * self.length)],
-            held.bending(),
+            held.bending,
+            self.deep,
             self.iterations,
         )

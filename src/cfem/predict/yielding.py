@@ -25,12 +25,14 @@ class Parts(NamedTuple):
 
 class Loaded(NamedTuple):
     """Under forces on these. w (k,) N: their load on the modes; change (n_e + k, k) mm/N: of C_es and C_ss; modes: what
-    these do. Of dents: places (c, 3) mm by which patches move beyond what `left` says, slopes (c, 3, 3) mm/N their
-    derivatives, and seconds (c,), what is taken of the second order."""
+    these do; bending: the size of its second order over that of its first. Of dents: places (c, 3) mm by which patches
+    move beyond what `left` says, slopes (c, 3, 3) mm/N their derivatives, and seconds (c,), what is taken of the second
+    order."""
 
     w: np.ndarray
     change: np.ndarray
     modes: Beyond
+    bending: float
     places: np.ndarray
     slopes: np.ndarray
     seconds: np.ndarray
@@ -134,7 +136,11 @@ def loaded(forces, C_ss, D, U, yields, dented):
         for d in range(k):
             first[row] += C_ss[row, d] * w[d]
             second[row] += change[seen - k + row, d] * w[d]
-    modes = beyond(w, first, second)
+    modes, size, more = beyond(w, first, second), 0.0, 0.0
+    for row in range(k):
+        size += first[row] ** 2
+        more += second[row] ** 2 / 4
+    bending = np.sqrt(more / size) if size > 0 else 0.0
     places, slopes, seconds = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c)
     bent, own, by_bent, stiff = np.empty((3, 3)), np.empty(3), np.empty(3), np.zeros((3, 3))
     for i in range(c):
@@ -151,4 +157,4 @@ def loaded(forces, C_ss, D, U, yields, dented):
             for b in range(3):
                 slopes[i, a, b] = inclined[a, b] - stiff[a, b]
         seconds[i] = of.second
-    return Loaded(w, change, modes, places, slopes, seconds)
+    return Loaded(w, change, modes, bending, places, slopes, seconds)

@@ -68,28 +68,43 @@ static double largest_of(int n, const double *x) {
     return found;
 }
 
-/* F = lambda - P(p), p = A lambda - constant, and the derivatives D (m, 3, 3) of P, the projection of p by the law. |F|. */
+/* P(p), the projection of p by the law of one point, in its place; d: its derivative (3, 3). */
+static void project(double mu, double *p, double *d) {
+    for (int a = 0; a < 9; a++) d[a] = 0.0;
+    if (!(p[0] > 0.0)) p[0] = 0.0;
+    if (!(p[0] > 0.0 && mu > 0.0)) p[1] = p[2] = 0.0;
+    if (!(p[0] > 0.0)) return;
+    d[0] = 1.0;
+    if (!(mu > 0.0)) return;
+    const double length = sqrt(p[1] * p[1] + p[2] * p[2]), limit = mu * p[0];
+    if (length <= limit) {
+        d[4] = d[8] = 1.0;
+        return;
+    }
+    const double share = limit / length, along[2] = {p[1] / length, p[2] / length};
+    for (int a = 0; a < 2; a++) {
+        p[1 + a] *= share;
+        d[3 * (1 + a)] = mu * along[a];
+        for (int b = 0; b < 2; b++) d[3 * (1 + a) + 1 + b] = share * ((a == b ? 1.0 : 0.0) - along[a] * along[b]);
+    }
+}
+
+double cfem_law_violation(double mu, const double force[3], const double gap[3], double yields) {
+    double lawful[3], off[3], d[9];
+    for (int a = 0; a < 3; a++) lawful[a] = force[a] - gap[a] / yields;
+    project(mu, lawful, d);
+    for (int a = 0; a < 3; a++) off[a] = yields * (force[a] - lawful[a]);
+    return sqrt(cfem_dot(3, off, off));
+}
+
+/* F = lambda - P(p), p = A lambda - constant, and the derivatives D (m, 3, 3) of P. |F|. */
 static double missing(int m, const double *A, const double *constant, double mu, const double *lambda, double *F, double *D) {
     const int n = 3 * m;
     for (int i = 0; i < m; i++) {
-        double p[3], *const d = D + 9 * i, *const f = F + 3 * i;
+        double p[3];
         for (int a = 0; a < 3; a++) p[a] = cfem_dot(n, A + (3 * i + a) * n, lambda) - constant[3 * i + a];
-        for (int a = 0; a < 9; a++) d[a] = 0.0;
-        for (int a = 0; a < 3; a++) f[a] = lambda[3 * i + a];
-        if (!(p[0] > 0.0)) continue;
-        f[0] -= p[0], d[0] = 1.0;
-        if (!(mu > 0.0)) continue;
-        const double length = sqrt(p[1] * p[1] + p[2] * p[2]), limit = mu * p[0];
-        if (length <= limit) {
-            f[1] -= p[1], f[2] -= p[2], d[4] = d[8] = 1.0;
-            continue;
-        }
-        const double share = limit / length, along[2] = {p[1] / length, p[2] / length};
-        for (int a = 0; a < 2; a++) {
-            f[1 + a] -= share * p[1 + a];
-            d[3 * (1 + a)] = mu * along[a];
-            for (int b = 0; b < 2; b++) d[3 * (1 + a) + 1 + b] = share * ((a == b ? 1.0 : 0.0) - along[a] * along[b]);
-        }
+        project(mu, p, D + 9 * i);
+        for (int a = 0; a < 3; a++) F[3 * i + a] = lambda[3 * i + a] - p[a];
     }
     return largest_of(n, F);
 }

@@ -17,6 +17,10 @@ extern "C" {
  * friction; all loops are bounded. */
 int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room);
 
+/* mm: by how much a point's force, and its gap there, miss the law, both in its frame; `yields` mm/N turns what the force misses into
+ * a length. */
+double cfem_law_violation(double mu, const double force[3], const double gap[3], double yields);
+
 /* Solves A X = B in place, A (n, n), B (n, k), rows after each other, by elimination with pivots. 0, or 1 where A is singular. */
 int cfem_solve(int n, double *A, int k, double *B);
 

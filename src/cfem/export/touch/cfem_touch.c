@@ -10,12 +10,13 @@
 
 enum { ITERATIONS = 60 };
 static const double TOLERANCE = 1e-9, OVERLAP = 1e-6, NEAR = 0.005, FAR = 0.1; /* of the length */
+static const double SIDE = 0.7; /* product of normals: less is another side of an obstacle */
 
-/* Distance of patch p, and which obstacle is nearest; FAR where none is nearer. */
-static void look(cfem_touch_round *at, int p) {
+/* Distance of patch p, and which obstacle is nearest; `within` where none is nearer. */
+static void look(cfem_touch_round *at, int p, double within) {
     cfem_touch_room *const room = at->room;
     const double *const x = at->now->place[p];
-    room->distance[p] = cfem_patch_held[p] ? HUGE_VAL : FAR * CFEM_PATCH_LENGTH, room->which[p] = 0;
+    room->distance[p] = cfem_patch_held[p] ? HUGE_VAL : within, room->which[p] = 0;
     for (int o = 0; o < at->obstacle_count && !cfem_patch_held[p]; o++) { /* what is held still touches nothing */
         const cfem_obstacle *const one = &at->obstacles[o];
         const double apart[3] = {x[0] - one->t[0], x[1] - one->t[1], x[2] - one->t[2]};
@@ -25,6 +26,18 @@ static void look(cfem_touch_round *at, int p) {
         const double distance = cfem_obstacle_distance(one, x);
         if (distance < room->distance[p]) room->distance[p] = distance, room->which[p] = o;
     }
+}
+
+/* Whether patch p is so far within an obstacle that twice as far in another side of it is nearer. */
+static int deep(const cfem_touch_round *at, int p) {
+    const double distance = at->room->distance[p], *const x = at->now->place[p];
+    const cfem_obstacle *const one = &at->obstacles[at->room->which[p]];
+    double here[3][3], there[3][3], deeper[3];
+    if (!(distance < 0.0)) return 0;
+    cfem_obstacle_frame(one, x, here);
+    for (int a = 0; a < 3; a++) deeper[a] = x[a] + distance * here[0][a];
+    cfem_obstacle_frame(one, deeper, there);
+    return cfem_dot(3, here[0], there[0]) < SIDE;
 }
 
 static int touches(const cfem_touched *now, int i) {
@@ -64,7 +77,7 @@ static unsigned choose(cfem_touch_round *at) {
     }
     if (count == last) return 0;
     if (bear(at)) return CFEM_TOUCH_NO_MODEL;
-    for (int i = 0; i < count; i++) look(at, patch[i]); /* moved by those beside them */
+    for (int i = 0; i < count; i++) look(at, patch[i], HUGE_VAL); /* moved by those beside them */
     return 0;
 }
 
@@ -78,59 +91,68 @@ static void name_modes(cfem_touch_round *at) {
     }
 }
 
-/* To where the forces bring the patches. 1 where the law holds there too, with the frames there, in which the forces are then. */
-static int settled(cfem_touch_round *at, double (*before)[3]) {
+/* To where the forces bring the patches; mm that the nearest is from an obstacle then. */
+static double move(cfem_touch_round *at, double (*before)[3]) {
     cfem_touched *const now = at->now;
     cfem_touch_room *const room = at->room;
-    const int m = now->count, n = 3 * m;
-    double farthest = 0.0, there[MOST][3], change[CFEM_TOUCH_ROWS], nearest = HUGE_VAL, beyond = -HUGE_VAL, largest = 0.0;
-    name_modes(at);
+    double farthest = 0.0, nearest = HUGE_VAL;
     for (int i = 0; i < 3 * N; i++) before[i / 3][i % 3] = now->place[i / 3][i % 3];
-    cfem_touch_bear(m, now->patch, now->force, room);
-    cfem_touch_places(m, now->patch, now->force, room, now->place);
+    cfem_touch_bear(now->count, now->patch, now->force, room);
+    cfem_touch_places(now->count, now->patch, now->force, room, now->place);
     for (int i = 0; i < 3 * N; i++) {
         const double moved = fabs(now->place[i / 3][i % 3] - before[i / 3][i % 3]);
         if (moved > farthest) farthest = moved;
     }
     for (int p = 0, i = 0; p < N; p++) {
-        const int known = i < m && now->patch[i] == p;
+        const int known = i < now->count && now->patch[i] == p;
         room->distance[p] -= 2.0 * farthest; /* more than the root of 3: those that cannot have come near keep what is certain */
-        if (known || room->distance[p] <= 0.0) look(at, p);
+        if (known || room->distance[p] <= 0.0) look(at, p, HUGE_VAL);
         if (room->distance[p] < nearest) nearest = room->distance[p];
         i += known;
     }
-    for (int i = 0; i < m; i++) {
-        const int p = now->patch[i], sticks = now->mode[i] == CFEM_TOUCH_STICK;
-        double frame[3][3];
-        cfem_obstacle_frame(&at->obstacles[room->which[p]], now->place[p], frame);
-        for (int a = 0; a < 3; a++) {
-            there[i][a] = 0.0;
-            for (int b = 0; b < 3; b++) there[i][a] += at->local[i][b] * frame[b][a];
-            if (sticks) there[i][a] = now->force[i][a];
-            change[3 * i + a] = there[i][a] - (at->mu > 0.0 ? at->straight : now->force)[i][a];
-            if (fabs(now->force[i][a]) > largest) largest = fabs(now->force[i][a]);
-        }
-        if (sticks) {
-            double f[3];
-            for (int a = 0; a < 3; a++) f[a] = cfem_dot(3, frame[a], now->force[i]);
-            const double over = sqrt(f[1] * f[1] + f[2] * f[2]) - at->mu * f[0];
-            if (over > beyond) beyond = over;
-        }
-        for (int a = 0; a < 3; a++) now->normal[i][a] = frame[0][a];
+    return nearest;
+}
+
+/* Patch i where it is now: there (3,) N, its force there, which turns with the surface unless it sticks. Whether the law holds;
+ * largest: of all forces. */
+static int obeys(cfem_touch_round *at, int i, double largest, double *there) {
+    cfem_touched *const now = at->now;
+    const int p = now->patch[i], sticks = now->mode[i] == CFEM_TOUCH_STICK, n = 3 * now->count;
+    double frame[3][3], local[3], slip[3], gap[3] = {at->room->distance[p], 0.0, 0.0}, yields = 0.0;
+    cfem_obstacle_frame(&at->obstacles[at->room->which[p]], now->place[p], frame);
+    for (int a = 0; a < 3; a++) {
+        const double own = at->room->total[(3 * i + a) * (n + 1)];
+        there[a] = frame[0][a] * at->local[i][0] + frame[1][a] * at->local[i][1] + frame[2][a] * at->local[i][2];
+        if (sticks) there[a] = now->force[i][a];
+        local[a] = sticks ? cfem_dot(3, frame[a], now->force[i]) : at->local[i][a];
+        slip[a] = now->place[p][a] - now->stuck[p][a], now->normal[i][a] = frame[0][a];
+        if (own > yields) yields = own;
     }
-    if (!(nearest >= -OVERLAP * CFEM_PATCH_LENGTH) || beyond > TOLERANCE * largest) return 0;
-    for (int i = 0; i < n; i++) {
-        const double gap = i % 3 == 0 && at->local[i / 3][0] > 0.0 ? fabs(room->distance[now->patch[i / 3]]) : 0.0;
-        if (!(fabs(cfem_dot(n, room->total + i * n, change)) <= TOLERANCE * CFEM_PATCH_LENGTH) ||
-            !(gap <= TOLERANCE * CFEM_PATCH_LENGTH))
-            return 0;
-    }
-    int turned = 0;
+    for (int a = 1; a < 3 && at->mu > 0.0; a++) gap[a] = cfem_dot(3, frame[a], slip);
+    return cfem_law_violation(at->mu, local, gap, yields) <= TOLERANCE * CFEM_PATCH_LENGTH &&
+           sqrt(local[1] * local[1] + local[2] * local[2]) - at->mu * local[0] <= TOLERANCE * largest;
+}
+
+/* To where the forces bring the patches. 1 where the law holds there too, with the frames there, in which the forces are then. */
+static int settled(cfem_touch_round *at, double (*before)[3]) {
+    cfem_touched *const now = at->now;
+    const int n = 3 * now->count;
+    double there[MOST][3], change[CFEM_TOUCH_ROWS], largest = 0.0;
+    int lawful, turned = 0;
+    name_modes(at);
+    lawful = move(at, before) >= -OVERLAP * CFEM_PATCH_LENGTH;
+    for (int i = 0; i < n; i++)
+        if (fabs(now->force[i / 3][i % 3]) > largest) largest = fabs(now->force[i / 3][i % 3]);
+    for (int i = 0; i < now->count; i++) lawful &= obeys(at, i, largest, there[i]);
+    for (int i = 0; i < n; i++) change[i] = there[i / 3][i % 3] - now->force[i / 3][i % 3];
+    for (int i = 0; i < n && lawful; i++)
+        lawful = fabs(cfem_dot(n, at->room->total + i * n, change)) <= TOLERANCE * CFEM_PATCH_LENGTH;
+    if (!lawful) return 0;
     for (int i = 0; i < n; i++) {
         turned |= now->force[i / 3][i % 3] != there[i / 3][i % 3];
         now->force[i / 3][i % 3] = there[i / 3][i % 3];
     }
-    if (turned) cfem_touch_bear(m, now->patch, now->force, room);
+    if (turned) cfem_touch_bear(now->count, now->patch, now->force, at->room);
     return 1;
 }
 
@@ -149,6 +171,14 @@ static unsigned rounds(cfem_touch_round *at) {
     return CFEM_TOUCH_ITERATIONS;
 }
 
+/* Friction holds patch i where it is; one that sticks where it was, on the surface. */
+static void hold(cfem_touched *now, int i) {
+    const double *const n = now->normal[i], *const x = now->place[now->patch[i]];
+    double *const stuck = now->stuck[now->patch[i]], away = 0.0;
+    for (int a = 0; a < 3; a++) away += n[a] * (x[a] - stuck[a]);
+    for (int a = 0; a < 3; a++) stuck[a] = now->mode[i] == CFEM_TOUCH_STICK ? stuck[a] + away * n[a] : x[a];
+}
+
 /* Where friction holds patches from here on; what is open and not within an obstacle is left out. */
 static void finish(cfem_touch_round *at) {
     cfem_touched *const now = at->now;
@@ -156,9 +186,9 @@ static void finish(cfem_touch_round *at) {
     int kept = 0;
     now->near_count = 0;
     for (int i = 0; i < now->count; i++) {
-        const int p = now->patch[i], pressed = touches(now, i), sticks = now->mode[i] == CFEM_TOUCH_STICK;
-        holds[p] = at->mu > 0.0 && (sticks || pressed);
-        for (int a = 0; a < 3 && holds[p] && !sticks; a++) now->stuck[p][a] = now->place[p][a];
+        const int p = now->patch[i], pressed = touches(now, i);
+        holds[p] = at->mu > 0.0 && (now->mode[i] == CFEM_TOUCH_STICK || pressed);
+        if (holds[p]) hold(now, i);
         if (pressed || at->room->distance[p] < NEAR * CFEM_PATCH_LENGTH) now->near[now->near_count++] = p;
         if (!pressed && at->room->distance[p] > 0.0) continue;
         now->patch[kept] = p, now->mode[kept] = now->mode[i], now->obstacle[kept] = at->room->which[p];
@@ -185,7 +215,7 @@ static int sensible(const double *delta_a, const cfem_obstacle *obstacles, int c
 
 unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacles, int count, double mu,
                     const cfem_touched *before, cfem_touched *now, cfem_touch_room *room) {
-    cfem_touch_round at = {obstacles, count, mu, now, room, {0}, {{{0.0}}}, {{0.0}}, {{0.0}}};
+    cfem_touch_round at = {obstacles, count, mu, now, room, {0}, {{{0.0}}}, {{0.0}}};
     now->count = now->iterations = 0;
     if (!sensible(delta_a, obstacles, count, mu)) return now->status = CFEM_TOUCH_BAD_INPUT;
     now->status = cfem_touch_hold(delta_a, now, room);
@@ -202,7 +232,7 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
         j += bears;
     }
     if (bear(&at)) return now->status = CFEM_TOUCH_NO_MODEL;
-    for (int p = 0; p < N; p++) look(&at, p);
+    for (int p = 0; p < N; p++) look(&at, p, FAR * CFEM_PATCH_LENGTH), now->deep |= deep(&at, p);
     now->status = rounds(&at);
     if (now->status == CFEM_TOUCH_MANY || now->status == CFEM_TOUCH_NO_MODEL) now->count = 0;
     finish(&at);

@@ -23,6 +23,10 @@ enum {
     CFEM_TOUCH_BAD_INPUT = 4,  /* a number of the input is not finite, or friction is below 0 */
     CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here */
 };
+/* Where `bending` is larger, or with `deep`, the step was longer than what it is linear about allows. Forces may be wrong, a patch may lie
+ * on another side than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps. */
+#define CFEM_TOUCH_TRUSTED 0.3
+
 enum { CFEM_TOUCH_OPEN, CFEM_TOUCH_STICK, CFEM_TOUCH_SLIP };
 
 /* One state. The members up to `rows` are of patches that touch, `count` of them; those after it of the robot. */
@@ -39,6 +43,8 @@ typedef struct {
     double delta_e[CFEM_NE];           /* mm, effectors from rest */
     double delta_a[CFEM_NA];           /* mm: where the actuators are */
     double lambda_a[CFEM_NA];          /* N: what holds them there */
+    double bending;                    /* second order of the motion over its first, the largest of all rounds */
+    int deep;                          /* a patch began so far within an obstacle that twice as far in another side of it is nearer */
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
     double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */
     unsigned char holds[CFEM_PATCHES];
@@ -68,6 +74,7 @@ typedef struct {
     cfem_beyond by_dents[CFEM_TOUCH_MOST], by_modes;  /* what is taken of the second order, of dents and of modes */
     double beyond_own[CFEM_TOUCH_MOST][3];            /* mm: by which a patch moves beyond what `left` says, */
     double own_slope[CFEM_TOUCH_MOST][3][3];          /* mm/N: and its derivative by its force */
+    double bending;                                   /* as in the state */
     double w[CFEM_PATCH_ROWS], moved[CFEM_PATCH_ROWS], across[CFEM_PATCH_ROWS]; /* N: load on the modes; mm: rows by it */
     double change[CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];                  /* mm/N: of C_es and C_ss */
     double yields[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same under the forces that they bear */

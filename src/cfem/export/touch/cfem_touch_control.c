@@ -27,6 +27,12 @@ static unsigned step(cfem_touch_controller *c, const double *deltas, const cfem_
 
 static const cfem_touched *own(const cfem_met *state) { return &state->robot[0]; }
 
+static int known(const cfem_met *state) {
+    for (int b = 0; b < CFEM_MEET_ROBOTS; b++)
+        if (state->robot[b].bending > CFEM_TOUCH_TRUSTED) return 0;
+    return 1;
+}
+
 static double other(const cfem_touch_controller *c, int i) { return c->others[i / NA][i % NA]; }
 
 /* Forces are like those of `here`, friction counts from `near`, where the step to it began. */
@@ -55,6 +61,8 @@ static unsigned step(cfem_touch_controller *c, const double *delta_a, const cfem
 }
 
 static const cfem_touched *own(const cfem_touched *state) { return state; }
+
+static int known(const cfem_touched *state) { return state->bending <= CFEM_TOUCH_TRUSTED; }
 
 static double other(const cfem_touch_controller *c, int i) { return c->delta_a[i]; }
 
@@ -148,7 +156,7 @@ unsigned cfem_touch_control(cfem_touch_controller *c, const cfem_input *input, c
     c->controller.stands = 0; /* obstacles may have moved, and friction counts from here on */
 #endif
     const unsigned status = cfem_step(&c->controller, input, output);
-    return output->status = status | (settle(c) ? CFEM_NO_MODEL : 0u);
+    return output->status = status | (settle(c) ? CFEM_NO_MODEL : known(&c->at) ? 0u : CFEM_OUTSIDE);
 }
 #else
 typedef int cfem_touch_control_is_not_there; /* ISO C wants a declaration */

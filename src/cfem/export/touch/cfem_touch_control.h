@@ -43,8 +43,9 @@ typedef struct {
  * status of cfem_touch.h or cfem_meet.h. */
 unsigned cfem_touch_control_init(cfem_touch_controller *c, const cfem_obstacle *obstacles, int count, double mu);
 
-/* One tick, as cfem_step. CFEM_NO_MODEL where no contact state was found: where to plan, with CFEM_HELD, or else where the command
- * leads, and `at` is then the state before. */
+/* One tick, as cfem_step. CFEM_OUTSIDE also where contact bends a robot further than the model knows (CFEM_TOUCH_TRUSTED).
+ * CFEM_NO_MODEL where no contact state was found: where to plan, with CFEM_HELD, or else where the command leads, and `at` is then the
+ * state before. */
 unsigned cfem_touch_control(cfem_touch_controller *c, const cfem_input *input, cfem_output *output);
 #endif
 

@@ -70,6 +70,7 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
     polynomials t;
     cfem_condensed m;
     double packed[PACKED] = {0.0};
+    now->bending = room->bending = 0.0, now->deep = 0;
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
@@ -151,6 +152,8 @@ static void load(int count, const int *patch, double (*force)[3], cfem_touch_roo
     for (int k = 0; k < K; k++)
         first[k] = cfem_dot(K, room->C_ss[k], room->w), second[k] = cfem_dot(K, room->change[NE + k], room->w);
     room->by_modes = beyond(K, room->w, first, second, room->moved, room->across);
+    const double size = cfem_dot(K, first, first), share = size > 0.0 ? sqrt(cfem_dot(K, second, second) / size) / 2.0 : 0.0;
+    if (share > room->bending) room->bending = share;
 }
 
 void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
@@ -221,6 +224,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     const double *const w = room->w;
     double slope[NA] = {0.0}, cubes[K * (K + 1) * (K + 2) / 6], *at = cubes;
     polynomials t;
+    now->bending = room->bending;
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
     move_tip(now, room);

@@ -50,7 +50,7 @@ int cfem_touch_obey(cfem_touch_round *at) {
     cfem_touched *const now = at->now;
     cfem_touch_room *const room = at->room;
     const int m = now->count, n = 3 * m;
-    double gap[CFEM_TOUCH_ROWS], known[CFEM_TOUCH_MOST][3], change[CFEM_TOUCH_ROWS], moved[CFEM_TOUCH_ROWS];
+    double gap[CFEM_TOUCH_ROWS] = {0.0}, known[CFEM_TOUCH_MOST][3], change[CFEM_TOUCH_ROWS], moved[CFEM_TOUCH_ROWS];
     int turns = 0;
     for (int i = 0; i < m; i++) {
         const int p = now->patch[i];
@@ -78,13 +78,13 @@ int cfem_touch_obey(cfem_touch_round *at) {
     }
     for (int i = 0; i < m; i++)
         for (int a = 0; a < 3; a++) {
-            at->straight[i][a] = 0.0;
-            for (int b = 0; b < 3; b++) at->straight[i][a] += at->local[i][b] * at->frame[i][b][a];
-            change[3 * i + a] = at->straight[i][a] - now->force[i][a];
+            double *const straight = &now->force[i][a], last = *straight;
+            *straight = 0.0;
+            for (int b = 0; b < 3; b++) *straight += at->local[i][b] * at->frame[i][b][a];
+            change[3 * i + a] = *straight - last;
         }
-    for (int i = 0; i < n; i++) moved[i] = turns ? cfem_dot(n, room->turned + i * n, change) : 0.0;
-    for (int i = 0; i < m; i++)
-        for (int a = 0; a < 3; a++)
-            now->force[i][a] = at->straight[i][a] + (turns ? cfem_dot(3, room->bend[i][a], moved + 3 * i) : 0.0);
+    for (int i = 0; i < n && turns; i++) moved[i] = cfem_dot(n, room->turned + i * n, change);
+    for (int i = 0; i < m && turns; i++)
+        for (int a = 0; a < 3; a++) now->force[i][a] += cfem_dot(3, room->bend[i][a], moved + 3 * i);
     return 0;
 }

@@ -4,7 +4,7 @@
 
 #include "cfem_touch.h"
 
-/* local: forces in the frames of what the patches meet; straight: the same before they turn with curved obstacles. */
+/* local: forces in the frames of what the patches meet. */
 typedef struct {
     const cfem_obstacle *obstacles;
     int obstacle_count;
@@ -12,11 +12,11 @@ typedef struct {
     cfem_touched *now;
     cfem_touch_room *room;
     int stuck_before[CFEM_PATCHES]; /* whether friction held it in the last round */
-    double frame[CFEM_TOUCH_MOST][3][3], local[CFEM_TOUCH_MOST][3], straight[CFEM_TOUCH_MOST][3];
+    double frame[CFEM_TOUCH_MOST][3][3], local[CFEM_TOUCH_MOST][3];
 } cfem_touch_round;
 
-/* The forces that obey the law: `local` in the frames, `straight` on, and turned with curved obstacles as the state's. 0, or 1 where
- * nothing obeys it. */
+/* The forces that obey the law: `local` in the frames, and turned with curved obstacles as the state's. 0, or 1 where nothing obeys
+ * it. */
 int cfem_touch_obey(cfem_touch_round *at);
 
 #endif
