@@ -33,6 +33,7 @@ QUICK = {
 LONG = {
     "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
     "contact_anywhere.py": "make soft-finger",
+    "contact_patches.py": "make soft-finger",
     "contact_random.py": "nothing: it takes minutes",
     "control_process.py": "an exported model",
     "designs.py": "make parametric-finger",

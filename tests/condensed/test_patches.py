@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.blocks import box
 
-from cfem.condensed.patches import cut, edges
+from cfem.condensed.patches import cut, edges, on_sharp_edges
 from cfem.constraint.surface import outer_surface
 
 
@@ -34,3 +34,28 @@ def test_every_node_is_near_its_patch_and_shares_are_whole():
 def test_edges_have_their_lengths():
     graph = edges(np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]]))
     assert graph.toarray() == pytest.approx(np.array([[0, 3, 4], [0, 0, 5], [0, 0, 0]], float))
+
+
+def test_sharp_edges_of_a_box_are_found_and_inner_ones_are_not():
+    block = box((40, 20, 10), (8, 4, 2), "hex8")
+    whole = outer_surface(block.X, block.facets)
+    ends = np.isclose(whole.rest, 0.0) | np.isclose(whole.rest, [40, 20, 10])
+    assert (on_sharp_edges(whole.rest, whole.triangles) == (ends.sum(axis=1) >= 2)).all()
+    inside_out = whole.triangles[:, ::-1]  # of a hollow: its edges are concave
+    assert not on_sharp_edges(whole.rest, inside_out).any()
+
+
+@pytest.mark.parametrize("apart", [5.0, 8.0, 15.0])
+def test_patches_of_their_own_keep_places_of_straight_edges_on_the_surface(apart):
+    """Means of flat faces and of straight edges lie on them; only those round a corner do not."""
+    block = box((40, 20, 10), (16, 8, 4), "hex8")
+    whole = outer_surface(block.X, block.facets)
+    depth = {}
+    for sharp in (False, True):
+        patches = cut(whole.rest, whole.weights, apart, whole.triangles, sharp)
+        within = np.minimum(patches.rest, np.array([40, 20, 10]) - patches.rest)
+        depth[sharp] = np.sort(within, axis=1)[:, 0]
+        assert np.bincount(patches.of, patches.shares) == pytest.approx(np.ones(len(patches)))
+    assert depth[False].max() > 0.5
+    inside = np.sum(depth[True] > 1e-9)
+    assert inside <= 8 and len(depth[True]) > 3 * inside  # one a corner

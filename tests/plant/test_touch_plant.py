@@ -5,6 +5,7 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
+from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.equilibrium.actuation import displacement
@@ -97,3 +98,26 @@ def test_a_surface_that_passes_an_obstacle_between_its_patches_is_called_poor(ro
     far = plant(robot, surface, patches, {"far": Sphere(2.0, t=np.array([0.0, 90.0, 0.0]))})
     far.step(np.array([1.5]))
     assert not far.judged(robot.length) and "between patches" not in far.sentence()
+
+
+class Bent:
+    """The course of a robot whose actuator stays where it is."""
+
+    def deltas(self, share):
+        return np.array([0.4])
+
+
+def test_a_surface_that_passes_another_robot_between_its_patches_is_called_poor(robot, surface, patches):
+    """The other bar hangs upside down, turned so that it shows its edge: its patches lie beside that."""
+    c = np.sqrt(0.5)
+    turned, shift = np.array([[1, 0, 0], [0, -c, -c], [0, c, -c]]), np.array([0.0, 0.0, 11.0])
+    own = Skinned(robot, surface.nodes, surface.triangles, patches)
+    twin = Skinned(robot, surface.nodes, surface.triangles, patches, turned, shift, False)
+    among = TouchPlant(own, {}, others={"twin": (twin, Bent())})
+    assert among.step(np.array([0.8])).status == "converged"
+    depth, name = among.deepest
+    edge = twin.surface(among.met.solved[1].state.x)
+    inside = ClosedSurface(among.x[surface.nodes], surface.triangles).distance(edge)[0].min()
+    assert name == "twin" and -inside > 0.01 * robot.length
+    assert depth == pytest.approx(-inside, abs=0.5)  # of points of the one in the other, and the other way round
+    assert "into twin between its patches" in among.judged(robot.length)[0]["what"]

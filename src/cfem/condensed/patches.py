@@ -7,6 +7,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
+SHARP = np.radians(30.0)
+
 
 @dataclass(frozen=True)
 class Patches:
@@ -46,23 +48,52 @@ def edges(rest: np.ndarray, triangles: np.ndarray) -> csr_array:
     return csr_array((lengths, pairs.T), shape=(len(rest), len(rest)))
 
 
-def cut(rest: np.ndarray, weights: np.ndarray, apart: float, triangles: np.ndarray) -> Patches:
+def cut(
+    rest: np.ndarray, weights: np.ndarray, apart: float, triangles: np.ndarray, sharp_edges: bool = False
+) -> Patches:
     """Patches of a surface of nodes rest (m, 3) mm with shares `weights` (m,) and triangles (t, 3), whose centres are
-    about `apart` mm from each other: each the node farthest from those before (Gonzalez 1985), and every node with its
-    nearest. What does not hang together along the surface is not one patch."""
-    nearest, of = np.full(len(rest), np.inf), np.zeros(len(rest), dtype=np.int64)
-    centre, count = int(np.argmax(np.linalg.norm(rest - rest.mean(axis=0), axis=1))), 0
+    about `apart` mm from each other. What does not hang together along the surface is not one patch. sharp_edges: such
+    edges have patches of their own, as what is beside them first touches there, and the mean of a patch that goes round
+    one lies in the body."""
+    graph, of, count = edges(rest, triangles).tocoo(), np.zeros(len(rest), dtype=np.int64), 0
+    parts = _connected(on_sharp_edges(rest, triangles).astype(np.int64), graph) if sharp_edges else of
+    for part in np.unique(parts):
+        mine = np.flatnonzero(parts == part)
+        of[mine] = count + _nearest_centre(rest[mine], apart)
+        count = int(of[mine].max()) + 1
+    of = _connected(of, graph)
+    area = np.maximum(weights, 1e-12 / len(weights))
+    shares = area / np.bincount(of, area)[of]
+    patches = Patches(of, shares, np.zeros((int(of.max()) + 1, 3)))
+    return Patches(of, shares, patches.mean(rest))
+
+
+def _nearest_centre(nodes: np.ndarray, apart: float) -> np.ndarray:
+    """(m,) number of the centre that is nearest to each of nodes (m, 3) mm. Each centre is the node farthest from those
+    before (Gonzalez 1985), until every node is within `apart` mm of one."""
+    nearest, of = np.full(len(nodes), np.inf), np.zeros(len(nodes), dtype=np.int64)
+    centre, count = int(np.argmax(np.linalg.norm(nodes - nodes.mean(axis=0), axis=1))), 0
     while nearest.max() > apart:
-        away = np.linalg.norm(rest - rest[centre], axis=1)
+        away = np.linalg.norm(nodes - nodes[centre], axis=1)
         closer = away < nearest
         of[closer], nearest[closer] = count, away[closer]
         centre, count = int(np.argmax(nearest)), count + 1
-    of = _connected(of, edges(rest, triangles).tocoo())
-    count = int(of.max()) + 1
-    area = np.maximum(weights, 1e-12 / len(weights))
-    shares = area / np.bincount(of, area)[of]
-    patches = Patches(of, shares, np.zeros((count, 3)))
-    return Patches(of, shares, patches.mean(rest))
+    return of
+
+
+def on_sharp_edges(rest: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(m,) bool: nodes on edges at which the surface is convex and turns by more than SHARP."""
+    corners = rest[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    start, end, opposite = (triangles[:, np.roll([0, 1, 2], -i)].ravel() for i in range(3))
+    key, of = start * len(rest) + end, np.repeat(np.arange(len(triangles)), 3)
+    order = np.argsort(key)
+    twin = order[np.minimum(np.searchsorted(key[order], end * len(rest) + start), len(key) - 1)]
+    turned = np.einsum("ei,ei->e", normals[of], normals[of[twin]]) < np.cos(SHARP)
+    below = np.einsum("ei,ei->e", rest[opposite[twin]] - rest[start], normals[of]) < 0
+    sharp = turned & below & (start[twin] == end) & (end[twin] == start)
+    return np.isin(np.arange(len(rest)), [start[sharp], end[sharp]])
 
 
 def _connected(of: np.ndarray, graph: coo_array) -> np.ndarray:

@@ -116,7 +116,7 @@ def with_obstacles(
     for name, model in predictors.items():
         skin = model.skin
         with naming(models[name]):
-            touchable = touchable_of(model, models[name], robot, made_of, spec.contact.patches)
+            touchable = touchable_of(model, models[name], robot, made_of, *spec.contact.cut)
             known = {"courses": moving, "others": learned, "itself": itself, "unilateral": robot.unilateral}
             one = ContactModel(touchable, solid, pressed, avoided, friction, **known)
         demand_apart(one)
@@ -157,7 +157,7 @@ def other_robot(
     robot, skin = build_robot(scene, mesh), model.skin
     made_of = made_from(own, own.parent / scene.out if one.scene else base / spec.mesh) | {"loads": {}}
     with naming(base / one.model):
-        touchable = touchable_of(model, base / one.model, robot, made_of, spec.contact.patches)
+        touchable = touchable_of(model, base / one.model, robot, made_of, *spec.contact.cut)
     place = course.R, course.t, False
     return (
         PlacedModel(touchable, *place, robot.unilateral),

@@ -37,7 +37,7 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
     made_of = made_from(scene, scene.parent / robot_scene.out) | {"loads": {}}
     robot = build_robot(robot_scene, mesh)
     try:
-        touchable = touchable_of(model, model_folder, robot, made_of, spec.contact.patches)
+        touchable = touchable_of(model, model_folder, robot, made_of, *spec.contact.cut)
     except InputError as error:
         raise InputError(error.what, where=error.where or str(model_folder), do=error.do) from None
     met = [one for one in spec.obstacles.values() if one.kind == "robot"]

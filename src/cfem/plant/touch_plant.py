@@ -3,15 +3,18 @@
 Patches that are near something are contact points of the finite elements (`cfem.equilibrium.meet`)."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.obstacle import Obstacle
+from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.obstacle import ClosedMesh, Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
+from cfem.core.errors import InputError
 from cfem.equilibrium.meet import Meeting, MetRobots, Skinned
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
@@ -77,8 +80,8 @@ class TouchPlant(ContactAccount):
         solved = self.met.solved[0]
         forces = [self.met.between(0, self._numbers[name]) for name in self._pressed]
         x_e = np.concatenate([robot.rest_e + solved.delta_e, forces, self._distances(self._avoided)])
-        for name, distance in zip(self._solid, self._distances(self._solid), strict=True):
-            self.deepest = max(self.deepest, (-float(distance), name))
+        for name, one in ({name: self._obstacles[name] for name in self._solid} | self._bodies()).items():
+            self.deepest = max(self.deepest, (-self._distance(one), name))
         return Measurement(x_e, solved.delta_a, solved.lambda_a, self.commands, status)
 
     def pass_to(self, share: float) -> None:
@@ -115,6 +118,15 @@ class TouchPlant(ContactAccount):
 
     def _distances(self, names: Sequence[str]) -> np.ndarray:
         """(k,) mm of the whole surface, between the patches too."""
-        surface = self.x[self._robot.nodes]
-        triangles, all_of_them = self._robot.triangles, self._obstacles
-        return np.array([nearest_of_surface(surface, triangles, all_of_them[name]).distance for name in names])
+        return np.array([self._distance(self._obstacles[name]) for name in names])
+
+    def _bodies(self) -> dict[str, Obstacle]:
+        """The other robots as they are now, but those whose surface overlaps itself, which have no inside."""
+        found = {}
+        for (name, (one, _)), solved in zip(self._others.items(), self.met.solved[1:], strict=True):
+            with suppress(InputError):
+                found[name] = ClosedMesh(ClosedSurface(one.surface(solved.state.x), one.triangles))
+        return found
+
+    def _distance(self, obstacle: Obstacle) -> float:
+        return nearest_of_surface(self._robot.surface(self.x), self._robot.triangles, obstacle).distance

@@ -111,6 +111,6 @@ class Held:
 
 def stiff(own: np.ndarray) -> np.ndarray:
     """(c,) harmonic means of the eigenvalues of own (c, 3, 3), near those of what is local: a soft body yields in one
-    or two directions, and is dented in all."""
+    or two directions, and is dented in all; 0 where the body is held."""
     minors = sum(own[:, i, i] * own[:, j, j] - own[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
-    return 3 * np.linalg.det(own) / minors
+    return 3 * np.linalg.det(own) / np.where(minors > 0, minors, np.inf)

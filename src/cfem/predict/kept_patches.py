@@ -28,11 +28,16 @@ T = TypeVar("T")
 
 
 def touchable_of(
-    model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any], apart: float | None
+    model: Predictor,
+    folder: Path,
+    robot: Robot,
+    made_of: Mapping[str, Any],
+    apart: float | None,
+    sharp_edges: bool = False,
 ) -> Touchable:
-    """A model, of `folder`, that may be touched at patches about `apart` mm from each other. made_of: plain data from
-    which the robot was made. Finite elements are solved where nothing is kept."""
-    patches, own = patches_of(model, apart), model.skin
+    """A model, of `folder`, that may be touched at patches about `apart` mm from each other (`patches_of`). made_of:
+    plain data from which the robot was made. Finite elements are solved where nothing is kept."""
+    patches, own = patches_of(model, apart, sharp_edges), model.skin
     states = touch_states(model.domain, robot.rows.n_a)
     asked = {"nodes": own.nodes, "of": patches.of, "shares": patches.shares, "states": states, "modes": own.modes}
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]

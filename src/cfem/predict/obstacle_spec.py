@@ -207,8 +207,16 @@ class ContactSpec(Spec):
     patches: Length | None = Field(None, gt=0)
     """Distance of the patches into which the surface is cut. Each touches as a point. A twentieth of the robot's length
     unless given."""
+    sharp_edges: bool = False
+    """Whether convex edges that turn by more than 30 degrees have patches of their own. Without these such an edge
+    reaches into what it touches before any patch does. With them there are more patches."""
     friction: float = Field(0.0, ge=0)
     """Coefficient of friction of the robot's surface, on obstacles, other robots and itself."""
+
+    @property
+    def cut(self) -> tuple[float | None, bool]:
+        """How the surface is cut into patches (`cfem.predict.touchable.patches_of`)."""
+        return self.patches, self.sharp_edges
 
 
 def _rotation(turn: Turn | None) -> np.ndarray:

@@ -213,10 +213,11 @@ def touch_states(domain: Domain, n_a: int) -> np.ndarray:
     return states[np.sort(chosen)]
 
 
-def patches_of(model: Predictor, apart: float | None = None) -> Patches:
-    """The patches of a model's skin, about `apart` mm from each other, a twentieth of the length unless given.
+def patches_of(model: Predictor, apart: float | None = None, sharp_edges: bool = False) -> Patches:
+    """The patches of a model's skin (`cut`), about `apart` mm from each other, a twentieth of the length unless given.
     SpecError where they are too far apart."""
     if apart is not None and apart > COARSEST * model.length:
         what = f"{apart:g} mm is too coarse for a robot that is {model.length:.3g} mm long"
         raise SpecError(what, where="patches", do=f"take about {model.length / 20:.2g} mm, or leave the key out")
-    return cut(model.skin.rest, model.skin.weights, apart or model.length / 20, model.skin.triangles)
+    skin = model.skin
+    return cut(skin.rest, skin.weights, apart or model.length / 20, skin.triangles, sharp_edges)
