@@ -265,6 +265,22 @@ def test_compliance_is_that_of_finite_elements_also_between_their_states(touchab
     assert np.abs(Held(touchable, between).unpressed(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
 
 
+@pytest.mark.parametrize(("allowed", "count"), [(1e-12, 4), (0.3, 2)])
+def test_mixtures_of_modes_change_the_compliance_as_all_modes_do(touchable, monkeypatch, allowed, count):
+    monkeypatch.setattr("cfem.predict.touchable.BENT", allowed)
+    touchable = replace(touchable)
+    Q, n_e = touchable.bends, touchable.model.rows.n_e
+    np.testing.assert_allclose(Q.T @ Q, np.eye(count), atol=1e-12)
+    D = np.tensordot(touchable.basis(touchable.in_box(touchable.by_fe.states)), touchable.bent, axes=1)
+    found, left, size = D[:, touchable.bent_at], 0.0, 0.0
+    for mine, known in zip(found, touchable.by_fe.bent[..., n_e:], strict=True):
+        own = np.einsum("abc,ka,lb,mc->klm", mine[:, n_e:], Q, Q, Q)
+        seen = np.einsum("aeb,ka,lb->kel", mine[:, :n_e], Q, Q)
+        left += np.sum((own - known[:, n_e:]) ** 2) + np.sum((seen - known[:, :n_e]) ** 2)
+        size += np.sum(known**2)
+    assert np.sqrt(left / size) < 3 * allowed + 1e-6  # of three loads; and what is rounded, or not quite symmetric
+
+
 def test_a_dent_is_right_to_the_second_order_in_its_force(touchable, robot):
     """Against finite elements with a force on a patch: half of it leaves an eighth of the error."""
     delta = touchable.by_fe.states[0]

@@ -37,16 +37,18 @@ def test_parts_of_chosen_patches(drawn):
 def test_what_forces_do(drawn, size):
     _, _, C, *_ = drawn
     rng = np.random.default_rng(1)
-    forces, D = size * rng.normal(size=(3, 3)), rng.normal(size=(4, 6, 4))
+    forces, D = size * rng.normal(size=(3, 3)), rng.normal(size=(3, 5, 3))
+    bends = np.linalg.qr(rng.normal(size=(4, 3)))[0]
     U, _, _, dented = yielding.parts(*drawn)
     yields = np.array([0.5, 1.0, 2.0])
-    of = yielding.loaded(forces, C, D, U, yields, dented)
+    of = yielding.loaded(forces, C, bends, D, U, yields, dented)
     w = forces.ravel() @ U
-    change = np.tensordot(w, D, axes=1)
-    modes = beyond(w, C @ w, change[2:] @ w)
+    change = np.tensordot(w @ bends, D, axes=1)
+    modes = beyond(w, C @ w, bends @ change[2:] @ bends.T @ w)
     for one, other in zip(of.modes, modes, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(of.change, change, atol=1e-12)
+    np.testing.assert_allclose(of.v, w @ bends, atol=1e-12)
     for i, f in enumerate(forces):
         bent, own, stiff = dented[i, ..., :3] @ f, yields[i] * f, yields[i] * np.eye(3)
         dent = beyond(f, own, bent @ f)

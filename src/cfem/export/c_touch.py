@@ -52,6 +52,8 @@ def write_c_touch(
         "CFEM_PATCH_TERMS": len(constants["degrees"]),
         "CFEM_PATCH_COMPLIANCE_TERMS": len(constants["compliance_degrees"]),
         "CFEM_PATCH_LOCAL_TERMS": len(constants["local_degrees"]),
+        "CFEM_PATCH_BENDS": constants["bends"].shape[1],
+        "CFEM_PATCH_BENT": constants["bent"].shape[1],
         "CFEM_PATCH_DEGREE": int(max(constants[name].max(initial=1) for name in ("degrees", "compliance_degrees"))),
         "CFEM_PATCH_LENGTH": repr(float(touchable.model.length)),
         "CFEM_TOUCH_OBSTACLES": len(obstacles),
@@ -74,9 +76,7 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
     arrays, (spread, by_row) = skin.arrays, touchable.spread
     one, other = np.triu_indices(N)
     local = touchable.local[one, other].reshape(len(one), len(touchable.degrees), 9)
-    (a, b, c), (i, j, k) = triples(3), triples(len(skin))
-    n_e, (first, second) = touchable.model.rows.n_e, np.triu_indices(len(skin))
-    effectors = touchable.bent[:, first, :n_e, n_e + second]  # (pairs, terms, n_e), as indices stand apart
+    (a, b, c), whole = triples(3), -touchable.bent.shape[1] % 4  # vectors of a processor
     return {
         "to_box": np.asarray(arrays["to_box"], float),
         "offset": np.asarray(arrays["offset"], float),
@@ -91,9 +91,9 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
             touchable.dented[:, :, UPPER[0], UPPER[1], 3:].transpose(1, 0, 3, 2), dtype=np.float32
         ),
         "local_tip": np.ascontiguousarray(touchable.local_tip.transpose(2, 0, 1, 3)),
-        "bent": np.hstack(
-            [touchable.bent[:, i, n_e + j, n_e + k], effectors.transpose(1, 2, 0).reshape(len(touchable.degrees), -1)]
-        ),
+        "bent": np.pad(touchable.bent, [(0, 0), (0, whole)]).astype(np.float32),
+        "bends": touchable.bends,
+        "bending": touchable.U @ touchable.bends,
         "held": touchable.held_still.astype(np.uint8),
         "box": np.asarray(touchable.model.domain.delta_a, float),
         "reach": np.abs(touchable.model.reach).max(axis=1),

@@ -2,16 +2,15 @@
 
 How its rows go is known to the second order in the load w on the modes of the skin:
 
-    rows = rows_0 + C_ss w + D_ss[w, w] / 2 + ...
+    rows = rows_0 + C_ss w + Q D_ss[v, v] / 2 + ...        v = Q^T w
 
-and the orders beyond follow as far as the energy along the load tells them (`cfem.predict.high_order_load`). So do
-the dents, by which a force on a patch changes what this patch yields. All of it is the derivative of one energy by
-the forces, so that the compliance is symmetric."""
+with the mixtures Q of the modes that matter to D (`Touchable.bends`). The orders beyond follow as far as the energy
+along the load tells them (`cfem.predict.high_order_load`). So do the dents, by which a force on a patch changes what
+this patch yields. All of it is the derivative of one energy by the forces, so that the compliance is symmetric."""
 
 import numpy as np
 
 from cfem.predict import yielding
-from cfem.predict.high_order_load import slope
 from cfem.predict.touchable import NONE, Touchable
 from cfem.predict.yielding import Parts, loaded
 
@@ -29,7 +28,7 @@ class Held:
         self.of, self.delta, self.unloaded = of, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
         self._at = of.basis(of.in_box(delta))
-        self._D = (self._at @ of.bent_flat).reshape(k, -1, k)
+        self._D = (self._at @ of.bent)[of.bent_at]
         self.free = of.patches.rest + (of.flat @ self.unloaded).reshape(-1, 3)
         self._known: tuple[bytes, Parts] | None = None
         self.chosen, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
@@ -42,7 +41,7 @@ class Held:
             self.w, self.rows = np.zeros(len(self.unloaded)), self.unloaded
             return
         parts, forces = self._parts(chosen), np.ascontiguousarray(forces, float)
-        self._loaded = loaded(forces, self.C_ss, self._D, parts.U, parts.yields, parts.dented)
+        self._loaded = loaded(forces, self.C_ss, self.of.bends, self._D, parts.U, parts.yields, parts.dented)
         self.w, self.rows = self._loaded.w, self.unloaded + self._loaded.modes.motion
         self.bending = max(self.bending, self._loaded.bending)
 
@@ -60,8 +59,10 @@ class Held:
         parts, c, n_e = self._parts(self.chosen), len(self.chosen), len(self.C_es)
         if not self.w.any():
             return parts.total
-        change = slope(self._loaded.modes, self.C_ss, self._loaded.change[n_e:]) - self.C_ss
-        found, each = parts.total + parts.U @ change @ parts.U.T, np.arange(c)
+        of, each = self._loaded.modes, np.arange(c)
+        across, V = parts.U @ of.across, parts.U @ self.of.bends
+        change = of.second * (V @ self._loaded.change[n_e:] @ V.T) + of.rank * np.outer(across, across)
+        found = parts.total + (of.first - 1) * (parts.total - parts.left) + change
         found.reshape(c, 3, c, 3)[each, :, each] += self._loaded.slopes
         return found
 
@@ -80,17 +81,18 @@ class Held:
         own = (self._at @ series).reshape(n_e, -1) @ turned.ravel()
         pairs = of.seconds[:, None, None] / 2 * self.forces[:, :, None] * self.forces[:, None]
         dented = pairs.ravel() @ parts.dented[..., 3:].reshape(-1, n_e)
-        return (of.modes.first * self.C_es + of.modes.second / 2 * of.change[:n_e]) @ self.w + own + dented
+        by_modes = of.modes.first * self.C_es @ self.w + of.modes.second / 2 * of.change[:n_e] @ of.v
+        return by_modes + own + dented
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
         skin, w = self.of.model.skin, self.w
         if not len(self.chosen):
             return np.zeros(len(self.delta))
-        more = self._loaded.modes
+        more, v = self._loaded.modes, self._loaded.v
         found = w @ skin.gradient(self.delta, NONE) + more.first * skin.compliance_work(self.delta, NONE, w) / 2
         series, (i, j, k), slopes = self.of.cubic
-        return found + more.second / 6 * (self._at @ slopes @ (series @ (w[i] * w[j] * w[k])))
+        return found + more.second / 6 * (self._at @ slopes @ (series @ (v[i] * v[j] * v[k])))
 
     def _parts(self, chosen: np.ndarray) -> Parts:
         key = chosen.tobytes()

@@ -28,6 +28,7 @@ from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
+BENT = 0.005  # of all that is known of how loads on the modes change the compliance: what is left out
 TERMS, MOST = 10, 3  # of the polynomials through these, and their highest degree
 NONE = np.zeros(0)
 COARSEST = 0.5  # of the length: patches farther apart are no surface
@@ -115,9 +116,10 @@ class Touchable:
         """(terms, N, 3, 3, 3 + n_e) mm/N^2, series of E and F: what modes leave of how the compliance of each patch,
         with itself and with the effectors, changes with a force on it; symmetric, and rounded like L."""
         model, N, found, n_e = self.model, len(self.patches), [], self.model.rows.n_e
-        for delta, bent, dented in zip(self.by_fe.states, self.by_fe.bent, self.by_fe.dented, strict=True):
-            by_modes = np.einsum("pai,pbj,irj->pabr", self.U, self.U, bent[:, :, n_e:], optimize=True)
-            by_modes = np.concatenate([by_modes[..., n_e:] @ self.U.swapaxes(1, 2)[:, None], by_modes[..., :n_e]], 3)
+        V = self.U @ self.bends
+        for delta, bent, dented in zip(self.by_fe.states, self._bent, self.by_fe.dented, strict=True):
+            by_modes = np.einsum("pai,pbj,irj->pabr", V, V, bent, optimize=True)
+            by_modes = np.concatenate([by_modes[..., n_e:] @ V.swapaxes(1, 2)[:, None], by_modes[..., :n_e]], 3)
             R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
             found.append(turn_cubic(dented - by_modes, R.swapaxes(1, 2)))
         return np.tensordot(self._inverse, np.stack(found), axes=1).astype(np.float32).astype(float)
@@ -136,33 +138,65 @@ class Touchable:
         return (series + series.transpose(0, 2, 1, 4, 3)) / 2, np.tensordot(self._inverse, tip, axes=1)
 
     @cached_property
-    def bent(self) -> np.ndarray:
-        """(terms, k, n_e + k, n_e + k) mm/N^2, series of how the compliance of effectors and rows changes with loads on
-        the modes, as symmetric as the derivatives of an energy are."""
-        found, n_e = np.tensordot(self._inverse, self.by_fe.bent, axes=1), self.model.rows.n_e
-        seen, own = found[:, :, :n_e, n_e:], found[:, :, n_e:, n_e:]
-        found[:, :, :n_e, n_e:] = (seen + seen.transpose(0, 3, 2, 1)) / 2
-        orders = [(0, *order) for order in permutations((1, 2, 3))]
-        found[:, :, n_e:, n_e:] = sum(own.transpose(order) for order in orders) / 6
-        return found
+    def bends(self) -> np.ndarray:
+        """(k, r) orthonormal mixtures of the modes: loads on others change the compliance by no more than BENT of what
+        all do (De Lathauwer, De Moor and Vandewalle, *A multilinear singular value decomposition*, 2000)."""
+        both = np.concatenate(self._of_modes, axis=2).swapaxes(0, 1)
+        mixtures, sizes, _ = np.linalg.svd(both.reshape(len(both), -1), full_matrices=False)
+        left = np.sqrt(np.cumsum(sizes[::-1] ** 2)[::-1])
+        return mixtures[:, left > BENT * left[0]] if left[0] > 0 else mixtures[:, :1]
 
     @cached_property
-    def bent_flat(self) -> np.ndarray:
-        """(terms, k (n_e + k) k) mm/N^2: of it, what loads on the modes meet."""
-        return np.ascontiguousarray(self.bent[..., -len(self.model.skin) :]).reshape(len(self.degrees), -1)
+    def bent(self) -> np.ndarray:
+        """(terms, c) mm/N^2, series of how the compliance of effectors and of mixtures `bends` of the modes changes
+        with loads on these, as symmetric as the derivatives of an energy are, and rounded like L: of i <= j <= k what
+        mixtures have, and then of each effector what it has of i <= j."""
+        (i, j, k), (one, other) = triples(self.bends.shape[1]), np.triu_indices(self.bends.shape[1])
+        seen, own = np.split(self._bent, [self.model.rows.n_e], axis=2)
+        seen = seen[:, one, :, other].transpose(1, 2, 0).reshape(len(own), -1)
+        return (self._inverse @ np.hstack([own[:, i, j, k], seen])).astype(np.float32).astype(float)
+
+    @cached_property
+    def bent_at(self) -> np.ndarray:
+        """(r, n_e + r, r): which number of `bent` says how the compliance of the second and third changes with a load
+        on the first."""
+        r, n_e = self.bends.shape[1], self.model.rows.n_e
+        cube, square = triples(r), np.array(np.triu_indices(r))
+        own, seen = np.empty((r, r, r), dtype=np.int64), np.empty((r, r), dtype=np.int64)
+        for order in permutations(range(3)):
+            own[tuple(cube[list(order)])] = np.arange(cube.shape[1])
+        seen[tuple(square)] = seen[tuple(square[::-1])] = np.arange(square.shape[1])
+        apart = cube.shape[1] + square.shape[1] * np.arange(n_e)
+        return np.concatenate([seen[:, None] + apart[:, None], own], axis=1)
 
     @cached_property
     def cubic(self) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
-        """Of the series of rows' bent[w, w, w], a symmetric cubic form: coefficients (terms, c) mm/N^2, the three modes
-        (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
+        """Of the series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c)
+        mm/N^2, the three mixtures (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by
+        delta_a."""
         from cfem.predict.series import input_derivatives
 
-        (low, high), n_e = self.model.domain.delta_a, self.model.rows.n_e
-        i, j, k = triples(len(self.model.skin))
+        low, high = self.model.domain.delta_a
+        i, j, k = triples(self.bends.shape[1])
         orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
         slopes = np.stack([one.toarray() for one in by_delta])
-        return orders * self.bent[:, i, n_e + j, n_e + k], (i, j, k), slopes
+        return orders * self.bent[:, : len(i)], (i, j, k), slopes
+
+    @cached_property
+    def _of_modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """(J, k, n_e, k) and (J, k, k, k) mm/N^2 by finite elements: how loads on the modes change the compliance of
+        the effectors and of the rows."""
+        seen, own = np.split(self.by_fe.bent[..., self.model.rows.n_e :], [self.model.rows.n_e], axis=2)
+        own = sum(own.transpose(0, *order) for order in permutations((1, 2, 3))) / 6
+        return (seen + seen.transpose(0, 3, 2, 1)) / 2, own
+
+    @cached_property
+    def _bent(self) -> np.ndarray:
+        """(J, r, n_e + r, r) mm/N^2: `bent` at the states of finite elements."""
+        Q, (seen, own) = self.bends, self._of_modes
+        seen = np.einsum("skel,ka,lb->saeb", seen, Q, Q, optimize=True)
+        return np.concatenate([seen, np.einsum("sklm,ka,lb,mc->sabc", own, Q, Q, Q, optimize=True)], axis=2)
 
     @cached_property
     def _inverse(self) -> np.ndarray:

@@ -1,6 +1,6 @@
 """How chosen patches of a touchable robot yield, without forces and under them (`cfem.predict.held`): compiled loops.
 
-c patches, k modes of the skin, n_e effectors."""
+c patches, k modes of the skin, r mixtures of them (`Touchable.bends`), n_e effectors."""
 
 from typing import NamedTuple
 
@@ -24,12 +24,13 @@ class Parts(NamedTuple):
 
 
 class Loaded(NamedTuple):
-    """Under forces on these. w (k,) N: their load on the modes; change (n_e + k, k) mm/N: of C_es and C_ss; modes: what
-    these do; bending: the size of its second order over that of its first. Of dents: places (c, 3) mm by which patches
-    move beyond what `left` says, slopes (c, 3, 3) mm/N their derivatives, and seconds (c,), what is taken of the second
-    order."""
+    """Under forces on these. w (k,) N: their load on the modes, and v (r,) on the mixtures; change (n_e + r, r) mm/N:
+    of C_es and C_ss, seen in these; modes: what they do; bending: the size of its second order over that of its first.
+    Of dents: places (c, 3) mm by which patches move beyond what `left` says, slopes (c, 3, 3) mm/N their derivatives,
+    and seconds (c,), what is taken of the second order."""
 
     w: np.ndarray
+    v: np.ndarray
     change: np.ndarray
     modes: Beyond
     bending: float
@@ -119,23 +120,30 @@ def _dents(chosen, R, at, dented):
 
 
 @njit(cache=True, error_model="numpy")
-def loaded(forces, C_ss, D, U, yields, dented):
-    """Under forces (c, 3) N; D (k, n_e + k, k) mm/N^2, and of `Parts`."""
-    c, k, seen = len(forces), len(C_ss), D.shape[1]
-    w, change = np.zeros(k), np.zeros((seen, k))
+def loaded(forces, C_ss, bends, D, U, yields, dented):
+    """Under forces (c, 3) N; bends (k, r); D (r, n_e + r, r) mm/N^2, and of `Parts`."""
+    c, (k, r), seen = len(forces), bends.shape, D.shape[1]
+    w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)
     for i in range(c):
         for a in range(3):
             for d in range(k):
                 w[d] += U[3 * i + a, d] * forces[i, a]
-    for row in range(seen):
-        for column in range(k):
-            for d in range(k):
-                change[row, column] += w[d] * D[d, row, column]
+    for row in range(k):
+        for d in range(r):
+            v[d] += bends[row, d] * w[row]
+    for d in range(r):
+        for row in range(seen):
+            for column in range(r):
+                change[row, column] += v[d] * D[d, row, column]
+    for row in range(r):
+        for d in range(r):
+            by_mixture[row] += change[seen - r + row, d] * v[d]
     first, second = np.zeros(k), np.zeros(k)
     for row in range(k):
         for d in range(k):
             first[row] += C_ss[row, d] * w[d]
-            second[row] += change[seen - k + row, d] * w[d]
+        for d in range(r):
+            second[row] += bends[row, d] * by_mixture[d]
     modes, size, more = beyond(w, first, second), 0.0, 0.0
     for row in range(k):
         size += first[row] ** 2
@@ -157,4 +165,4 @@ def loaded(forces, C_ss, D, U, yields, dented):
             for b in range(3):
                 slopes[i, a, b] = inclined[a, b] - stiff[a, b]
         seconds[i] = of.second
-    return Loaded(w, change, modes, bending, places, slopes, seconds)
+    return Loaded(w, v, change, modes, bending, places, slopes, seconds)

@@ -61,7 +61,7 @@ typedef struct {
 /* Room to work in. */
 typedef struct {
     double s[CFEM_NA], rows[CFEM_PATCH_ROWS], C_es[CFEM_NE][CFEM_PATCH_ROWS], C_ss[CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];
-    double D[CFEM_PATCH_ROWS][CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS]; /* mm/N^2: change of C_es, C_ss with loads */
+    double D[CFEM_PATCH_BENT];                        /* mm/N^2: how C_ss (i <= j <= k) and C_es (i <= j) change with loads on mixtures */
     double terms[CFEM_PATCH_LOCAL_TERMS];             /* of the polynomial of what the modes leave of the compliance */
     double free[CFEM_PATCHES][3];                     /* mm: places without forces */
     double R[CFEM_PATCHES][3][3];                     /* rotations since rest, where known */
@@ -76,7 +76,8 @@ typedef struct {
     double own_slope[CFEM_TOUCH_MOST][3][3];          /* mm/N: and its derivative by its force */
     double bending;                                   /* as in the state */
     double w[CFEM_PATCH_ROWS], moved[CFEM_PATCH_ROWS], across[CFEM_PATCH_ROWS]; /* N: load on the modes; mm: rows by it */
-    double change[CFEM_NE + CFEM_PATCH_ROWS][CFEM_PATCH_ROWS];                  /* mm/N: of C_es and C_ss */
+    double v[CFEM_PATCH_BENDS];                                                 /* N: load on the mixtures of the modes */
+    double change[CFEM_NE + CFEM_PATCH_BENDS][CFEM_PATCH_BENDS];                /* mm/N: of C_es and C_ss, seen in these */
     double yields[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same under the forces that they bear */
     double turned[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS]; /* mm/N: the same with normal forces that turn with obstacles */
     double W[CFEM_TOUCH_ROWS * CFEM_TOUCH_ROWS];      /* mm/N: in the frames of what they touch */

@@ -1,5 +1,5 @@
 /* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2, g_p = R_p^T f_p,
- * rows = s_0 + C_ss w + D_ss[w, w] / 2 + ..., w_k = sum_p u_kp . f_p; see cfem.predict.held. */
+ * rows = s_0 + C_ss w + Q D_ss[v, v] / 2 + ..., w_k = sum_p u_kp . f_p, v = Q^T w; see cfem.predict.held. */
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 
@@ -7,7 +7,8 @@
 #define NA CFEM_NA
 #define NE CFEM_NE
 #define PACKED (NE * K + K * (K + 1) / 2)
-#define BENT (K * (K + 1) * (K + 2) / 6 + NE * K * (K + 1) / 2)
+#define M CFEM_PATCH_BENDS
+#define CUBES (M * (M + 1) * (M + 2) / 6)
 static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.high_order_load */
 
 typedef struct {
@@ -50,22 +51,6 @@ static double local_term(const double *delta_a, int term, int slope_of) {
     return found;
 }
 
-/* D at the room's terms. Stored is, of i <= j <= k, what rows have, and then of each effector what it has of i <= j. */
-static void unbend(cfem_touch_room *room) {
-    double packed[BENT] = {0.0}, *at = packed;
-    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++)
-        for (int i = 0; i < BENT; i++) packed[i] += room->terms[l] * cfem_patch_bent[l][i];
-    for (int i = 0; i < K; i++)
-        for (int j = i; j < K; j++)
-            for (int k = j; k < K; k++, at++) {
-                room->D[i][NE + j][k] = room->D[i][NE + k][j] = room->D[j][NE + i][k] = *at;
-                room->D[j][NE + k][i] = room->D[k][NE + i][j] = room->D[k][NE + j][i] = *at;
-            }
-    for (int e = 0; e < NE; e++)
-        for (int i = 0; i < K; i++)
-            for (int j = i; j < K; j++, at++) room->D[i][e][j] = room->D[j][e][i] = *at;
-}
-
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     polynomials t;
     cfem_condensed m;
@@ -88,8 +73,11 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
         for (int k = 0; k < K; k++) room->C_es[e][k] = packed[e * K + k];
     for (int i = 0, at = NE * K; i < K; i++)
         for (int j = i; j < K; j++, at++) room->C_ss[i][j] = room->C_ss[j][i] = packed[at];
-    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) room->terms[l] = local_term(delta_a, l, -1);
-    unbend(room);
+    for (int i = 0; i < CFEM_PATCH_BENT; i++) room->D[i] = 0.0;
+    for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
+        const double term = room->terms[l] = local_term(delta_a, l, -1);
+        for (int i = 0; i < CFEM_PATCH_BENT; i++) room->D[i] += term * (double)cfem_patch_bent[l][i];
+    }
     for (int p = 0; p < CFEM_PATCHES; p++)
         for (int a = 0; a < 3; a++) room->free[p][a] = cfem_patch_rest[p][a] + cfem_dot(K, cfem_patch_modes[p][a], room->rows);
     room->count = -1;
@@ -140,17 +128,40 @@ static void dented(int i, const double *force, cfem_touch_room *room) {
     }
 }
 
+/* D[v]. Each number of D, of i <= j <= k, is met by three pairs of the mixtures, or fewer where they are the same. */
+static void bend(cfem_touch_room *room) {
+    const double *at = room->D, *const v = room->v;
+    double(*const to)[M] = room->change + NE;
+    for (int i = 0; i < (NE + M) * M; i++) room->change[i / M][i % M] = 0.0;
+    for (int i = 0; i < M; i++)
+        for (int j = i; j < M; j++) {
+            const double by_i = i == j ? 0.0 : v[i], by_j = v[j], *const D = at - j;
+            double sum = D[j] * by_j;
+            to[j][j] += by_i * D[j];
+            for (int k = j + 1; k < M; k++) sum += D[k] * v[k], to[i][k] += D[k] * by_j, to[j][k] += D[k] * by_i;
+            to[i][j] += sum, at += M - j;
+        }
+    for (int i = 0; i < M; i++)
+        for (int j = 0; j < i; j++) to[i][j] = to[j][i];
+    for (int e = 0; e < NE; e++)
+        for (int i = 0; i < M; i++) {
+            double sum = *at++ * v[i];
+            for (int j = i + 1; j < M; j++, at++) sum += *at * v[j], room->change[e][j] += *at * v[i];
+            room->change[e][i] += sum;
+        }
+}
+
 /* The load on the modes, and what it does. */
 static void load(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
-    double first[K], second[K], *const change = &room->change[0][0];
+    double first[K], second[K], mixed[M];
     work(count, patch, force, room->w);
-    for (int i = 0; i < (NE + K) * K; i++) change[i] = 0.0;
-    for (int k = 0; k < K; k++) {
-        const double *const D = &room->D[k][0][0], w = room->w[k];
-        for (int i = 0; i < (NE + K) * K; i++) change[i] += w * D[i];
-    }
+    for (int i = 0; i < M; i++) room->v[i] = 0.0;
     for (int k = 0; k < K; k++)
-        first[k] = cfem_dot(K, room->C_ss[k], room->w), second[k] = cfem_dot(K, room->change[NE + k], room->w);
+        for (int i = 0; i < M; i++) room->v[i] += cfem_patch_bends[k][i] * room->w[k];
+    bend(room);
+    for (int i = 0; i < M; i++) mixed[i] = cfem_dot(M, room->change[NE + i], room->v);
+    for (int k = 0; k < K; k++)
+        first[k] = cfem_dot(K, room->C_ss[k], room->w), second[k] = cfem_dot(M, cfem_patch_bends[k], mixed);
     room->by_modes = beyond(K, room->w, first, second, room->moved, room->across);
     const double size = cfem_dot(K, first, first), share = size > 0.0 ? sqrt(cfem_dot(K, second, second) / size) / 2.0 : 0.0;
     if (share > room->bending) room->bending = share;
@@ -164,22 +175,20 @@ void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch
 void cfem_touch_yield(int count, const int *patch, cfem_touch_room *room) {
     const int n = 3 * count;
     const cfem_beyond of = room->by_modes;
-    double slope[K][K], by[3][K];
-    for (int k = 0; k < K; k++)
-        for (int l = 0; l < K; l++)
-            slope[k][l] = (of.first - 1.0) * room->C_ss[k][l] + of.second * room->change[NE + k][l] +
-                          of.rank * room->across[k] * room->across[l];
+    double across[CFEM_TOUCH_ROWS];
+    for (int i = 0; i < n; i++) across[i] = cfem_dot(K, cfem_patch_modes[patch[i / 3]][i % 3], room->across);
     for (int i = 0; i < count; i++) {
-        for (int a = 0; a < 3; a++) {
-            for (int l = 0; l < K; l++) by[a][l] = 0.0;
-            for (int k = 0; k < K; k++)
-                for (int l = 0; l < K; l++) by[a][l] += cfem_patch_modes[patch[i]][a][k] * slope[k][l];
-        }
+        double by[3][M] = {{0.0}};
+        for (int k = 0; k < M; k++)
+            for (int a = 0; a < 3; a++)
+                for (int l = 0; l < M; l++) by[a][l] += cfem_patch_bending[patch[i]][a][k] * room->change[NE + k][l];
         for (int j = i; j < count; j++)
             for (int a = 0; a < 3; a++)
                 for (int b = 0; b < 3; b++) {
                     const int at = (3 * i + a) * n + 3 * j + b, other = (3 * j + b) * n + 3 * i + a;
-                    room->yields[at] = room->yields[other] = room->total[at] + cfem_dot(K, by[a], cfem_patch_modes[patch[j]][b]);
+                    room->yields[at] = room->yields[other] =
+                        room->total[at] + (of.first - 1.0) * (room->total[at] - room->left[at]) +
+                        of.second * cfem_dot(M, by[a], cfem_patch_bending[patch[j]][b]) + of.rank * across[3 * i + a] * across[3 * j + b];
                 }
         for (int a = 0; a < 9; a++) room->yields[(3 * i + a / 3) * n + 3 * i + a % 3] += room->own_slope[i][a / 3][a % 3];
     }
@@ -199,13 +208,13 @@ static void move_tip(cfem_touched *now, cfem_touch_room *room) {
     const cfem_beyond modes = room->by_modes;
     for (int e = 0; e < NE; e++)
         now->delta_e[e] +=
-            modes.first * cfem_dot(K, room->C_es[e], room->w) + modes.second / 2.0 * cfem_dot(K, room->change[e], room->w);
+            modes.first * cfem_dot(K, room->C_es[e], room->w) + modes.second / 2.0 * cfem_dot(M, room->change[e], room->v);
     for (int i = 0, at = 0; i < now->count; i++, at++) {
         while (room->of[at] != now->patch[i]) at++;
-        const double(*const R)[3] = cfem_touch_rotation(now->patch[i], room);
+        const double(*const turn)[3] = cfem_touch_rotation(now->patch[i], room);
         double own[3] = {0.0};
         for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) own[a] += R[b][a] * now->force[i][b];
+            for (int b = 0; b < 3; b++) own[a] += turn[b][a] * now->force[i][b];
         const double pairs[6] = {own[0] * own[0], 2.0 * own[0] * own[1], 2.0 * own[0] * own[2],
                                  own[1] * own[1], 2.0 * own[1] * own[2], own[2] * own[2]};
         for (int e = 0; e < NE; e++) {
@@ -220,9 +229,20 @@ static void move_tip(cfem_touched *now, cfem_touch_room *room) {
     }
 }
 
+static double weighted(int n, const float *a, const double *b) {
+    double sum[4] = {0.0}; /* which wait less for each other than one */
+    int i = 0;
+    for (; i + 3 < n; i += 4) {
+        sum[0] += (double)a[i] * b[i], sum[1] += (double)a[i + 1] * b[i + 1];
+        sum[2] += (double)a[i + 2] * b[i + 2], sum[3] += (double)a[i + 3] * b[i + 3];
+    }
+    for (; i < n; i++) sum[0] += (double)a[i] * b[i];
+    return sum[0] + sum[1] + sum[2] + sum[3];
+}
+
 void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
-    const double *const w = room->w;
-    double slope[NA] = {0.0}, cubes[K * (K + 1) * (K + 2) / 6], *at = cubes;
+    const double *const w = room->w, *const v = room->v;
+    double slope[NA] = {0.0}, cubes[CUBES], *at = cubes;
     polynomials t;
     now->bending = room->bending;
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
@@ -242,11 +262,14 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
         load *= room->by_modes.first;
         for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_compliance_degrees[l], i);
     }
-    for (int i = 0; i < K; i++)
-        for (int j = i; j < K; j++)
-            for (int k = j; k < K; k++) *at++ = (i == j && j == k ? 1.0 : i == j || j == k ? 3.0 : 6.0) * w[i] * w[j] * w[k];
+    for (int i = 0; i < M; i++)
+        for (int j = i; j < M; j++) {
+            const double pair = v[i] * v[j], others = (i == j ? 3.0 : 6.0) * pair;
+            *at++ = (i == j ? 1.0 : 3.0) * pair * v[j];
+            for (int k = j + 1; k < M; k++) *at++ = others * v[k];
+        }
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
-        const double third = cfem_dot(K * (K + 1) * (K + 2) / 6, cfem_patch_bent[l], cubes);
+        const double third = weighted(CUBES, cfem_patch_bent[l], cubes);
         for (int j = 0; j < NA; j++) now->lambda_a[j] -= room->by_modes.second * third / 6.0 * local_term(room->s, l, j);
     }
     for (int j = 0; j < NA; j++)

@@ -137,6 +137,16 @@ static double stiff(const double *A, int n) {
     return 3.0 * (A[0] * x + A[1] * y + A[2] * z) / (x + A[0] * C[2] - A[2] * C[0] + A[0] * B[1] - A[1] * B[0]);
 }
 
+/* by (3, K): the modes of a patch times S. */
+static void through(int patch, double (*S)[K], double (*by)[K]) {
+    double x[K] = {0.0}, y[K] = {0.0}, z[K] = {0.0}; /* of their own, so that no compiler fears that they are parts of S */
+    for (int k = 0; k < K; k++) {
+        const double u = cfem_patch_modes[patch][0][k], v = cfem_patch_modes[patch][1][k], w = cfem_patch_modes[patch][2][k];
+        for (int l = 0; l < K; l++) x[l] += u * S[k][l], y[l] += v * S[k][l], z[l] += w * S[k][l];
+    }
+    for (int l = 0; l < K; l++) by[0][l] = x[l], by[1][l] = y[l], by[2][l] = z[l];
+}
+
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
     const int n = 3 * count;
     double size[CFEM_TOUCH_ROWS], finite = 0.0;
@@ -147,9 +157,8 @@ int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
     room->count = count;
     for (int i = 0; i < count; i++) room->of[i] = patch[i], R[i] = cfem_touch_rotation(patch[i], room);
     for (int i = 0; i < count; i++) {
-        double by[3][K]; /* U C_ss of patch i */
-        for (int a = 0; a < 3; a++)
-            for (int k = 0; k < K; k++) by[a][k] = cfem_dot(K, cfem_patch_modes[patch[i]][a], room->C_ss[k]);
+        double by[3][K];
+        through(patch[i], room->C_ss, by);
         for (int j = i; j < count; j++) { /* patches in ascending order: the pair is stored as it is asked */
             const int p = patch[i], q = patch[j];
             const float(*const of)[9] = cfem_patch_local[p * CFEM_PATCHES - p * (p - 1) / 2 + q - p];
