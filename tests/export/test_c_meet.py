@@ -16,7 +16,7 @@ from cfem.contact.detection import patch_normals
 from cfem.contact.obstacle import Plane
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.stage import artefact_content
 from cfem.export.c_meet import areas
 from cfem.export.compiled import compiler
@@ -146,6 +146,13 @@ def test_what_cannot_be_met_ends_with_a_status(exported, touchable):
     assert compiled([np.zeros(1), np.zeros(1)]).status == INSIDE
     compiled.placed[1].t[2] = 16.0
     assert compiled([np.zeros(1), np.zeros(1)]).status == 0
+
+
+@needs_compiler
+def test_more_patches_than_c_has_room_for_are_named(bar, tmp_path, monkeypatch):
+    monkeypatch.setattr("cfem.export.c_meet.MOST", 2)
+    with pytest.raises(NumericalError, match=r"c\.contact\.patches: more patches touch at once.*take larger patches"):
+        export(bar, tmp_path / "few", {"twin": TWIN, "wall": WALL})
 
 
 def test_areas_are_the_normals_of_the_bent_surface(touchable):

@@ -9,7 +9,7 @@ import numpy as np
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.export import c_meet
 from cfem.export.c_touch import write_c_touch
 from cfem.export.compiled import compiler
@@ -26,6 +26,7 @@ from cfem.robot.load import load_scene_and_mesh, made_from
 
 STEPS, FINE = 10, 20  # from rest to each of a few states, at which C is compared; of robots that meet
 STATES = 3
+MANY = 3  # CFEM_TOUCH_MANY
 
 
 def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: np.ndarray) -> dict[str, Any]:
@@ -75,8 +76,9 @@ def touch_parity(
         for share in np.arange(1, STEPS + 1) / STEPS:
             before = touch_step(touchable, share * end, solid, mu=mu, before=before, unilateral=unilateral)
             here = compiled(share * end, solid, mu, slack=True)
-            if not before.converged or here.status:
+            if not before.converged:
                 break
+            _demand_state(here.status)
             forces = [np.zeros((len(touchable.patches), 3)) for _ in range(2)]
             for one, state in zip(forces, (before, here), strict=True):
                 one[state.patches] = state.forces
@@ -103,9 +105,18 @@ def meet_parity(folder: Path, meeting: Meeting, ways: Sequence[Sequence[Met]]) -
         compiled.reset()
         for state in states:
             here = compiled(state.deltas, solid, meeting.mu)
-            if here.status:
-                return float("inf")
+            _demand_state(here.status)
             for name in ("forces", "delta_e", "lambda_a"):
                 off = np.abs(np.concatenate(getattr(state, name)) - np.concatenate(getattr(here, name))).max()
                 worst = max(worst, float(off) / max(c_meet.scale(states, name), 1e-9))
     return worst
+
+
+def _demand_state(status: int) -> None:
+    """NumericalError where C ends with a status of cfem_touch.h at a state that Python has found."""
+    if status == MANY:
+        what = "more patches touch at once than C has room for, where it is compared with Python"
+        raise NumericalError(what, where="c.contact.patches", do="take larger patches")
+    if status:
+        what = f"C finds no state where Python has one: status {status} of cfem_touch.h"
+        raise NumericalError(what, where="c.contact", do="take larger patches, or please report it")
