@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from dataset.test_reader import META, ROWS, record
+from dataset.test_reader import META, ROWS, record, write_rows
 from pyarrow.fs import FSSpecHandler, PyFileSystem, copy_files
 
 from cfem.core.stage import Options, Stage, run_stage
 from cfem.core.verify import judge
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import schema
-from cfem.dataset.writer import write_rows
 from cfem.sample.spec import SampleSpec
 
 SPEC = SampleSpec(scene="s", mesh="m", out="o", splits={"train": {"rows": 2, "method": "random"}})

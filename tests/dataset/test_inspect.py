@@ -1,12 +1,11 @@
 """The description is for people: it names rows, units, failures and cost."""
 
 import pytest
-from dataset.test_reader import META, POISSON, RADIUS, ROWS, YOUNG, full_record, record
+from dataset.test_reader import META, POISSON, RADIUS, ROWS, YOUNG, full_record, record, write_rows
 
 from cfem.core.errors import InputError
 from cfem.dataset.inspect import describe
 from cfem.dataset.schema import schema
-from cfem.dataset.writer import write_rows
 
 
 def test_it_counts_rows_and_reasons_and_states_units_and_cost(tmp_path):

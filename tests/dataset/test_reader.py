@@ -12,7 +12,7 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.errors import InputError
 from cfem.dataset.reader import read_dataset, read_table
 from cfem.dataset.schema import KEY, metadata, schema
-from cfem.dataset.writer import content_hash, write_rows
+from cfem.dataset.writer import content_hash, write_table
 
 ROWS = Rows(("tip.x", "tip.y", "tip.z"), ("left", "right"))
 META = {
@@ -54,6 +54,10 @@ def full_record(i: int, converged: bool = True) -> dict:
         row |= {"dW": pack_upper(dW + dW.transpose(0, 2, 1)).ravel(), "dpsi_dp": rng.random(2)}
         row |= {"dlambda_dp": rng.random(4), "ddelta_e_dp": rng.random(6)}
     return row
+
+
+def write_rows(path, records, of):
+    write_table(path, pa.Table.from_pylist(records, schema=of))
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 from surrogate.synthetic import at_rest, dataset
 
 from cfem.condensed import pack_upper
@@ -10,7 +11,7 @@ from cfem.condensed.parameters import from_json
 from cfem.core.files import content_sha256, file_sha256, write_json, write_npz
 from cfem.core.stage import Options
 from cfem.dataset.schema import schema
-from cfem.dataset.writer import write_rows
+from cfem.dataset.writer import write_table
 from cfem.surrogate.stage import run
 
 
@@ -57,7 +58,8 @@ def store_dataset(
         meta = {key: value for key, value in states.meta.items() if key not in ("units", "row_units", "parameters")}
         meta |= {"plan": {"space": "rest"}} if rest else {}
         varied = from_json(states.meta["parameters"])
-        write_rows(folder / f"{split}.parquet", records, schema(states.rows, meta, varied))
+        table = pa.Table.from_pylist(records, schema=schema(states.rows, meta, varied))
+        write_table(folder / f"{split}.parquet", table)
     files = {path.name: file_sha256(path) for path in folder.glob("*.parquet")}
     write_json(
         folder / "manifest.json",

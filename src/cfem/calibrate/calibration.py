@@ -83,7 +83,7 @@ def calibrate(
         z = np.zeros(0)
         states = problem.states(z[None])
         left = problem.predictions(states)[0] - problem.target
-        known = Identifiability(np.zeros(0), 0, np.zeros((0, 0)), sentences)
+        known = Identifiability(np.zeros(0), 0, sentences)
         took = time.process_time() - begin
         evaluations = everything.evaluations + problem.evaluations
         return Calibration(p0, (), tuple(names), (), problem, None, known, states, left, None, took, 0.0, evaluations)

@@ -16,12 +16,10 @@ _NAMED = 1e-3  # smallest share of a direction that is mentioned
 
 @dataclass(frozen=True)
 class Identifiability:
-    """singular_values: (n,) of dr/dz, largest first; rank; blind: (n - rank, n) directions in shares of the ranges that
-    nothing measured sees; sentences: for the user."""
+    """singular_values: (n,) of dr/dz, largest first; rank; sentences: for the user."""
 
     singular_values: np.ndarray
     rank: int
-    blind: np.ndarray
     sentences: list[str]
 
 
@@ -63,7 +61,7 @@ def identifiability(jacobian: np.ndarray, parameters: Sequence[Parameter], sprea
     if not sentences and len(parameters):
         most = f", condition {values[0] / values[-1]:.1e}" if len(parameters) > 1 else ""
         sentences.append(f"{', '.join(one.name for one in parameters)}: identifiable{most}")
-    return Identifiability(values, rank, Vt[rank:], sentences)
+    return Identifiability(values, rank, sentences)
 
 
 def _combinations(blind: np.ndarray, parameters: Sequence[Parameter]) -> list[str]:

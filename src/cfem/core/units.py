@@ -197,7 +197,6 @@ Density = _scalar("t/mm^3")
 Acceleration = _scalar("mm/s^2")
 Time = _scalar("s")
 Frequency = _scalar("Hz")
-Volume = _scalar("mm^3")
 LengthVector = _vector("mm", 1)  # (k,) mm
 LengthMatrix = _vector("mm", 2)  # (m, k) mm
 LengthRange = _vector("mm", 1, 2)  # (2,) mm

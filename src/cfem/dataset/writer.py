@@ -14,11 +14,6 @@ from cfem.core.files import write_whole
 from cfem.dataset.schema import content
 
 
-def write_rows(path: Path, records: Sequence[Mapping[str, Any]], schema: pa.Schema) -> None:
-    """One mapping a row, column name -> value (None where a failed row has none)."""
-    write_table(path, pa.Table.from_pylist(list(records), schema=schema))
-
-
 def table_bytes(table: pa.Table) -> bytes:
     """A Parquet file."""
     buffer = pa.BufferOutputStream()

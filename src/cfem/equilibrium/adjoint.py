@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.condensation import ENOUGH, EXACT, refined
+from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.explicit import Changing, Columns, explicit, row_curvatures
 from cfem.equilibrium.parameter_slopes import Sides
@@ -127,11 +127,6 @@ def _columns(linear: Linear, asked: Sequence[Weights]) -> tuple[np.ndarray, Colu
     shares[owners, np.arange(len(owners))] = factors
     arrays = (np.concatenate([getattr(one, name) for one in parts], axis=-1) for name in ("v", "z", "m"))
     return shares, Columns(*arrays)
-
-
-def accurate(found: Gradients) -> bool:
-    """Whether the adjoint solves came down to what W's own solves do."""
-    return found.refined <= 10 * ENOUGH
 
 
 def _by_state(linear: Linear, one: Weights) -> np.ndarray:

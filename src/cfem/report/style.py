@@ -44,11 +44,11 @@ plt.rcParams.update(
 )
 
 
-def grid(count: int, columns: int = 3, width: float = 10.5, height: float = 3.1, **shared: bool) -> tuple[Figure, list]:
+def grid(count: int, columns: int = 3, height: float = 3.1, **shared: bool) -> tuple[Figure, list]:
     """`count` axes in rows of at most `columns`, four of them in a square; shared: sharex, sharey."""
     columns = 2 if count == 4 else min(count, columns)
     rows = -(-count // columns)
-    width = width if columns > 1 else 0.62 * width
+    width = 10.5 if columns > 1 else 6.51
     figure, axes = plt.subplots(rows, columns, figsize=(width, height * rows), squeeze=False, **shared)
     for axis in axes.flat[count:]:
         axis.remove()

@@ -8,8 +8,6 @@ from typing import Any
 from cfem.core.shown import duration, length
 from cfem.report.style import power_of_ten
 
-Row = Mapping[str, Any]
-
 
 @dataclass(frozen=True)
 class Table:
@@ -45,11 +43,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
 
 
-def spread(values: Mapping[str, float] | None, *keys: str, scale: float = 1.0) -> str:
+def spread(values: Mapping[str, float] | None, *keys: str) -> str:
     """The numbers of these names, mean and largest unless said otherwise, with a slash between them."""
     chosen = [values[key] for key in keys or ("mean", "max")] if values else [None]
     known = [value for value in chosen if value is not None]
-    return " / ".join("–" if value is None else number(scale * value) for value in chosen) if known else "–"
+    return " / ".join("–" if value is None else number(value) for value in chosen) if known else "–"
 
 
 def lengths(values: Mapping[str, float] | None, *keys: str) -> str:

@@ -20,9 +20,9 @@ from cfem.robot.shape.deform import displacement
 from cfem.robot.spec import SceneSpec
 
 
-def on_mesh(scene: SceneSpec, robot: Robot, mesh: Mesh, body=None) -> Robot:
-    """The robot of `scene`, built on mesh.base, on the mesh itself. body: on that mesh, where it is there already."""
-    body = body or on_nodes(robot.body, mesh)
+def on_mesh(scene: SceneSpec, robot: Robot, mesh: Mesh) -> Robot:
+    """The robot of `scene`, built on mesh.base, on the mesh itself."""
+    body = on_nodes(robot.body, mesh)
     form = scene.shape
 
     def follow(place: np.ndarray) -> np.ndarray:
