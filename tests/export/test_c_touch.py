@@ -131,6 +131,7 @@ def test_where_a_long_step_could_end_in_several_states_both_say_so(compiled, tou
         box = replace(box, t=at + way[np.argmin(np.abs(Box(box.half, R=box.R, t=at).distance(at - way) + depth))])
         compiled.reset()
         found, other = touch_step(touchable, [1.5], [box], mu=mu), compiled([1.5], [box], mu)
+        assert other.deep == found.deep
         if not found.known or other.deep or other.bending > TRUSTED:
             continue
         known += 1
