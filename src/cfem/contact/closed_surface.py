@@ -80,11 +80,7 @@ class ClosedSurface:
 
     def winding(self, points: np.ndarray) -> np.ndarray:
         """(k,) how often the surface winds around each point: 1 inside, 0 outside."""
-        corners, found = self._corners, np.empty(len(points))
-        for some in _portions(points, max(1, PAIRS // len(corners))):
-            apart = corners[None] - points[some][:, None, None]
-            found[some] = solid_angles(apart.reshape(-1, 3, 3)).reshape(-1, len(corners)).sum(axis=1)
-        return found / (4 * np.pi)
+        return winding(self._corners, points)
 
     @cached_property
     def size(self) -> float:
@@ -220,6 +216,15 @@ class ClosedSurface:
                 f"closed mesh: the surface overlaps itself, or a part is inside out, at {_shown(middle[wrong[0]])} mm"
             )
             raise InputError(what, do="unite its pieces, normals outward, in the program that made it")
+
+
+def winding(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(k,) how often closed surfaces, of triangles with corners (t, 3, 3), wind around points (k, 3)."""
+    found = np.empty(len(points))
+    for some in _portions(points, max(1, PAIRS // len(corners))):
+        apart = corners[None] - points[some][:, None, None]
+        found[some] = solid_angles(apart.reshape(-1, 3, 3)).reshape(-1, len(corners)).sum(axis=1)
+    return found / (4 * np.pi)
 
 
 def _portions(items: np.ndarray, most: int) -> list[slice]:

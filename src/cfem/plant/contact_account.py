@@ -15,7 +15,7 @@ class ContactAccount:
     """counts: how many contact points were open, stuck and slipped at the end of each command so far; commands;
     failures: of them ended before their goal; steps, iterations: quasi-static steps, rounds of FE solves that they
     took; worst: relative residual of law and balance at the end of a command; deepest: how far (mm) the surface was in
-    which rigid obstacle or other robot then, between the patches, which alone touch."""
+    which obstacle, other robot or the robot itself then, between the patches, which alone touch."""
 
     def __init__(self) -> None:
         self.counts: list[dict[str, int]] = []

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfem.contact.clearance import nearest_of_surface
+from cfem.contact.clearance import depth_in_itself, nearest_of_surface
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import ClosedMesh, Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
@@ -41,7 +41,7 @@ class TouchPlant(ContactAccount):
         itself: tuple[str, ...] = (),
     ):
         self._robot, self._obstacles, self._pressed, self._avoided = robot, obstacles, pressed, avoided
-        self._courses, self._others = courses or {}, others or {}
+        self._courses, self._others, self._itself = courses or {}, others or {}, itself
         self._numbers, self._share, self._blocked = numbers_of(itself, self._others, obstacles), 0.0, CONVERGED
         robots = [replace(robot, itself=bool(itself)), *(one for one, _ in self._others.values())]
         self._meeting = Meeting(robots, ObstacleSet(tuple(obstacles.values())), mu)
@@ -82,6 +82,8 @@ class TouchPlant(ContactAccount):
         x_e = np.concatenate([robot.rest_e + solved.delta_e, forces, self._distances(self._avoided)])
         for name, one in ({name: self._obstacles[name] for name in self._solid} | self._bodies()).items():
             self.deepest = max(self.deepest, (-self._distance(one), name))
+        for name in self._itself:
+            self.deepest = max(self.deepest, (self._depth_in_itself(), name))
         return Measurement(x_e, solved.delta_a, solved.lambda_a, self.commands, status)
 
     def pass_to(self, share: float) -> None:
@@ -127,6 +129,12 @@ class TouchPlant(ContactAccount):
             with suppress(InputError):
                 found[name] = ClosedMesh(ClosedSurface(one.surface(solved.state.x), one.triangles))
         return found
+
+    def _depth_in_itself(self) -> float:
+        """mm, at the nodes of patches that are near others."""
+        near = self.met.pairs.used
+        tried = np.flatnonzero(np.isin(self._robot.patches.of, near[near < len(self._robot.patches)]))
+        return depth_in_itself(self._robot.surface(self.x), self._robot.triangles, tried)
 
     def _distance(self, obstacle: Obstacle) -> float:
         return nearest_of_surface(self._robot.surface(self.x), self._robot.triangles, obstacle).distance
