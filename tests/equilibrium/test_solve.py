@@ -78,6 +78,14 @@ def test_pull_in_proportion_covers_the_pulling_states(problem):
     assert both.lambda_a[0] == pytest.approx(both.lambda_a[1])
 
 
+def test_a_tension_that_rounding_makes_is_none(problem):
+    for let_out in (1e-6, 1e-4, 1e-2):  # so little that the solve begins with both cables held
+        state = solve(problem, actuation.displacement([0.0, -let_out]))
+        assert state.converged and state.slack.all() and np.abs(state.lambda_a).max() < 1e-12
+    pulled = solve(problem, actuation.displacement([1e-6, -1e-6]))  # a tension of its own, however small
+    assert pulled.slack.tolist() == [False, True]
+
+
 def test_a_cable_that_would_push_goes_slack(problem):
     state = solve(problem, actuation.displacement([7.0, -8.0]))
     assert state.converged and state.slack.tolist() == [False, True]

@@ -214,7 +214,8 @@ def _answer(
         status, derived = Status.INACCURATE, Derived()
     n_a = robot.rows.n_a
     largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
-    slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= 1e-9 * max(largest, problem.force_floor))
+    nothing = max(1e-9, result.rounding) * max(largest, problem.force_floor)  # near rest, forces are rounding
+    slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= nothing)
     return Equilibrium(
         status=status,
         state=result.state,
