@@ -33,8 +33,13 @@ def explore(folder, factory=None, **changes):
     return tables, rounds, active.verdict(spec.until, tables, rounds)
 
 
-def test_it_stops_at_the_error_asked_for_and_the_test_states_agree(tmp_path):
-    tables, rounds, found = explore(tmp_path)
+@pytest.fixture(scope="module")
+def explored(tmp_path_factory):
+    return explore(tmp_path_factory.mktemp("explored"))
+
+
+def test_it_stops_at_the_error_asked_for_and_the_test_states_agree(explored):
+    tables, rounds, found = explored
     assert found["reached"] and found["samples"] < 80
     assert found["test_error"] <= 1e-2
     assert [one.observed <= 1e-2 for one in rounds[-2:]] == [True, True]
@@ -43,12 +48,9 @@ def test_it_stops_at_the_error_asked_for_and_the_test_states_agree(tmp_path):
     assert len(tables["test"]) == 30
 
 
-def test_a_smaller_error_takes_more_states(tmp_path):
-    counts = [
-        explore(tmp_path / str(error), until={**SPEC["until"], "error": f"{error} mm"})[2]["samples"]
-        for error in (0.1, 1e-3)
-    ]
-    assert counts[0] < counts[1]
+def test_a_smaller_error_takes_more_states(explored, tmp_path):
+    _, _, smaller = explore(tmp_path, until={**SPEC["until"], "error": "1e-3 mm"})
+    assert explored[2]["samples"] < smaller["samples"]
 
 
 def test_what_is_not_reached_is_said(tmp_path):
@@ -57,8 +59,8 @@ def test_what_is_not_reached_is_said(tmp_path):
     assert "NOT reached" in active.headline(found)[0]
 
 
-def test_interrupted_it_goes_on_to_the_same_dataset(tmp_path, monkeypatch):
-    whole = content_hash(explore(tmp_path / "whole")[0])
+def test_interrupted_it_goes_on_to_the_same_dataset(explored, tmp_path, monkeypatch):
+    whole = content_hash(explored[0])
     original, calls = active.next_batch, []
 
     def once(*arguments):

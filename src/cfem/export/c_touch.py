@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.condensed.packing import symmetric3_indices
 from cfem.contact.obstacle import Obstacle, Rounded
 from cfem.core.errors import InputError
 from cfem.core.files import disk_errors
 from cfem.export import c_text
-from cfem.predict.touchable import Touchable, triples
+from cfem.predict.touchable import Touchable
 
 SOURCES = Path(__file__).parent / "touch"
 CORE = (
@@ -76,7 +77,7 @@ def touch_constants(touchable: Touchable) -> dict[str, np.ndarray]:
     arrays, (spread, by_row) = skin.arrays, touchable.spread
     one, other = np.triu_indices(N)
     local = touchable.local[one, other].reshape(len(one), len(touchable.degrees), 9)
-    (a, b, c), whole = triples(3), -touchable.bent.shape[1] % 4  # vectors of a processor
+    (a, b, c), whole = symmetric3_indices(3), -touchable.bent.shape[1] % 4  # vectors of a processor
     return {
         "to_box": np.asarray(arrays["to_box"], float),
         "offset": np.asarray(arrays["offset"], float),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.contact.path import definite
 from cfem.core.errors import InputError
 from cfem.predict.protocol import Predictor
 from cfem.predict.spectral import SpectralPredictor
@@ -121,7 +122,7 @@ def holding(
             a, g = delta_a.copy(), f + share * step[:n]
             a[slack] += share * step[n:]
             there = held(a).under(g)
-            if _definite(there.C) and _definite(there.K[np.ix_(slack, slack)]):
+            if definite(there.C) and definite(there.K[np.ix_(slack, slack)]):
                 left = np.concatenate([x - there.e, there.lam[slack]])
                 if left @ step >= -abs(missing @ step):
                     break
@@ -137,11 +138,3 @@ def _system(now: Loaded, slack: np.ndarray) -> np.ndarray:
     """d(e, -lambda of the slack) / d(f, delta_a of the slack); d lambda_a / d f = -(d e / d delta_a)^T."""
     G = now.G[:, slack]
     return np.block([[now.C, G], [G.T, -now.K[np.ix_(slack, slack)]]])
-
-
-def _definite(A: np.ndarray) -> bool:
-    try:
-        np.linalg.cholesky(A)
-    except np.linalg.LinAlgError:
-        return False
-    return True

@@ -19,6 +19,7 @@ from itertools import combinations_with_replacement, permutations
 import numpy as np
 from scipy.linalg import qr
 
+from cfem.condensed.packing import symmetric3_indices
 from cfem.condensed.patches import Patches, cut
 from cfem.contact.detection import along
 from cfem.core.errors import InputError, SpecError
@@ -151,7 +152,7 @@ class Touchable:
         """(terms, c) mm/N^2, series of how the compliance of effectors and of mixtures `bends` of the modes changes
         with loads on these, as symmetric as the derivatives of an energy are, and rounded like L: of i <= j <= k what
         mixtures have, and then of each effector what it has of i <= j."""
-        (i, j, k), (one, other) = triples(self.bends.shape[1]), np.triu_indices(self.bends.shape[1])
+        (i, j, k), (one, other) = symmetric3_indices(self.bends.shape[1]), np.triu_indices(self.bends.shape[1])
         seen, own = np.split(self._bent, [self.model.rows.n_e], axis=2)
         seen = seen[:, one, :, other].transpose(1, 2, 0).reshape(len(own), -1)
         return (self._inverse @ np.hstack([own[:, i, j, k], seen])).astype(np.float32).astype(float)
@@ -161,7 +162,7 @@ class Touchable:
         """(r, n_e + r, r): which number of `bent` says how the compliance of the second and third changes with a load
         on the first."""
         r, n_e = self.bends.shape[1], self.model.rows.n_e
-        cube, square = triples(r), np.array(np.triu_indices(r))
+        cube, square = symmetric3_indices(r), np.array(np.triu_indices(r))
         own, seen = np.empty((r, r, r), dtype=np.int64), np.empty((r, r), dtype=np.int64)
         for order in permutations(range(3)):
             own[tuple(cube[list(order)])] = np.arange(cube.shape[1])
@@ -177,7 +178,7 @@ class Touchable:
         from cfem.predict.series import input_derivatives
 
         low, high = self.model.domain.delta_a
-        i, j, k = triples(self.bends.shape[1])
+        i, j, k = symmetric3_indices(self.bends.shape[1])
         orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
         slopes = np.stack([one.toarray() for one in by_delta])
@@ -218,11 +219,6 @@ def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
     half = np.einsum("pai,pijk->pajk", R, of)
     half[..., :3] = half[..., :3] @ R.swapaxes(1, 2)[:, None]
     return np.einsum("pbj,pajk->pabk", R, half)
-
-
-def triples(n: int) -> np.ndarray:
-    """(3, c) all i <= j <= k below n."""
-    return np.array(list(combinations_with_replacement(range(n), 3))).T
 
 
 def degrees(n_a: int) -> np.ndarray:
