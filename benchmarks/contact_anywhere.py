@@ -6,7 +6,8 @@ A sphere, a plane or the edge of a box comes to a random patch of the robot at a
 robot gives way by 0.3 to 1.5 mm: in three steps, as where a patch comes to lie beside an edge depends on the way. The
 edge is a quarter of the depth aside of the patch. The finite-element truth (`cfem.equilibrium.press`) has the same
 patches for contact points. Prints the largest and the median error of force and tip, and the processor time of a
-learned step: with one obstacle, and with ten pads, each of which presses on one patch, the latter in C too."""
+learned step: with one obstacle, and with ten pads, each of which presses on one patch, the latter in C too, and alone
+with `--places 0`."""
 
 import argparse
 import tempfile
@@ -132,11 +133,11 @@ def main() -> None:
             f"{'' if found.known else '; NOT KNOWN'}",
             flush=True,
         )
-    for name, values, unit in (("force", 100 * np.array(forces), "%"), ("tip", np.array(tips), "mm")):
-        print(
-            f"{name}: median {np.median(values):.3g} {unit}, largest {values.max():.3g} {unit} of {len(values)} places"
-        )
-    print(f"step with one obstacle: median {1e3 * np.median(seconds):.2f} ms")
+    if forces:
+        for name, values, unit in (("force", 100 * np.array(forces), "%"), ("tip", np.array(tips), "mm")):
+            middle, largest = f"{np.median(values):.3g} {unit}", f"{values.max():.3g} {unit}"
+            print(f"{name}: median {middle}, largest {largest} of {len(values)} places")
+        print(f"step with one obstacle: median {1e3 * np.median(seconds):.2f} ms")
     for _ in range(4):
         ten_pads(given.model, touchable, rng.choice(loose, 10, replace=False), given.mu)
 
