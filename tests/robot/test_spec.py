@@ -120,3 +120,16 @@ def test_names_are_of_letters_that_any_file_and_language_takes(tmp_path, key, na
 def test_an_actuator_of_one_direction_reaches_that_way(tmp_path, actuator, why):
     with pytest.raises(SpecError, match=rf"'c': .*{why}"):
         scene(tmp_path, actuators=f"[{actuator}]")
+
+
+@pytest.mark.parametrize(
+    "keys, said",
+    [
+        ("chambers: [0], reach: {mm: [0, 5]}", r"actuators\.0\.reach: 'mm' is not a unit of volume"),
+        ("chambers: [12], reach: {mm^3: [0, 5]}", r"actuators\.0\.chambers\.0: must be at most"),
+        ("chambers: [0], raech: {mm^3: [0, 5]}", r"actuators\.0\.raech: unknown key 'raech', did you mean 'reach'"),
+    ],
+)
+def test_a_kind_that_is_also_the_name_of_a_key_leads_nobody_to_that_key(tmp_path, keys, said):
+    with pytest.raises(SpecError, match=said):
+        scene(tmp_path, actuators=f"[{{kind: chambers, name: pair, module: 1, {keys}}}]")

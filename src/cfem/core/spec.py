@@ -251,15 +251,16 @@ def _nearest(word: str, known: Iterable[str]) -> str:
 def _present(loc: tuple, data: Any) -> tuple:
     """The part of pydantic's location that exists in the document (it inserts tags of unions)."""
     path: list = []
+    tagged = False
     for part in loc:
-        inside = (
-            part in data
-            if isinstance(data, dict)
-            else isinstance(data, list) and isinstance(part, int) and part < len(data)
-        )
+        if isinstance(data, dict):
+            is_tag = not tagged and part == data.get("kind")  # also where a key has the name of its kind
+            tagged, inside = tagged or is_tag, part in data and not is_tag
+        else:
+            inside = isinstance(data, list) and isinstance(part, int) and part < len(data)
         if inside:
             path.append(part)
-            data = data[part]
+            data, tagged = data[part], False
     return tuple(path)
 
 
