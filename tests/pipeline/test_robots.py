@@ -1,6 +1,7 @@
 """`cfem init --robot`: the robots that come with cfem, in an empty folder."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -69,3 +70,12 @@ def test_specs_that_somebody_edited_are_kept(tmp_path):
 def test_words_that_do_not_go_together_are_refused(tmp_path, words, said):
     done = init(tmp_path, *words)
     assert done.exit_code == 2 and said in done.stderr and not (tmp_path / "pipelines").exists()
+
+
+@pytest.mark.parametrize("robot", robots())
+def test_the_comments_of_a_copied_scene_name_no_file_that_was_not_copied(tmp_path, robot):
+    copied = {Path(path) for path in copy_robot(robot, "mine", tmp_path / "pipelines")["files"]}
+    for path in copied:
+        if path.name == "scene.yaml" and path.parent.name == "mine":
+            named = re.findall(r"\b(\w[\w-]*\.yaml)\b", "".join(re.findall(r"#[^\n]*", path.read_text())))
+            assert {path.with_name(name) for name in named if not name.startswith("yaml-")} <= copied
