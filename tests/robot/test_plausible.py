@@ -34,6 +34,22 @@ def test_a_long_reach_and_a_foreign_length_are_doubted(tmp_path):
     ]
 
 
+def test_a_pressure_in_the_wrong_unit_is_doubted(tmp_path):
+    """334 MPa for kPa: the mesh was made without a word."""
+    pair = "[{kind: chambers, name: pair, module: 1, chambers: [0], reach: {mm^3: [0, 5]}, pressure: {%s: [0, 334]}}]"
+    rod = {"geometry": "{kind: stiff-flop, modules: 1}", "mesh": "{size: 5.5 mm, element: beam}", "length": "55 mm"}
+    rod |= {"material": "{law: corotational, young: 150 kPa, poisson: 0.15}"}
+    rod |= {"effectors": "[{name: end, point: {mm: [55, 0, 0]}}]"}
+    said = {}
+    for unit in ("kPa", "MPa"):
+        own = scene(tmp_path, actuators=pair % unit, **rod)
+        said[unit] = doubts(own, build_robot(own, make_mesh(own, tmp_path)[0]))
+    assert said["kPa"] == []
+    assert said["MPa"] == [
+        "the pressure of chambers 'pair' may be 334 MPa, 2227 times Young's modulus of 0.15 MPa: check their units"
+    ]
+
+
 def test_the_mesh_of_a_doubtful_scene_is_judged(tmp_path):
     scene(tmp_path, length="30 m")
     (judged,) = run(tmp_path / "scene.yaml", [], None, Options(quiet=True))["results"]["judgement"]

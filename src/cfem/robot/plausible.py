@@ -8,6 +8,7 @@ from cfem.robot.soundness import moves_nothing, stands_still
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
+STRONG = 100.0  # times Young's modulus: chambers burst long before such a pressure
 
 
 def demand_possible(scene, robot: Robot) -> None:
@@ -46,10 +47,24 @@ def doubts(scene, robot: Robot) -> list[str]:
             found.append(
                 f"cable '{item.name}' may be shortened by {item.reach[1]:.4g} mm, {share} of its {length:.4g} mm"
             )
+    found += _pressure_doubts(scene)
     extent = float(np.ptp(robot.X, axis=0).max())
     if not extent / 10 <= scene.length <= 10 * extent:
         found.append(f"length is {scene.length:.4g} mm, and the body measures {_extent(robot.X)} mm: check its unit")
     return found
+
+
+def _pressure_doubts(scene) -> list[str]:
+    """A sentence for each pressure (MPa) that no wall of the robot's stiffest material would bear."""
+    young = max(material.young for material in (scene.material, *(part.material for part in scene.materials)))
+    driven = [item for item in scene.actuators if getattr(item, "pressure", None) is not None]
+    largest = [(item, np.abs(item.pressure).max()) for item in driven]
+    return [
+        f"the pressure of {item.kind} '{item.name}' may be {pressure:.4g} MPa, {pressure / young:.0f} times "
+        f"Young's modulus of {young:.4g} MPa: check their units"
+        for item, pressure in largest
+        if pressure > STRONG * young
+    ]
 
 
 def size_doubts(extent: np.ndarray) -> list[str]:
