@@ -136,7 +136,8 @@ def make_controller(
         model: of `load_model`.
         command: what the drives take, displacements or forces.
         observer: how it knows where the actuators stand; see control.yaml.
-        gains: (K_P, K_I) on the measured error, per sample; none for open loop.
+        gains: (K_P, K_I) on the measured error, per sample; (0, 0) for open loop. Unless given, K_P is 0 and K_I leaves
+            60 degrees of phase at the delay and interval of the samples that come.
         rate: largest change of a command per tick, mm or N (mm^3 or MPa).
         iterations: inverse steps per tick.
         unilateral: as for `inverse_step`.
@@ -147,7 +148,8 @@ def make_controller(
 
     Returns:
         The controller. `controller.tick(goal, measured)` returns the belief after the tick: `u` (n_a,) the command, and
-        `status`, 'converged' or how the search ended.
+        `status`, 'converged' or how the search ended. `measured` is the latest sample; its `t` is the number of the
+        command that it followed, from 1 on. A sample corrects once. Without samples the loop is open.
 
     Raises:
         SpecError: weights or start have a wrong length or are not finite.
@@ -156,8 +158,10 @@ def make_controller(
     Examples:
         >>> controller, plant = cfem.make_controller(model), cfem.FemPlant(robot)
         >>> measured = plant.step(controller.tick(goal).u)
+        >>> measured = plant.step(controller.tick(goal, measured).u)
     """
-    from cfem.control.controller import Controller, Gains
+    from cfem.control.controller import Controller
+    from cfem.control.gains import Gains
     from cfem.control.inverse import ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
@@ -174,7 +178,7 @@ def make_controller(
         rate,
     )
     first = None if start is None else vector("start", start, n_a)
-    return Controller(pilot, model.rest_e, None if gains is None else Gains(*gains), first)
+    return Controller(pilot, model.rest_e, Gains() if gains is None else Gains(*gains), first)
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":
