@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 import cfem
+from cfem.plant.device_answer import FAR
 from cfem.plant.protocol import Measurement
 from cfem.plant.sample_clock import SampleClock
 from cfem_ros.topic_plant import TopicPlant
 
 SI = {"mm": 1e-3, "mm^3": 1e-9, "N": 1.0, "MPa": 1e6}  # of one unit of cfem
-FAR = 10.0  # times the robot's length: a goal so far away is of another unit
 
 
 class Refused(Exception):

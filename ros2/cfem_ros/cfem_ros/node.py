@@ -41,7 +41,8 @@ class Controller(Node):
         model = cfem.load_model(Path(given["model"]))
         device, plant = [word for word in given["device"] if word], None
         if device:
-            plant = stack.enter_context(PipePlant(device, model.rows, model.rest_e, given["answer_within"]))
+            known = {"length": model.length, "reach": model.reach}
+            plant = stack.enter_context(PipePlant(device, model.rows, model.rest_e, given["answer_within"], **known))
         self.bridge, self.failed = Bridge(model, TYPES, plant, settings, given["frame"]), None
         topics = {"command": JointState, "commands": Float64MultiArray, "diagnostics": DiagnosticArray}
         self._say = {name: self.create_publisher(kind, name, 10) for name, kind in topics.items()}
