@@ -70,13 +70,14 @@ def numbers(
     beyond = np.abs(found - rest) > farthest
     if beyond.any():
         k = int(beyond.argmax())
-        what = f"number {k + 1} is {abs(found[k] - rest[k]):.3g} from rest, at most {np.broadcast_to(farthest, count)[k]:.3g}"
-        raise Malformed(f"answered {name} = {shown(value)}: {what}: are its units mm, mm^3, rad, N and MPa?")
+        what = f"{abs(found[k] - rest[k]):.3g} from rest, at most {np.broadcast_to(farthest, count)[k]:.3g}"
+        do = "are its units mm, mm^3, rad, N and MPa?"
+        raise Malformed(f"answered {name} = {shown(value)}: number {k + 1} is {what}: {do}")
     return found
 
 
 def step_of(answer: dict[str, Any], step: int, last: int) -> int:
-    """The step that was measured, from the last one that was answered to the present one. Malformed where it is none."""
+    """The step that was measured, not before the last one that was answered. Malformed where it is none."""
     t = answer.get("t")
     if type(t) is not int or not 0 <= t <= step:
         raise Malformed(f"answered t = {shown(t)} to step {step}, expected the step that it measured")
