@@ -9,9 +9,9 @@ from cfem.condensed.model import under_force
 from cfem.control.adaptation import Tracker
 from cfem.control.controller import Controller
 from cfem.control.estimated import Estimated
-from cfem.control.gains import Gains
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import NumericalError
+from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
 
