@@ -293,13 +293,19 @@ def test_a_sample_of_a_command_not_given_yet_is_not_heard(tmp_path):
         assert controller.step(goal, model.rest_e, tick).status & UNHEARD and not controller.moved.any()
 
 
+@pytest.fixture(scope="module")
+def default_controller(tmp_path_factory):
+    options = {"command": "force", "observer": "equilibrium", "late": 50, "iterations": 8}
+    return compiled(tmp_path_factory.mktemp("default"), **options)
+
+
 @pytest.mark.parametrize(("interval", "delay"), [(1, 0), (1, 5), (10, 0), (3, 20), (20, 20)])
 @pytest.mark.parametrize("robot", ["exact", "stiffer", "loaded"])
-def test_the_default_controller_settles_with_late_and_rare_samples(tmp_path, interval, delay, robot):
+def test_the_default_gains_settle_with_late_and_rare_samples(default_controller, interval, delay, robot):
     """As Python's: a tenth of the open loop's error after (3 + 1) (delay + interval) ticks, a hundredth after
     (6 + 1) of them."""
-    model = build(*spectral())
-    controller = compiled(tmp_path, command="force", observer="equilibrium", late=50, iterations=8)
+    model, controller = build(*spectral()), default_controller
+    controller.reset()
     real, push = {"exact": (1.0, None), "stiffer": (1.1, None), "loaded": (1.0, np.array([0.2, 0.0, 0.0]))}[robot]
     sensor = Imperfection(samples_a_tick=1 / interval, delay=delay)
     plant = ImperfectPlant(ModelPlant(Stiffer(model, real), model.rest_e, push), sensor, 0)
