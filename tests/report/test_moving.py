@@ -5,7 +5,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from cfem.report.moving import LEAST, MOST, WIDTH, gif
+from cfem.report.moving import LEAST, MOST, SHARP, WIDTH, gif, still
 from cfem.report.viewer import Line, Take, Viewer
 
 X = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]], float) * 10
@@ -60,3 +60,15 @@ def test_long_and_flat_robots_have_pictures_of_bounded_height():
     for stretch in ((1, 1, 30), (30, 30, 0.1)):
         picture = Image.open(io.BytesIO(drawn(leaning(2, X * stretch), [100, 100])))
         assert LEAST <= picture.height <= MOST
+
+
+def test_a_still_shows_the_farthest_shape_in_full_and_the_rest_pale():
+    take = leaning(5)
+    viewer = Viewer("lean", "", BOX, np.zeros(len(BOX), dtype=int), (take,))
+    picture = Image.open(io.BytesIO(still(viewer, take, X)))
+    alone = Image.open(io.BytesIO(still(viewer, take, take.x[-1])))
+    assert picture.width == SHARP * WIDTH and picture.format == "PNG"
+    both, full = (np.asarray(image).astype(int) for image in (picture, alone))
+    blue = [((image[..., 2] - image[..., 0]) > 60).mean() for image in (both, full)]
+    drawn_at_all = [(image.min(axis=2) < 250).mean() for image in (both, full)]
+    assert min(blue) > 0.1 and drawn_at_all[0] > drawn_at_all[1] + 0.02
