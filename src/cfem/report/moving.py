@@ -44,7 +44,7 @@ def _with_ground(palette: Image.Image) -> Image.Image:
 
 
 def still(viewer: Viewer, take: Take, rest: np.ndarray) -> bytes:
-    """A PNG of 2400 pixels' width: the shape farthest from rest (m, 3), that at rest in pale colours, the goals, and the
+    """A PNG of 2400 pixels' width: the shape farthest from rest (m, 3), that at rest in pale colours, the goals and the
     whole path of the effector."""
     used = np.unique(viewer.triangles)
     place = int(np.linalg.norm(take.x[:, used] - rest[used], axis=2).max(axis=1).argmax())
