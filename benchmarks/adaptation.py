@@ -27,8 +27,8 @@ from cfem.condensed.model import under_force
 from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.camera_frame import CameraFrame
-from cfem.control.controller import Controller, Gains
-from cfem.control.gains import integral_for
+from cfem.control.controller import Controller
+from cfem.control.gains import Gains, integral_for
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot

@@ -36,7 +36,8 @@ CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
     from cfem.control.closed_loop import Pace, run_loop
-    from cfem.control.controller import Controller, Gains
+    from cfem.control.controller import Controller
+    from cfem.control.gains import Gains
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
@@ -128,7 +129,8 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
     from cfem.control.closed_loop import Pace, run_loop
-    from cfem.control.controller import Controller, Gains
+    from cfem.control.controller import Controller
+    from cfem.control.gains import Gains
     from cfem.control.inverse import Limits, ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot

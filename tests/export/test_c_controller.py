@@ -6,7 +6,7 @@ from export.embedded import export, needs_compiler, spectral
 
 from cfem.condensed.model import under_force
 from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.controller import Gains
+from cfem.control.gains import Gains
 from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.tick import Belief, Pilot, drive

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.controller import Controller, Gains
+from cfem.control.controller import Controller
+from cfem.control.gains import Gains
 from cfem.control.moving.mpc import Told
 from cfem.control.tick import Belief, Pilot
 from cfem.plant.protocol import Measurement, Plant

@@ -76,6 +76,10 @@ class EstimatingController:
     def aimed(self) -> np.ndarray:
         return self.inner.aimed
 
+    @property
+    def feedback(self) -> Any:
+        return self.inner.feedback
+
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Any:
         """As `Controller.tick`, of a sample with markers."""
         self._tick += 1

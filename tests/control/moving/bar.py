@@ -7,7 +7,8 @@ from motion.learned import LARGEST, Static, dataset, problem
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
-from cfem.control.controller import Controller, Gains
+from cfem.control.controller import Controller
+from cfem.control.gains import Gains
 from cfem.control.inverse import Limits, ridge_of
 from cfem.control.loop import Settings
 from cfem.control.moving.horizon import Bounds, Cost

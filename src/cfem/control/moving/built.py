@@ -7,7 +7,8 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
-from cfem.control.controller import Controller, Gains
+from cfem.control.controller import Controller
+from cfem.control.gains import Gains
 from cfem.control.inverse import Aim
 from cfem.control.loop import Iterate, reach
 from cfem.control.moving.feedforward import Computed, Shaped
