@@ -23,7 +23,7 @@ extern "C" {
 #endif
 
 /* What a step says: an OR of these. Below CFEM_HELD they qualify a new command; with CFEM_HELD the command is the one of
- * the tick before, and the other bit says why. */
+ * the tick before, and one of the three bits behind it says why. The last two are of samples. */
 enum {
     CFEM_OK = 0,
     CFEM_LIMITED = 1,     /* a bound of force, course or step decided */
@@ -33,7 +33,9 @@ enum {
     CFEM_HELD = 16,       /* no new command, because: */
     CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
     CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
-    CFEM_NO_QP = 128      /*   the program has no trustworthy answer */
+    CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
+    CFEM_REJECTED = 256,  /* the sample does not fit what the observer expects of it: it was not heard (cfem_gate.h) */
+    CFEM_RESTARTED = 512  /* too many samples did not fit, or the estimate was lost: the observer began again */
 };
 
 /* What the controller knows at a tick. */
