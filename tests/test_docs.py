@@ -4,6 +4,8 @@ import ast
 import re
 from pathlib import Path
 
+from support.script import script
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -51,3 +53,9 @@ def test_every_page_says_first_what_it_is_for():
         lines = [line for line in path.read_text().splitlines() if line.strip()]
         first = lines[lines.index(next(line for line in lines if line.startswith("# "))) + 1]
         assert (first[0] not in "#|!-<" and not first.startswith("```")) or path.stem == "index", path.name
+
+
+def test_the_front_page_has_a_place_for_the_live_robot():
+    pages = script("docs_pages")
+    assert len(pages.PICTURE.findall((ROOT / "docs" / "index.md").read_text())) == 1
+    assert 'src="robots/soft-finger.html"' in pages.LIVE
