@@ -164,10 +164,10 @@ def make_controller(
         >>> measured = plant.step(controller.tick(goal, measured).u)
     """
     from cfem.control.controller import Controller
-    from cfem.control.gains import Gains
     from cfem.control.inverse import ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
+    from cfem.plant.gains import Gains
 
     if not 0 < phase_margin < 90:
         raise SpecError(f"{phase_margin:g} is not between 0 and 90", where="phase_margin")

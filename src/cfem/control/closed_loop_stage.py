@@ -14,7 +14,6 @@ from cfem.control.closed_loop import Moment, Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, record, summarise
 from cfem.control.estimated_account import EstimateAccount, estimate_results
-from cfem.control.gains import PHASE_MARGIN, Gains
 from cfem.control.inverse import Limits
 from cfem.control.loop_controllers import at_the_end, controller_of, known, parameters_of
 from cfem.control.loop_plants import plants_of, push_of
@@ -28,6 +27,7 @@ from cfem.core.progress import progress
 from cfem.equilibrium.robot import Robot
 from cfem.motion.load import load_motion
 from cfem.motion.model import MotionModel
+from cfem.plant.gains import PHASE_MARGIN, Gains
 from cfem.predict.protocol import Predictor
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.control.feedback import Feedback
-from cfem.control.gains import Gains
 from cfem.control.tick import Belief, Pilot, drive
 from cfem.core.errors import NumericalError, SpecError
+from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 
 
