@@ -18,7 +18,7 @@ from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import build
 
 pytestmark = needs_compiler
-LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT, UNHEARD = 1, 2, 4, 8, 16, 32, 256
+LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT, REJECTED = 1, 2, 4, 8, 16, 32, 256
 MEASURED_AT = np.array([6.0, 4.0])
 
 
@@ -277,7 +277,7 @@ def test_samples_correct_as_in_python_tick_by_tick(tmp_path):
         command = controller.step(goal, x_e, tick)
         assert controller.moved == pytest.approx(python.moved, rel=1e-12, abs=1e-12)
         assert controller.integral == python.integral and command.tick == k + 1
-        assert bool(command.status & UNHEARD) == (tick not in heard and tick > max(heard, default=0) and not corrects)
+        assert bool(command.status & REJECTED) == (tick not in heard and tick > max(heard, default=0) and not corrects)
         heard.add(tick)
         python.commanded(command.reference + python.moved)
         samples[k + 1] = plant.step(command.lambda_a, "force").x_e
@@ -290,7 +290,7 @@ def test_a_sample_of_a_command_not_given_yet_is_not_heard(tmp_path):
     goal = curve(model, 3)[0]
     for tick in (1, 7, 2**31 - 1):
         controller.reset()
-        assert controller.step(goal, model.rest_e, tick).status & UNHEARD and not controller.moved.any()
+        assert controller.step(goal, model.rest_e, tick).status & REJECTED and not controller.moved.any()
 
 
 @pytest.fixture(scope="module")

@@ -137,7 +137,7 @@ def test_late_and_rare_samples_correct_once(start, messages, interval, delay, st
 
 
 def test_samples_without_a_stamp_are_as_old_as_the_stated_latency(start):
-    """Five ticks late: right with the latency stated; the present command's otherwise, and the gain that of no delay."""
+    """Five ticks late: right with the latency stated; else the present command's, and the gain that of no delay."""
     ends = {}
     for latency in (0.25, 0.0):
         run = start(command="force", latency=latency)

@@ -24,7 +24,7 @@ extern "C" {
 #endif
 
 /* What a step says: an OR of these. Without CFEM_HELD they qualify a new command; with CFEM_HELD the command is the one of
- * the tick before, and one of the three bits after it says why. */
+ * the tick before, and one of the three bits after it says why. The last two are of samples. */
 enum {
     CFEM_OK = 0,
     CFEM_LIMITED = 1,     /* a bound of force, course or step decided */
@@ -35,7 +35,9 @@ enum {
     CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
     CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
     CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
-    CFEM_UNHEARD = 256    /* the sample was not used: not finite, older than CFEM_LATE commands, or of a command not given yet */
+    CFEM_REJECTED = 256,  /* the sample was not used: not finite, older than CFEM_LATE commands, of a command not given yet, or
+                             unlike what the observer expects of it (cfem_gate.h) */
+    CFEM_RESTARTED = 512  /* too many samples were unlike that, or the estimate was lost: the observer began again */
 };
 
 /* What the controller knows at a tick. */

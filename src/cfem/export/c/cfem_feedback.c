@@ -32,14 +32,14 @@ unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_
     const uint32_t age = f->given - tick + 1, interval = tick - f->heard; /* numbers may run over */
     const int first = f->heard == 0;
     double error[CFEM_MOST_NE], square = 0.0;
-    if ((int32_t)(tick - f->given) > 0) return CFEM_UNHEARD;
+    if ((int32_t)(tick - f->given) > 0) return CFEM_REJECTED;
     if ((int32_t)interval <= 0) return CFEM_OK;
     f->heard = tick;
-    if (age > CFEM_LATE) return CFEM_UNHEARD;
+    if (age > CFEM_LATE) return CFEM_REJECTED;
     const double *const reference = f->references[(f->next + CFEM_LATE - (int)age) % CFEM_LATE];
     for (int e = 0; e < CFEM_NE; e++) {
         error[e] = cfem_effector_weight[e] > 0.0 ? reference[e] - (double)x_e[e] : 0.0;
-        if (!cfem_finite(error[e])) return CFEM_UNHEARD;
+        if (!cfem_finite(error[e])) return CFEM_REJECTED;
     }
     into(f->ages, &f->samples, age);
     if (!first) into(f->intervals, &f->gaps, interval);
