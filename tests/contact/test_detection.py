@@ -5,7 +5,7 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, patch_normals, separation
+from cfem.contact.detection import NEVER, OTHER, OWN, _facing, along, detect, may_meet, patch_normals, separation
 from cfem.mechanics.mesh import boundary_facets
 
 UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
@@ -113,3 +113,14 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     normals = patch_normals(surface.rest, surface.triangles, patches.of, n)
     outward = patches.rest - np.column_stack([patches.rest[:, 0].clip(0.5, 7.5), np.full((n, 2), 0.5)])
     assert ((normals * outward).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize("slope, taken", [(0.5, True), (1.45, False)])
+def test_a_plane_that_its_normals_contradict_is_not_taken(slope, taken):
+    """A sheet says that it faces up: up to STEEP the plane through its patches counts, from twice that its normals."""
+    places, normals, may = sheets(0.3)
+    places[:25, 2] = slope * (places[:25, 0] - 4.0)
+    places[25] = [4.0, 4.0, 0.3]
+    _, _, _, frames, _, _ = _facing(places, normals, may, 2.0, None)
+    plane = np.array([-slope, 0, 1]) / np.hypot(1, slope)
+    assert frames[0, 0] == pytest.approx(plane if taken else UP, abs=1e-12)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles
+from cfem.contact.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles, with_angles
 from cfem.contact.problem import ContactProblem
 
 
@@ -43,3 +43,32 @@ def test_starts_are_spread_over_the_circles(count):
     assert angles.shape[1] == count and len(angles) >= 12
     mean = np.exp(1j * angles).mean(axis=0)
     assert np.abs(mean).max() < 0.1
+
+
+def test_a_slip_beside_an_object_that_nothing_holds_is_found_by_steps_without_an_inverse():
+    """The object's motion is undetermined, so no Jacobian of the slip is regular: least steps lead to the friction
+    that opposes the slip, of the smallest force."""
+    root = np.random.default_rng(5).standard_normal((3, 3))
+    W = np.zeros((6, 6))
+    W[:3, :3], W[3:, 3:] = np.eye(3) + 0.1 * (root + root.T), np.eye(3)
+    G = np.zeros((6, 1))
+    G[3] = 1.0
+    free = np.array([-1.0, 0.8, -0.5, 1.0, 0.0, 0.0])
+    found = solve_mode(ContactProblem(W, free, G, np.zeros(1), mu=0.3), "coulomb", [Mode.SLIP, Mode.OPEN])
+    alone = solve_mode(ContactProblem(W[:3, :3], free[:3], mu=0.3), "coulomb", [Mode.SLIP])
+    assert alone.valid and len(found.lam)
+    np.testing.assert_allclose(found.lam[0, :3], alone.lam[0], atol=1e-9)
+    np.testing.assert_allclose(found.lam[0, 3:], 0.0, atol=1e-12)
+
+
+def test_starts_solve_the_equations_as_well_as_their_angles_allow():
+    """The equations are linear in all but the angles: what is left of them is square on every other column."""
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(6, 6))
+    problem = ContactProblem(root @ root.T, rng.normal(size=6), mu=0.5)
+    modes, angles = (Mode.SLIP, Mode.STICK), start_angles(1, quick=True)
+    y = with_angles(problem, modes, angles)
+    F, J, _ = slip_equations(problem, modes, y)
+    np.testing.assert_array_equal(y[:, 6:7], angles)
+    fixed = np.delete(J, 6, axis=2)
+    np.testing.assert_allclose(np.einsum("bij,bi->bj", fixed, F), 0.0, atol=1e-9)
