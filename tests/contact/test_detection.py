@@ -5,7 +5,7 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.detection import NEVER, OTHER, OWN, _facing, along, detect, may_meet, patch_normals, separation
+from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, patch_normals, separation
 from cfem.mechanics.mesh import boundary_facets
 
 UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
@@ -115,12 +115,14 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     assert ((normals * outward).sum(axis=1) > 0).all()
 
 
-@pytest.mark.parametrize("slope, taken", [(0.5, True), (1.45, False)])
-def test_a_plane_that_its_normals_contradict_is_not_taken(slope, taken):
-    """A sheet says that it faces up: up to STEEP the plane through its patches counts, from twice that its normals."""
-    places, normals, may = sheets(0.3)
-    places[:25, 2] = slope * (places[:25, 0] - 4.0)
-    places[25] = [4.0, 4.0, 0.3]
-    _, _, _, frames, _, _ = _facing(places, normals, may, 2.0, None)
-    plane = np.array([-slope, 0, 1]) / np.hypot(1, slope)
-    assert frames[0, 0] == pytest.approx(plane if taken else UP, abs=1e-12)
+@pytest.mark.parametrize(("slope", "taken"), [(0.5, True), (2.0, False)])
+def test_a_plane_that_leans_far_from_its_faces_normals_is_not_taken(slope, taken):
+    """As at an edge, where the faces of both sides make no surface."""
+    x, y = np.meshgrid(np.arange(5) * 1.0, np.arange(5) * 1.0)
+    floor = np.column_stack([x.ravel(), y.ravel(), slope * x.ravel()])
+    places = np.vstack([floor, [2.2, 1.9, slope * 2.2 + 0.4]])
+    may = np.full((26, 26), NEVER)
+    may[25, :25] = OTHER
+    _, _, frames = detect(places, np.vstack([np.tile(UP, (25, 1)), DOWN]), may, 2.0)
+    plane = np.array([-slope, 0.0, 1.0]) / np.hypot(1, slope)
+    assert frames[0, 0] == pytest.approx(plane if taken else UP, abs=1e-9)

@@ -15,7 +15,7 @@ def test_a_time_has_the_unit_that_suits_it(seconds, text):
     "mm, text",
     [(0.00044, "0.44 µm"), (1.5e-6, "1.5 nm"), (0.35, "0.35 mm"), (12.345, "12.3 mm"), (0.0, "0 mm"), (2e4, "20 m"),
      (120.0, "120 mm"),
-     (0.02, "20 µm"), (-7.25, "-7.25 mm"), (2e-8, "0.02 nm")],
+     (0.02, "20 µm"), (-7.25, "-7.25 mm"), (2e-8, "< 1 nm"), (-4.29e-9, "< 1 nm")],
 )  # fmt: skip
 def test_a_length_has_the_unit_that_suits_it(mm, text):
     assert length(mm) == text

@@ -20,8 +20,10 @@ def duration(*seconds: float, digits: int = 3) -> str:
 
 
 def length(*mm: float, digits: int = 3) -> str:
-    """'0.45 mm', '3.2 µm', '0.021 nm'; of several, in the unit of the largest: '1.2 / 7.5 nm'."""
-    return _scaled(mm, length_unit(max(mm, key=abs)), digits)
+    """'0.45 mm', '3.2 µm', '< 1 nm'; of several, in the unit of the largest: '1.2 / 7.5 nm'. An atom measures a tenth
+    of a nanometre: digits below one mean nothing to a person."""
+    most = max(map(abs, mm))
+    return "< 1 nm" if 0 < most < LENGTHS[-1][1] else _scaled(mm, length_unit(most), digits)
 
 
 def length_unit(mm: float) -> tuple[str, float]:
