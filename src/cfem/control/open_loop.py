@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.controller import Controller
+from cfem.control.doubts import judged
 from cfem.control.experiment import follow
 from cfem.control.mesh_error import discretisation, states_to_refine
 from cfem.control.planners import pilots_of
@@ -62,7 +63,7 @@ def carry_out(folder: Path, spec: ControlSpec, base: Path, at: Prepared, so_far:
     so_far.remove()
     return {
         "headline": lines,
-        KEY: at.touched.judged(robot.length) if at.touched else [],
+        KEY: judged(at.goals, refined, robot.length) + (at.touched.judged(robot.length) if at.touched else []),
         "object": held,
         "obstacles": met,
         "load_error": at.load_error,

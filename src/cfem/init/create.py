@@ -13,6 +13,7 @@ from cfem.core.files import disk_errors
 from cfem.core.names import demand_scene_name
 from cfem.core.place import write_beside
 from cfem.core.spec import load_spec
+from cfem.core.units import parse_number
 from cfem.init.cables import CableLine, attachment_radius, guess_reach, read_cable, sections_along
 from cfem.init.ends import Proposal, place, propose
 from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
@@ -189,7 +190,7 @@ def _stress(text: str) -> str:
 
 
 def _ratio(text: str) -> float:
-    value = float(text)
+    value = parse_number(text)
     if not 0 <= value <= 0.4999:
         raise ValueError(f"expected a number from 0 to 0.4999, got '{text}'")
     return value

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.core.units import parse_quantity
+from cfem.core.units import parse_number, parse_quantity
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def point(text: str) -> np.ndarray:
     match = re.fullmatch(r"(.*[\d.])\s*([a-z]+)?", text.strip())
     numbers, unit = match.groups() if match else ("", None)
     try:
-        x = np.array([float(part) for part in numbers.split(",")])
+        x = np.array([parse_number(part) for part in numbers.split(",")])
     except ValueError:
         x = np.empty(0)
     if x.shape != (3,) or not np.isfinite(x).all():

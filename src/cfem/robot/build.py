@@ -32,7 +32,7 @@ from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
 from cfem.robot.catalogue import soft_finger, stiff_flop, taper
 from cfem.robot.materials import MaterialSpec
-from cfem.robot.plausible import demand_possible
+from cfem.robot.possible import demand_possible
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 from cfem.robot.shape.deform import shaped
