@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.api.vectors import vector
+from cfem.core.errors import SpecError
 from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def make_controller(
     command: "Command" = "displacement",
     observer: "Observer" = "equilibrium",
     gains: tuple[float, float] | None = None,
+    phase_margin: float = 60.0,
     rate: float = np.inf,
     iterations: int = 1,
     unilateral: bool = True,
@@ -136,7 +138,9 @@ def make_controller(
         model: of `load_model`.
         command: what the drives take, displacements or forces.
         observer: how it knows where the actuators stand; see control.yaml.
-        gains: (K_P, K_I) on the measured error, per sample; none for open loop.
+        gains: (K_P, K_I) on the measured error, per sample; (0, 0) for open loop. Unless given, K_P is 0 and K_I leaves
+            `phase_margin` at the delay and interval of the samples that come.
+        phase_margin: degrees, between 0 and 90.
         rate: largest change of a command per tick, mm or N (mm^3 or MPa).
         iterations: inverse steps per tick.
         unilateral: as for `inverse_step`.
@@ -147,21 +151,26 @@ def make_controller(
 
     Returns:
         The controller. `controller.tick(goal, measured)` returns the belief after the tick: `u` (n_a,) the command, and
-        `status`, 'converged' or how the search ended.
+        `status`, 'converged' or how the search ended. `measured` is the latest sample; its `t` is the number of the
+        command that it followed, from 1 on. A sample corrects once. Without samples the loop is open.
 
     Raises:
-        SpecError: weights or start have a wrong length or are not finite.
+        SpecError: weights or start have a wrong length or are not finite, or the phase margin is out of range.
         NumericalError: the model has no answer at the start.
 
     Examples:
         >>> controller, plant = cfem.make_controller(model), cfem.FemPlant(robot)
         >>> measured = plant.step(controller.tick(goal).u)
+        >>> measured = plant.step(controller.tick(goal, measured).u)
     """
-    from cfem.control.controller import Controller, Gains
+    from cfem.control.controller import Controller
     from cfem.control.inverse import ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
+    from cfem.plant.gains import Gains
 
+    if not 0 < phase_margin < 90:
+        raise SpecError(f"{phase_margin:g} is not between 0 and 90", where="phase_margin")
     n_e, n_a = model.rows.n_e, model.rows.n_a
     pilot = Pilot(
         model,
@@ -174,7 +183,8 @@ def make_controller(
         rate,
     )
     first = None if start is None else vector("start", start, n_a)
-    return Controller(pilot, model.rest_e, None if gains is None else Gains(*gains), first)
+    feedback = Gains(phase_margin=np.deg2rad(phase_margin)) if gains is None else Gains(*gains)
+    return Controller(pilot, model.rest_e, feedback, first)
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":

@@ -16,8 +16,6 @@ from cfem.predict.protocol import Predictor
 from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
-PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
-
 
 @dataclass
 class States:
@@ -68,8 +66,8 @@ class Robots:
         joined = np.concatenate(list(rows.values()))
         self._series = Series.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
         self._unpack = unpacking(n_e)
-        low, high = model.domain.lambda_a
-        self.pulls = bool((low > -PUSHES * high).all())
+        high = model.domain.lambda_a[1]
+        self.pulls = bool(model.pulls.all())
         self.largest_force = high.copy()
         self._tolerance = 1e-6 * float(high.max())
         self.reference = np.array([one.reference for one in model.parameters])
