@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from cfem.control.goals import demand_near, goals_of
+from cfem.control.goals import demand_fits, demand_near, goals_of
 from cfem.control.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 
@@ -61,6 +61,25 @@ def test_what_does_not_fit_the_robot_is_named(spec, words):
     robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.zeros(6), aims=np.ones(6, dtype=bool))
     with pytest.raises(SpecError, match=words):
         goals(robot, **spec)
+
+
+def test_one_share_is_that_of_all_actuators():
+    one = goals(kind="image", centre=0.4, radii=[0.1, 0.2], goals=8)
+    np.testing.assert_array_equal(one, goals(kind="image", centre=[0.4, 0.4], radii=[0.1, 0.2], goals=8))
+    with pytest.raises(ValueError, match="leaves the range"):
+        TRAJECTORY.validate_python({"kind": "image", "centre": 0.4, "radii": [0.1, 0.5], "goals": 8})
+
+
+def test_a_curve_is_compared_with_the_robot_before_anything_is_solved():
+    image = TRAJECTORY.validate_python({"kind": "image", "centre": [0.4] * 3, "radii": 0.1, "goals": 8})
+    demand_fits("curve", image, 3, 3, 3)
+    with pytest.raises(SpecError, match="centre has 3 numbers, the robot 4 actuators") as error:
+        demand_fits("curve", image, 4, 3, 3)
+    assert error.value.where == "trajectories.curve"
+    points = TRAJECTORY.validate_python({"kind": "goals", "points": {"mm": [[0, 1, 2]]}})
+    demand_fits("curve", points, 4, 6, 3)
+    with pytest.raises(SpecError, match="a goal has 3 numbers, the robot 6"):
+        demand_fits("curve", points, 4, 6, 6)
 
 
 def test_no_goal_is_set_for_a_centre_of_mass():

@@ -71,3 +71,10 @@ def point(text: str) -> np.ndarray:
     if x.shape != (3,) or not np.isfinite(x).all():
         raise ValueError(f"expected three coordinates 'x, y, z' in mm, got '{text.strip()}'")
     return x * parse_quantity(f"1 {unit or 'mm'}", "mm")
+
+
+def choice(text: str, choices: tuple[str, ...]) -> str:
+    """One of several words. ValueError for anything else."""
+    if text.strip() not in choices:
+        raise ValueError(f"expected one of {', '.join(choices)}, got '{text.strip()}'")
+    return text.strip()
