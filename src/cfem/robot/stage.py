@@ -58,7 +58,8 @@ def reads_cells(scene: SceneSpec) -> bool:
     parts = [scene.geometry]
     if isinstance(scene.geometry, Assembly):
         parts = [part.geometry for part in scene.geometry.parts]
-    return any(isinstance(part, MeshFile) and part.path.suffix.lower() != ".stl" for part in parts)
+    files = [part for part in parts if isinstance(part, MeshFile)]
+    return any(not part.meshed_here for part in files)
 
 
 COMMAND = Command("mesh", 1, SceneSpec, _work, reads=_reads)
