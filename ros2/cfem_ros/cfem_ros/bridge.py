@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import cfem
+from cfem.condensed.far import doubt, far_of
 from cfem.plant.protocol import Measurement
 
 SI = {"mm": 1e-3, "mm^3": 1e-9, "N": 1.0, "MPa": 1e6}  # of one unit of cfem
@@ -98,6 +99,9 @@ class Bridge:
         stamp = _seconds(message.header.stamp) or now
         if self._goal_timeout and now - stamp > self._goal_timeout:
             raise self._refuse(f"goal is stale: its stamp is {now - stamp:.2f} s old, at most {self._goal_timeout:g} s")
+        strange = doubt(place, self.model.rest_e, far_of(self.model.rows, self.model.length))
+        if strange:
+            raise self._refuse(f"goal {strange}, messages in metres")
         self._goal, self._stamp = place, stamp
 
     def on_effector(self, message: Any, now: float) -> None:

@@ -53,7 +53,7 @@ def _work(folder: Path, spec: ControlSpec, base: Path) -> dict[str, Any]:
 
 COMMAND = Command(
     "control",
-    8,
+    9,
     ControlSpec,
     _work,
     ("mesh",),

@@ -27,6 +27,9 @@ class ArcSpec(Spec):
     """Number of goals on the arc."""
     from_rest: NonNegativeInt = 0
     """Number of goals before the arc, on the straight line from where the effector rests."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
 
 class HalfSphereSpec(Spec):
@@ -43,6 +46,9 @@ class HalfSphereSpec(Spec):
     """Turns about the z axis."""
     goals: PositiveInt
     """Number of goals."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
 
 class GoalsSpec(Spec):
@@ -58,6 +64,9 @@ class GoalsSpec(Spec):
     let_go: bool = False
     """Whether the last goal is a place of the table, where robots put their object down and let it go: all actuators go
     back to rest. It needs object.table."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
     def check(self) -> None:
         if self.rotation is not None and len(self.rotation) != len(self.points):
@@ -85,6 +94,11 @@ class ImageSpec(Spec):
             raise ValueError("centre and radii need one number per actuator")
         if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in zip(self.centre, self.radii, strict=True)):
             raise ValueError("the curve leaves the range [0, 1] of the shares of reach")
+
+
+def meant_beyond(trajectory: object) -> bool:
+    """Whether goals of a trajectory may lie out of reach."""
+    return bool(getattr(trajectory, "beyond_reach", False))
 
 
 TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]

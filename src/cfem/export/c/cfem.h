@@ -26,14 +26,18 @@ extern "C" {
  * the tick before, and the other bit says why. */
 enum {
     CFEM_OK = 0,
-    CFEM_LIMITED = 1,     /* a bound of force, course or step decided */
+    CFEM_LIMITED = 1,     /* a bound of force, course or step decided: on the way as well as in the end */
     CFEM_SOFTENED = 2,    /* no force within its bounds keeps the course: it is exceeded by as little as possible */
     CFEM_OUTSIDE = 4,     /* the model was asked outside of the box that it was trained on */
     CFEM_NOT_FOUND = 8,   /* the observer did not converge: its best guess was used */
     CFEM_HELD = 16,       /* no new command, because: */
     CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
     CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
-    CFEM_NO_QP = 128      /*   the program has no trustworthy answer */
+    CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
+    CFEM_OUT_OF_REACH = 256, /* the robot stands at the nearest point to its goal: by the optimality conditions no move within
+                              the bounds of force and course brings the effectors nearer */
+    CFEM_FAR = 512        /*   with CFEM_BAD_INPUT: the goal is more than two lengths of the robot from where the effectors rest,
+                              so that its unit is another one */
 };
 
 /* What the controller knows at a tick. */

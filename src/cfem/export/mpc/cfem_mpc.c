@@ -143,11 +143,13 @@ static void go_on(cfem_mpc *m, double *u) {
 static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u) {
     cfem_moving now;
     double sum = 0.0;
+    int far = 0;
     const int known = in->ahead < 1 ? 1 : in->ahead < TICKS ? in->ahead : TICKS;
     for (int k = 0; k < TICKS; k++)
         for (int e = 0; e < NE; e++) {
             const double goal = in->goal[k < known ? k : known - 1][e];
             m->plan.goal[k][e] = goal - cfem_rest_e[e], sum += goal;
+            far |= fabs(goal - cfem_rest_e[e]) > cfem_far[e];
         }
     if (CFEM_MPC_SENSED) {
         if (in->sampled > m->sent || in->sampled < 0) return CFEM_HELD | CFEM_BAD_INPUT;
@@ -156,6 +158,7 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u) {
         now = m->state;
     }
     if (!cfem_finite(sum)) return CFEM_HELD | CFEM_BAD_INPUT;
+    if (far) return CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR;
     memcpy(m->plan.told, now.u, sizeof m->plan.told), memcpy(m->plan.rest, m->rest, sizeof m->plan.rest);
     if (condense(m, &now)) return CFEM_HELD | CFEM_NO_MODEL;
     if (cfem_plan_solve(&m->plan)) return CFEM_HELD | CFEM_NO_QP;
