@@ -35,8 +35,9 @@ bench: .venv/dev
 wheel: .venv/dev
 	$(PYTHON) scripts/check_wheel.py
 
-# The documentation site, build/site/index.html; any warning is an error.
+# The documentation site, build/site/index.html, with a live robot on its front page; any warning is an error.
 docs: .venv/dev
+	$(CFEM) run pipelines/soft-finger/export-page.yaml
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet
 
 # The notebooks print what the site shows; scripts/notebooks.py stores what they print.

@@ -28,12 +28,12 @@ from cfem.condensed.strokes import ridge_of
 from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.camera_frame import CameraFrame
-from cfem.control.controller import Controller, Gains
-from cfem.control.gains import integral_for
+from cfem.control.controller import Controller
 from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
+from cfem.plant.gains import Gains, integral_for
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model

@@ -17,6 +17,9 @@ Apache-2.0 and holds no code of these; each is installed from its own package. g
 `cfem/robot/mesh/gmsh_process.py` runs it in its own process. py-mkl-pardiso contains Intel's MKL, free to use and
 redistribute under the Intel Simplified Software License.
 
+The README of SoftRobots.Inverse, a plugin of SOFA, names the patent family FR3002047 and WO2014/122134, on the control
+of deformable robots in real time by a reduction of their equations to constraint space.
+
 | package | version | licence | needed by |
 |---|---|---|---|
 """

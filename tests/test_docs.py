@@ -4,6 +4,8 @@ import ast
 import re
 from pathlib import Path
 
+from support.script import script
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -25,7 +27,7 @@ def test_every_message_that_troubleshooting_explains_is_one_of_the_code():
 
 
 def test_the_map_of_the_tree_names_every_package_and_no_other():
-    text = (ROOT / "CONTRIBUTING.md").read_text().split("## Where things are")[1].split("## Tests")[0]
+    text = (ROOT / "docs" / "architecture.md").read_text().split("## Packages")[1].split("## The way")[0]
     named = re.findall(r"`(\w+)`", "".join(row.split("|")[1] for row in text.splitlines() if row.startswith("| `")))
     packages = [path.parent.name for path in (ROOT / "src" / "cfem").glob("*/__init__.py")]
     assert sorted(named) == sorted(packages)
@@ -51,3 +53,17 @@ def test_every_page_says_first_what_it_is_for():
         lines = [line for line in path.read_text().splitlines() if line.strip()]
         first = lines[lines.index(next(line for line in lines if line.startswith("# "))) + 1]
         assert (first[0] not in "#|!-<" and not first.startswith("```")) or path.stem == "index", path.name
+
+
+def test_the_front_page_has_a_place_for_the_live_robot():
+    pages = script("docs_pages")
+    assert len(pages.PICTURE.findall((ROOT / "docs" / "index.md").read_text())) == 1
+    assert 'src="robots/soft-finger.html"' in pages.LIVE
+
+
+def test_the_architecture_names_files_that_are_there():
+    text = (ROOT / "docs" / "architecture.md").read_text().split("## The way of one value")[1]
+    named = set(re.findall(r"`([a-z_0-9]+(?:/[a-z_0-9]+)+(?:\.(?:py|c)|/))`", text))
+    assert len(named) > 20
+    for name in named:
+        assert (ROOT / "src" / "cfem" / name).exists(), name

@@ -31,7 +31,7 @@ def test_the_notebook_prints_what_the_site_shows(path, executed):
 def test_the_examples_run_one_after_the_other(bar, monkeypatch, capsys):
     monkeypatch.chdir(bar)
     names = {path.stem for path in ROOT.glob("examples/*.py")}
-    order = ["solve", "stages", "dataset", "ask_model", "inverse", "control"]
+    order = ["solve", "stages", "dataset", "ask_model", "workspace", "inverse", "control"]
     assert names == {*order, "train_policy"}  # which takes a minute; tests/gym has its parts
     for name in order:
         text = (ROOT / "examples" / f"{name}.py").read_text()

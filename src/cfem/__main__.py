@@ -4,10 +4,12 @@ import os
 import signal
 from typing import Any
 
+from cfem.core.interrupts import ENDS
+
 
 def main() -> None:
     """Signals first: what takes time to import may be interrupted as well."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _leave)
     from cfem.cli.app import app

@@ -54,14 +54,27 @@ def test_a_controller_leads_the_plant_to_the_goal(model, goal, command):
 
 def test_gains_remove_the_error_that_a_push_leaves(model, goal):
     errors = {}
-    for gains in (None, (0.0, 0.3)):
+    for gains in ((0.0, 0.0), (0.0, 0.3), None):
         controller = cfem.make_controller(model, gains=gains, iterations=3)
         plant = cfem.ModelPlant(model, model.rest_e, push=np.array([0.0, 0.0, -0.05]))
         measured = None
         for _ in range(40):
             measured = plant.step(controller.tick(goal, measured).u)
         errors[gains] = np.linalg.norm((measured.x_e - goal)[[0, 2]])
-    assert errors[0.0, 0.3] < 0.5 * errors[None]
+    assert errors[0.0, 0.3] < 0.5 * errors[0.0, 0.0] and errors[None] < 0.5 * errors[0.0, 0.0]
+
+
+def test_without_gains_a_late_and_rare_sample_corrects_once(model, goal):
+    """Every third command is seen, five commands later."""
+    controller = cfem.make_controller(model, iterations=3, weights=[0.0, 0.0, 1.0])
+    plant = cfem.ModelPlant(model, model.rest_e + [0.0, 0.0, 1.0])
+    samples, off = [], []
+    for tick in range(1, 80):
+        known = [one for one in samples if one.t % 3 == 0 and one.t < tick - 5]
+        samples.append(plant.step(controller.tick(goal, known[-1] if known else None).u))
+        off.append(abs(samples[-1].x_e - goal)[2])
+    assert off[0] == pytest.approx(1.0, abs=0.1) and max(off[60:]) < 0.01
+    assert controller.feedback.late == 1
 
 
 def test_a_sample_of_a_command_that_was_never_given_is_refused(model, goal):

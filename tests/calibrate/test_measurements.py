@@ -64,16 +64,20 @@ def test_a_dataset_serves_as_measurements(tmp_path):
     ("name", "text", "message"),
     [
         ("m.csv", "left.displacement,right.displacement [mm]\n1,2\n", "a name and its unit"),
-        ("m.csv", "left.displacement [mm],right.displacement [mm]\n1\n", "row 1: 1 cells, the header has 2"),
+        ("m.csv", "left.displacement [mm],right.displacement [mm]\n1\n", "m.csv:2: 1 cells, and the titles are 2"),
         (
             "m.csv",
             "left.displacement [N],right.displacement [mm]\n1,2\n",
             "'left.displacement': .*not a unit of length",
         ),
         ("m.csv", "left.displacement [mm],right.displacement [mm],tap.x [mm]\n1,2,3\n", "'tap.x': expected one of"),
-        ("m.csv", "left.displacement [mm],tip.x [mm]\n1,2\n", "row 1 has no 'right.displacement'"),
+        ("m.csv", "left.displacement [mm],tip.x [mm]\n1,2\n", "m.csv:2: has no 'right.displacement'"),
         ("m.csv", "left.displacement [mm],right.displacement [mm]\n", "no measurements"),
-        ("m.csv", "left.displacement [mm],right.displacement [mm]\n1,one\n", "row 1: 'right.displacement'"),
+        (
+            "m.csv",
+            "left.displacement [mm],right.displacement [mm]\n1,one\n",
+            "m.csv:2: column 'right.displacement .mm.': 'one' is not a number",
+        ),
         ("m.csv", "left.displacement [mm],right.displacement [mm],tip.x [deg]\n1,2,3\n", "'tip.x': .*unit of length"),
         ("m.csv", "left.displacement [mm],right.displacement [mm^3]\n1,2\n", "'right.displacement': .*unit of length"),
         (
@@ -84,9 +88,9 @@ def test_a_dataset_serves_as_measurements(tmp_path):
         (
             "m.csv",
             "left.displacement [mm],right.displacement [mm],left.displacement [mm]\n1,2,3\n",
-            "column 'left.displacement' appears twice",
+            "two columns are called 'left.displacement .mm.'",
         ),
-        ("m.csv", "", "not a table"),
+        ("m.csv", "", "is empty"),
         ("m.yaml", "left.displacement: 1 mm\n", "a list of states"),
         ("m.yaml", "- {left.displacement: 1, right.displacement: 2 mm}\n", "state 1: 'left.displacement': .*its unit"),
         ("m.yaml", "- {left.displacement: [1\n", "not valid YAML"),

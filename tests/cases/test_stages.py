@@ -106,7 +106,7 @@ def test_offsets_of_markers_are_found(folder, tmp_path):
     ("change", "message"),
     [
         ({"x_mm": lambda x: x / 1000, "y_mm": lambda y: y / 1000, "z_mm": lambda z: z / 1000}, "the unit is another"),
-        ({"tension_N": lambda _: ""}, "has no 'tension_N'"),
+        ({"tension_N": lambda _: ""}, "given.csv:2: column 'tension_N': is empty"),
         ({"z_mm": lambda _: "high"}, "'high' is not a number"),
         ({"marker": lambda _: "q"}, "appears twice|none of the markers"),
     ],

@@ -113,3 +113,16 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     normals = patch_normals(surface.rest, surface.triangles, patches.of, n)
     outward = patches.rest - np.column_stack([patches.rest[:, 0].clip(0.5, 7.5), np.full((n, 2), 0.5)])
     assert ((normals * outward).sum(axis=1) > 0).all()
+
+
+@pytest.mark.parametrize(("slope", "taken"), [(0.5, True), (2.0, False)])
+def test_a_plane_that_leans_far_from_its_faces_normals_is_not_taken(slope, taken):
+    """As at an edge, where the faces of both sides make no surface."""
+    x, y = np.meshgrid(np.arange(5) * 1.0, np.arange(5) * 1.0)
+    floor = np.column_stack([x.ravel(), y.ravel(), slope * x.ravel()])
+    places = np.vstack([floor, [2.2, 1.9, slope * 2.2 + 0.4]])
+    may = np.full((26, 26), NEVER)
+    may[25, :25] = OTHER
+    _, _, frames = detect(places, np.vstack([np.tile(UP, (25, 1)), DOWN]), may, 2.0)
+    plane = np.array([-slope, 0.0, 1.0]) / np.hypot(1, slope)
+    assert frames[0, 0] == pytest.approx(plane if taken else UP, abs=1e-9)

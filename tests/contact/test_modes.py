@@ -43,3 +43,17 @@ def test_starts_are_spread_over_the_circles(count):
     assert angles.shape[1] == count and len(angles) >= 12
     mean = np.exp(1j * angles).mean(axis=0)
     assert np.abs(mean).max() < 0.1
+
+
+def test_a_singular_jacobian_takes_the_step_of_least_norm_to_the_same_solutions(monkeypatch):
+    W = np.diag([2.0, 1.0, 1.5])
+    problem = ContactProblem(W, np.array([-1.0, 2.0, 0.3]), mu=0.4)
+    regular = solve_mode(problem, "coulomb", [Mode.SLIP])
+
+    def singular(*_):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(np.linalg, "solve", singular)
+    least_norm = solve_mode(problem, "coulomb", [Mode.SLIP])
+    assert regular.status is least_norm.status is ModeStatus.SOLVED and len(regular.lam)
+    np.testing.assert_allclose(least_norm.lam, regular.lam, atol=1e-9)

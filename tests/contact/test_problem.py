@@ -36,3 +36,9 @@ def test_the_work_of_the_load_is_that_of_the_contact_forces():
 def test_without_compliance_the_gaps_are_the_unit_of_length():
     rigid = ContactProblem(np.zeros((3, 3)), np.array([0.5, -2.0, 0.1]))
     assert rigid.units.length == 2.0 and np.isfinite(rigid.units.force)
+
+
+def test_it_counts_its_points_and_the_motions_of_its_object():
+    p = problem()
+    assert (p.m, p.k) == (2, 3)
+    assert ContactProblem(np.eye(3), np.ones(3)).k == 0

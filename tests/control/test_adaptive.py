@@ -10,11 +10,12 @@ from cfem.condensed.model import under_force
 from cfem.condensed.strokes import ridge_of
 from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
-from cfem.control.controller import Controller, Gains
+from cfem.control.controller import Controller
 from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
+from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model
@@ -97,7 +98,7 @@ def test_what_the_feedback_added_for_the_model_before_is_taken_back(model):
     real = first(model) * 1.05
     _, controller = run(model, goals(model), True, lambda tick: real)
     _, plain = run(model, goals(model), False, lambda tick: real)
-    assert np.linalg.norm(controller._correction.total) < 0.5 * np.linalg.norm(plain._correction.total)
+    assert np.linalg.norm(controller.feedback.total) < 0.5 * np.linalg.norm(plain.feedback.total)
 
 
 def strange(model, seed):

@@ -11,11 +11,10 @@ from support.linear_robot import LinearRobot
 
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.controller import Correction, Gains
-from cfem.control.gains import integral_for
 from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
+from cfem.plant.gains import Gains, integral_for
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
 
@@ -153,14 +152,6 @@ def test_the_correction_of_what_no_actuator_corrects_is_what_it_is():
     state = moments[-1].belief.iterate.condensed
     np.testing.assert_allclose(moved[-1], arc_robot.REST_E + state.delta_e - moments[-1].actual.x_e, atol=1e-6)
     assert np.linalg.norm(moved[-1]) < 8
-
-
-def test_the_sum_is_bounded():
-    correction = Correction(Gains(0.1, 0.5, bound=2.0), 2)
-    for _ in range(20):
-        moved = correction.after(np.array([3.0, 4.0]))
-    np.testing.assert_allclose(correction.total, [1.2, 1.6])
-    np.testing.assert_allclose(moved, [1.5, 2.0])
 
 
 @pytest.mark.parametrize("command", ["displacement", "force"])

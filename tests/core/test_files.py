@@ -13,9 +13,10 @@ from pathlib import Path
 import pytest
 from core.test_verify import Empty, Stage, fill
 
-from cfem.core import files
+from cfem.core import files, replace
 from cfem.core.errors import DiskError, OutputError
-from cfem.core.files import locked, recover_folder, replace_folder, write_whole
+from cfem.core.files import locked, write_whole
+from cfem.core.replace import recover_folder, replace_folder
 from cfem.core.stage import Options, read_manifest, run_stage
 from cfem.core.verify import judge
 
@@ -97,8 +98,8 @@ def test_a_replacement_cut_in_two_is_undone(tmp_path, monkeypatch):
     """On a disk that cannot swap folders."""
     run(tmp_path, "old")
     (tmp_path / "new").mkdir()
-    monkeypatch.setattr("cfem.core.files.exchange", lambda one, other: False)
-    monkeypatch.setattr("cfem.core.files.sync_tree", lambda folder: None)
+    monkeypatch.setattr("cfem.core.replace.exchange", lambda one, other: False)
+    monkeypatch.setattr("cfem.core.replace.sync_tree", lambda folder: None)
     renamed = os.replace
 
     def die(source, target):
@@ -112,6 +113,17 @@ def test_a_replacement_cut_in_two_is_undone(tmp_path, monkeypatch):
     assert not (tmp_path / "out").exists()
     monkeypatch.undo()
     assert run_stage(made(tmp_path, "old"), lambda folder: 1 / 0, Options())["status"] == "up to date"
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_folder_of_others_is_not_taken_for_a_replacement_cut_in_two(tmp_path, there):
+    other = tmp_path / ".out.123.old"
+    other.mkdir()
+    (other / "thesis.tex").write_text("years")
+    if there:
+        run(tmp_path, "old")
+    run(tmp_path, "new")
+    assert (other / "thesis.tex").read_text() == "years" and judge(tmp_path / "out").damage == ()
 
 
 def test_what_a_killed_write_left_is_not_taken_for_a_result(tmp_path):
@@ -169,7 +181,8 @@ def test_bytes_reach_the_disk_before_the_name_and_the_name_after(tmp_path, monke
 
 def test_a_folder_s_files_and_both_renames_of_its_place_reach_the_disk(tmp_path, monkeypatch):
     synced = []
-    monkeypatch.setattr(files, "sync", lambda path: synced.append(Path(path).name))
+    for module in (files, replace):
+        monkeypatch.setattr(module, "sync", lambda path: synced.append(Path(path).name))
     for name in ("partial", "out"):
         (tmp_path / name / "inner").mkdir(parents=True)
         (tmp_path / name / "inner" / "file").write_bytes(b"1")

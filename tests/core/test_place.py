@@ -8,7 +8,8 @@ import pytest
 from cfem.core.errors import DiskError, InputError, OutputError
 from cfem.core.files import locked
 from cfem.core.spec import Spec
-from cfem.core.stage import Options, Stage, partial_folder, read_manifest, run_stage
+from cfem.core.stage import Options, Stage, read_manifest, run_stage
+from cfem.core.unfinished import partial_folder
 
 
 class Empty(Spec):
@@ -98,18 +99,6 @@ def test_a_damaged_artefact_is_kept_and_by_force_moved_aside(tmp_path):
         make(tmp_path / "out")
     make(tmp_path / "out", force=True)
     assert (tmp_path / "out.old-1" / "result.txt").read_text() == "old"
-
-
-def test_unfinished_precious_work_of_other_inputs_is_moved_aside(tmp_path):
-    def interrupt(folder):
-        (folder / "shard").write_text("hours")
-        raise KeyboardInterrupt
-
-    for name, precious in (("dear", True), ("cheap", False)):
-        with pytest.raises(KeyboardInterrupt):
-            run_stage(Stage("count", 1, Empty(), {}, tmp_path / name, precious=precious), interrupt, Options())
-        make(tmp_path / name, precious=precious)
-    assert [path.parent.name for path in tmp_path.glob("*/shard")] == ["dear.partial.old-1"]
 
 
 def test_a_link_to_a_folder_is_written_through(tmp_path):

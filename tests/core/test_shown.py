@@ -1,6 +1,6 @@
 import pytest
 
-from cfem.core.shown import duration, folded, length, size
+from cfem.core.shown import duration, folded, length, size, stress
 
 
 @pytest.mark.parametrize(
@@ -15,10 +15,19 @@ def test_a_time_has_the_unit_that_suits_it(seconds, text):
     "mm, text",
     [(0.00044, "0.44 µm"), (1.5e-6, "1.5 nm"), (0.35, "0.35 mm"), (12.345, "12.3 mm"), (0.0, "0 mm"), (2e4, "20 m"),
      (120.0, "120 mm"),
-     (0.02, "20 µm"), (-7.25, "-7.25 mm"), (2e-8, "0.02 nm")],
+     (0.02, "20 µm"), (-7.25, "-7.25 mm"), (2e-8, "< 1 nm"), (-4.29e-9, "< 1 nm")],
 )  # fmt: skip
 def test_a_length_has_the_unit_that_suits_it(mm, text):
     assert length(mm) == text
+
+
+@pytest.mark.parametrize(
+    "mpa, text",
+    [(0.0222, "22.2 kPa"), (3.0, "3 MPa"), (45.8e3, "45.8 GPa"), (46e-6, "46 Pa"), (0.0, "0 kPa"), (-0.35, "-350 kPa"),
+     (3e-4, "0.3 kPa")],
+)  # fmt: skip
+def test_a_stress_has_the_unit_that_suits_it(mpa, text):
+    assert stress(mpa) == text
 
 
 @pytest.mark.parametrize("count, text", [(2168, "2.17 kB"), (14, "14 bytes"), (1.9e9, "1.9 GB"), (999_999, "1000 kB")])

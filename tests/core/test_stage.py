@@ -1,5 +1,6 @@
 """An artefact is whole or absent, current or stale, and never lost to an error."""
 
+import os
 import subprocess
 import sys
 
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import GateError, InputError, OutputError, SpecError
-from cfem.core.files import content_sha256, locked, write_whole
+from cfem.core.files import content_sha256, file_sha256, locked, write_whole
+from cfem.core.manifest import harm
 from cfem.core.spec import Spec
-from cfem.core.stage import Options, Stage, artefact_file, partial_folder, read_manifest, run_stage
+from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_stage
+from cfem.core.unfinished import partial_folder
 
 
 class Numbers(Spec):
@@ -119,6 +122,33 @@ def test_two_writers_exclude_each_other_and_a_dead_one_does_not_block(tmp_path):
     other.communicate()
     with locked(tmp_path / "out"):
         pass
+
+
+def test_a_file_changed_by_hand_is_made_again_and_kept(tmp_path):
+    run_stage(stage(tmp_path), write("1"), Options())
+    result = tmp_path / "out" / "result.txt"
+    result.write_text("2")
+    with pytest.raises(GateError, match=r"stale: result.txt has changed since it was made"):
+        run_stage(stage(tmp_path), refuse, Options(check=True))
+    assert run_stage(stage(tmp_path), write("1"), Options())["status"] == "done"
+    assert result.read_text() == "1" and (tmp_path / "out.old-1" / "result.txt").read_text() == "2"
+
+
+def test_a_file_that_has_only_another_time_is_as_it_was_and_one_of_the_same_time_is_not_read(tmp_path, monkeypatch):
+    run_stage(stage(tmp_path), write("1"), Options())
+    result, read = tmp_path / "out" / "result.txt", []
+    monkeypatch.setattr("cfem.core.manifest.file_sha256", lambda path: read.append(path) or file_sha256(path))
+    assert run_stage(stage(tmp_path), refuse, Options())["status"] == "up to date" and not read
+    os.utime(result, (1, 1))
+    assert run_stage(stage(tmp_path), refuse, Options())["status"] == "up to date" and read == [result]
+
+
+def test_harm_names_the_file(tmp_path):
+    run_stage(stage(tmp_path), write("1"), Options())
+    (tmp_path / "out" / "result.txt").write_text("2")
+    assert harm(tmp_path / "out", read_manifest(tmp_path / "out")) == "result.txt has changed since it was made"
+    (tmp_path / "out" / "result.txt").unlink()
+    assert harm(tmp_path / "out", read_manifest(tmp_path / "out")) == "result.txt is missing"
 
 
 def test_damage_is_found_on_reading(tmp_path):

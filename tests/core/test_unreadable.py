@@ -9,8 +9,9 @@ import pytest
 
 from cfem.core import files
 from cfem.core.errors import DiskError, InputError
-from cfem.core.files import disk_errors, file_sha256, locked, read_json, replace_folder, write_json, write_whole
+from cfem.core.files import disk_errors, file_sha256, locked, read_json, write_json, write_whole
 from cfem.core.manifest import MANIFEST, read_manifest, write_manifest
+from cfem.core.replace import replace_folder
 from cfem.core.verify import judge, verify
 
 

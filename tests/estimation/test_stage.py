@@ -95,7 +95,7 @@ def test_a_noise_that_is_far_too_small_is_called_so_first(recorded):
     ("change", "said", "code"),
     [
         (("m5.z [mm]", "m6.z [mm]"), "column 'm6.z'", 3),
-        (("0.30,", "0.10,"), "row 4: 'time' does not increase", 3),
+        (("0.30,", "0.10,"), "recording.csv:5: 'time' does not increase", 3),
         (("time [s]", "time [mm]"), "'mm' is not a unit of time", 3),
         (("cable.force [N]", "cable.force [mm]"), "'mm' is not a unit of force", 3),
     ],

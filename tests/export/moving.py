@@ -80,7 +80,8 @@ def predictive(chosen: CSpec, start: np.ndarray) -> Mpc:
     cost = Cost(*(constants[name] for name in ("weight", "smooth", "effort")))
     bounds = Bounds(*(constants[name] for name in ("command", "rate", "course")), planes)
     names = ("noise", "stiffness", "viscosity", "wander", "offset", "push")
-    doubt = Doubt(**{name: numbers[f"DOUBT_{name.upper()}"] for name in names}) if sizes["SENSED"] else None
+    doubt = {name: numbers[f"DOUBT_{name.upper()}"] for name in names} | {"gate": chosen.mpc.gate}
+    doubt = Doubt(**doubt) if sizes["SENSED"] else None
     plan = Plan(sizes["TICKS"], cost, bounds, moves=chosen.mpc.moves)
     home = np.asarray(chosen.controller.start, float)  # where its steps are made right
     return Mpc(

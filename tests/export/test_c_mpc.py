@@ -1,20 +1,23 @@
 """Predictive control in C against that of Python, tick by tick, and what it says where it has no command."""
 
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from export.embedded import needs_compiler
 from export.moving import both, goals, model, robot, spec
+from support.bad_samples import KINDS, spoiling
 
 from cfem.core.errors import InputError, SpecError
-from cfem.export.c_mpc import write_c_mpc
+from cfem.export.c_mpc import mpc_constants, write_c_mpc
 from cfem.motion.altered import Altered
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
 
-LIMITED, SOFTENED, HELD, BAD_INPUT, NO_QP = 1, 2, 16, 32, 128
-TICKS, HORIZON = 24, 8
+LIMITED, SOFTENED, HELD, BAD_INPUT, NO_QP, REJECTED, RESTARTED = 1, 2, 16, 32, 128, 256, 512
+FAR = 2048
+TICKS, HORIZON, NOISE = 24, 8, 0.1  # mm
 CASES = {
     "forces": spec(),
     "displacements": spec("displacement"),
@@ -28,19 +31,25 @@ CASES = {
 pytestmark = needs_compiler
 
 
-def followed(chosen, folder):
-    """Commands (ticks, 2) of C and of Python to the same robot, which is not the model's, and what they say."""
-    compiled, python = both(folder, chosen)
-    kind, there = chosen.controller.command, goals(TICKS + HORIZON)
+def robot_of(chosen, u, seed=2):
+    """Not the model's, at rest under u (2,): samples come a tick late, with noise."""
     body = MovingModelPlant(Altered(model(), 1.1, 1.2), 1 / 50, 2)
-    body.settle(python.belief.u, kind)
-    plant, measured, found = ImperfectPlant(body, Imperfection(0.1, 1.0, 1), seed=2), None, []
-    for k in range(TICKS):
+    body.settle(u, chosen.controller.command)
+    return ImperfectPlant(body, Imperfection(NOISE, 1.0, 1), seed=seed)
+
+
+def followed(chosen, folder, ticks=TICKS, spoilt=lambda tick, sample: sample):
+    """Commands (ticks, 2) of C and of Python to the same robot, and what they say."""
+    compiled, python = both(folder, chosen)
+    there, plant, measured, found = goals(ticks + HORIZON), robot_of(chosen, python.belief.u), None, []
+    for k in range(ticks):
         ahead = there[k : k + HORIZON]
+        if measured is not None:
+            measured = replace(measured, x_e=spoilt(k, measured.x_e))
         said = compiled.step(ahead, *(() if measured is None else (measured.x_e, measured.t)))
         told = python.tick(ahead[0], measured, ahead)
         found.append((said, told))
-        measured = plant.step(told.u, kind)
+        measured = plant.step(told.u, chosen.controller.command)
     return found
 
 
@@ -60,6 +69,73 @@ def test_commands_are_those_of_python(tmp_path, case):
     assert np.ptp(wanted, axis=0).min() > 0.02 * np.abs(wanted).max()
 
 
+def elsewhere(tick, sample):
+    return sample + (np.array([9.0, -6.0, 4.0]) if tick >= 20 else 0.0)
+
+
+@pytest.fixture(scope="module", params=["force", "displacement"])
+def plain(request, tmp_path_factory):
+    """A spec, and a folder that is compiled once."""
+    return spec(request.param), tmp_path_factory.mktemp(request.param)
+
+
+@pytest.mark.parametrize("case", [*KINDS, "pushed"])
+def test_bad_samples_are_rejected_as_in_python(plain, case):
+    chosen, folder = plain
+    spoilt = elsewhere if case == "pushed" else spoiling(case, np.random.default_rng(3), 40)
+    found = followed(chosen, folder, 48, lambda tick, x: spoilt(tick, x) if tick < 40 else x)
+    u, wanted = (np.array([each.u for each in one]) for one in zip(*found, strict=True))
+    np.testing.assert_allclose(u, wanted, atol=1e-7 * np.abs(wanted).max())
+    status = np.array([said.status for said, _ in found])
+    assert not (status & HELD).any()
+    np.testing.assert_array_equal((status & REJECTED) > 0, [told.rejected for _, told in found])
+    np.testing.assert_array_equal((status & RESTARTED) > 0, [told.restarted for _, told in found])
+    assert (status & REJECTED).any() == (case != "not finite") or case == "2 %"
+    assert (status & RESTARTED).any() == (case == "pushed")
+
+
+BEFORE, SPOILT, AFTER = 30, 60, 30
+
+
+def left_after_bad_samples(chosen, folder, count):
+    """(count,) mm: from the 20th clean tick after bad samples on, by how much the tip is farther from its goals than in
+    a run without; held nowhere, and commands are within their bounds throughout."""
+    compiled, python = both(folder, chosen)
+    ticks = BEFORE + SPOILT + AFTER
+    there, farther = goals(ticks + HORIZON), []
+    low, high = mpc_constants(chosen, *robot())[2]["command"].T
+
+    def missed(seed, spoilt):
+        compiled.reset()
+        plant, measured, errors = robot_of(chosen, python.belief.u, seed), None, []
+        for k in range(ticks):
+            sample = ()
+            if measured is not None:
+                bad = BEFORE <= k < BEFORE + SPOILT
+                sample = (spoilt(k - BEFORE, measured.x_e) if bad else measured.x_e), measured.t
+            said = compiled.step(there[k : k + HORIZON], *sample)
+            assert (said.u >= low).all() and (said.u <= high).all()
+            assert not said.status & HELD
+            measured = plant.step(said.u, chosen.controller.command)
+            errors.append(np.linalg.norm(plant.actual.x_e - there[k]))
+        return np.array(errors[-AFTER + 20 :])
+
+    for seed in range(count):
+        kind = KINDS[seed % len(KINDS)]
+        clean, bad = missed(seed, lambda k, x: x), missed(seed, spoiling(kind, np.random.default_rng(seed), SPOILT))
+        farther.append((bad - clean).max())
+    return np.array(farther)
+
+
+def test_it_recovers_from_bad_samples_within_20_ticks(plain):
+    assert left_after_bad_samples(*plain, 2 * len(KINDS)).max() < 3 * NOISE
+
+
+@pytest.mark.slow
+def test_a_thousand_runs_recover_from_bad_samples_within_20_ticks(plain):
+    assert left_after_bad_samples(*plain, 1000).max() < 3 * NOISE
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("forces")
@@ -75,6 +151,8 @@ def test_without_a_command_the_plan_goes_on(folder):
     said = compiled.step(np.full(3, np.nan))
     assert said.status == HELD | BAD_INPUT
     np.testing.assert_allclose(said.u, told.u, rtol=1e-10)
+    far = compiled.step(1e3 * there[5:])  # micrometres
+    assert far.status == HELD | BAD_INPUT | FAR and np.isfinite(far.u).all()
     late = compiled.step(there[5:], there[0], sampled=9)  # of a tick that has not been
     assert late.status == HELD | BAD_INPUT and np.isfinite(late.u).all()
     assert compiled.step(there[6:], there[5], sampled=5).status & HELD == 0

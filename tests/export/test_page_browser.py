@@ -196,6 +196,49 @@ def test_a_cable_that_would_push_is_slack_and_goes_where_the_other_leads(tab):
     assert np.abs(after["tip"] - model.rest_e - expected.delta_e).max() < EXACT
 
 
+def test_a_slack_cable_says_what_its_slider_says(tab):
+    """Told 4 mm beside 14 of the other, the left one hangs: its way has become 10.7 mm shorter."""
+    tab.evaluate(
+        "() => [4, 14].forEach((value, i) => { const slider = document.getElementById(`a${i}`); "
+        "slider.value = value; slider.dispatchEvent(new Event('input', { bubbles: true })); })"
+    )
+    settle(tab)
+    tab.wait_for_function("document.querySelector('#actuators em').textContent.startsWith('slack by')")
+    label = tab.evaluate("document.querySelector('#actuators span').textContent")
+    spare = float(
+        re.search(r"slack by ([\d.]+) mm", tab.evaluate("document.querySelector('#actuators em').textContent"))[1]
+    )
+    assert label.startswith("4.00 mm · 0.00 N")
+    assert np.isclose(shown(tab)["delta"][0], 4.0 + spare, atol=0.006)
+
+
+# Pixels of the scene without reach and goals, in full; `ghost`: with the place of rest.
+LOOK = """ghost => { const { gl } = cfem.scene, camera = { ...cfem.state.camera, sharpness: 1 };
+  cfem.scene.draw(camera, [], { reach: false, points: [] }, cfem.state.theme, ghost, false);
+  const [wide, tall] = [gl.drawingBufferWidth, gl.drawingBufferHeight], data = new Uint8Array(4 * wide * tall);
+  gl.readPixels(0, 0, wide, tall, gl.RGBA, gl.UNSIGNED_BYTE, data);
+  return Array.from(data); }"""
+
+
+def test_a_graphics_card_that_comes_back_draws_the_same_again(tab):
+    tab.evaluate("() => { cfem.robot.set([14, 14]); cfem.robot.shape(); }")
+    before = np.array(tab.evaluate(LOOK, True))
+    tab.evaluate(
+        "() => new Promise(done => { const lose = cfem.scene.gl.getExtension('WEBGL_lose_context'); "
+        "document.getElementById('view').addEventListener('webglcontextrestored', () => setTimeout(done, 100)); "
+        "lose.loseContext(); setTimeout(() => lose.restoreContext(), 50); })"
+    )
+    after = np.array(tab.evaluate(LOOK, True))
+    assert len(np.unique(before)) > 20  # it shows something
+    assert np.array_equal(before, after) and tab.evaluate("document.documentElement.dataset.state") == "ready"
+
+
+def test_a_robot_that_has_left_its_rest_shows_where_that_was(tab):
+    tab.evaluate("() => { cfem.robot.set([14, 14]); cfem.robot.shape(); }")
+    with_rest, without = (np.array(tab.evaluate(LOOK, ghost)) for ghost in (True, False))
+    assert (with_rest != without).sum() > 1000
+
+
 def test_an_unreachable_goal_names_the_limits(tab):
     tab.evaluate("() => cfem.moveGoal(cfem.goals[0], [300, 300, 0])")
     settle(tab)

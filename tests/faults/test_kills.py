@@ -11,7 +11,7 @@ import pytest
 from core.test_files import quick
 from faults.sampling import PLAN, make, make_as_command, make_quietly
 
-from cfem.core.stage import partial_folder
+from cfem.core.unfinished import partial_folder
 from cfem.core.verify import judge
 from cfem.dataset.reader import read_table
 

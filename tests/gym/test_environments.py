@@ -27,7 +27,7 @@ def of(name, model):
 def test_gymnasium_finds_nothing_wrong(model, name):
     from gymnasium.utils.env_checker import check_env
 
-    check_env(gymnasium.make(name, model=of(name, model)).unwrapped, skip_render_check=True)
+    check_env(gymnasium.make(name, model=of(name, model), render_mode="rgb_array").unwrapped)
 
 
 @pytest.mark.parametrize("name", cfem.gym.NAMES)
@@ -66,3 +66,23 @@ def test_the_same_seed_is_the_same_episode(model):
         many.reset(seed=11)
         found.append(many.step(np.full((8, 2), 0.5, np.float32))[0])
     assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize("name", ["cfem/Reach-v0", next(name for name in cfem.gym.NAMES if "Moving" in name)])
+def test_a_picture_shows_effector_and_goal(model, name):
+    single = gymnasium.make(name, model=of(name, model), render_mode="rgb_array")
+    single.reset(seed=1)
+    before = single.render()
+    for _ in range(5):
+        single.step(np.ones(2, np.float32))
+    after = single.render()
+    assert before.shape == (480, 480, 3) and before.dtype == np.uint8
+    red, green = ((after[..., i].astype(int) - after[..., 1 - i] > 80).sum() for i in (0, 1))
+    assert red > 10 and green > 10
+    assert (before != after).any()
+
+
+def test_no_picture_without_a_render_mode(model):
+    single = gymnasium.make("cfem/Reach-v0", model=model).unwrapped
+    single.reset(seed=0)
+    assert single.render() is None

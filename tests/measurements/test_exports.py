@@ -58,7 +58,10 @@ def test_plain_tables_are_read(tmp_path, head, size):
         ("Format Version,1.23,Length Units,Meters\n\n,Type,Marker\n", "Frame"),
         ("Trajectories\nabc\n", "no header of a Nexus export"),
         ("Trajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,furlong,,\n1,0,1,2,3\n", "unknown unit 'furlong'"),
-        ("Trajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,mm,,\n1,0,1,2,up\n", "row 6: 'up' is not a number"),
+        (
+            "Trajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,mm,,\n1,0,1,2,up\n",
+            "a.csv:6: column 'A Z': 'up' is not a number",
+        ),
         ("Trajectories\n100\n,,A,,\nFrame,Sub Frame,X,Y,Z\n,,mm,,\n", "no frames"),
     ],
 )

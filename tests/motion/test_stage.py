@@ -69,8 +69,8 @@ def test_it_says_where_the_model_knows_nothing(spec):
         ("time [s]\n0\n", "no commands"),
         ("cable.displacement [mm]\n2\n", "no column 'time'"),
         ("time [s],cable.displacement [mm],cable.force [N]\n0,2,1\n", "both displacements and forces"),
-        ("time [s],cable.displacement [mm]\n0,2\n0.1,\n", "row 2: a gap"),
-        ("time [s],cable.displacement [mm]\n0,2\n0,3\n", "row 2: its time"),
+        ("time [s],cable.displacement [mm]\n0,2\n0.1,\n", "csv:3: a gap"),
+        ("time [s],cable.displacement [mm]\n0,2\n0,3\n", "csv:3: its time"),
         ("time [s],cable.displacement [mm]\n", "no rows"),
     ],
 )

@@ -151,3 +151,8 @@ def test_finite_elements_let_the_cable_slack_and_agree_to_the_first_order_of_the
     assert found.slack.all() and truth.slack.all()
     np.testing.assert_allclose(found.delta_a, truth.delta_a, atol=1e-3)
     np.testing.assert_allclose(yields, softer, atol=0.1 * np.abs(softer).max())
+
+
+def test_a_cable_that_carries_nothing_because_nothing_pulls_is_not_slack():
+    found, _ = leg(BOTH).respond(at([0.0, 0.0]), np.zeros(3), None)
+    assert found.converged and not found.slack.any() and not found.lambda_a.any()

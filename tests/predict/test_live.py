@@ -10,7 +10,7 @@ import pytest
 from surrogate.stored import train_folder
 
 from cfem.core.errors import InputError
-from cfem.core.files import replace_folder
+from cfem.core.replace import replace_folder
 from cfem.core.system import exchange
 from cfem.predict.live import LiveModel
 from cfem.predict.load import load_model, read_vectors
@@ -18,7 +18,7 @@ from cfem.predict.load import load_model, read_vectors
 WRITER = """
 import shutil, sys, time
 from pathlib import Path
-from cfem.core.files import replace_folder
+from cfem.core.replace import replace_folder
 target, *sources = map(Path, sys.argv[1:])
 begin, swaps = time.monotonic(), 0
 while time.monotonic() - begin < 4.0:

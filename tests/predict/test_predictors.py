@@ -42,7 +42,9 @@ def test_onnx_equals_arrays(exports, kind):
         assert one.rows == other.rows and onnx.inside(other) == arrays.inside(one)
 
 
-@pytest.mark.parametrize("wrong", [[1.0], [1.0, 2.0, 3.0], [1.0, np.nan], 1.0, [[1.0, 2.0]]])
+@pytest.mark.parametrize(
+    "wrong", [[1.0], [1.0, 2.0, 3.0], [1.0, np.nan], 1.0, [[1.0], [2.0]], "ab", None, [10**400, 1]]
+)
 def test_a_state_is_one_finite_number_for_each_actuator(exports, wrong):
     model = load_model(exports["spectral"])
     for ask in (model.at_displacement, model.at_force):
@@ -59,6 +61,42 @@ def test_one_query_is_a_row_of_a_batch(exports, kind):
         assert np.allclose(condensed.W, W[i], rtol=1e-6, atol=1e-9)
         assert np.allclose(condensed.delta_free, delta_free[i], rtol=1e-6, atol=1e-6)
         assert np.allclose(condensed.delta_a, delta_a, atol=1e-9)
+
+
+@pytest.mark.parametrize("runtime", ["arrays", "onnx"])
+@pytest.mark.parametrize("kind", MODELS)
+def test_a_batch_of_states_is_its_states_one_by_one(exports, kind, runtime):
+    model, states = load_model(exports[kind], runtime), dataset(6, 7)
+    batch = model.at_displacement(states.delta_a.reshape(2, 3, 2))
+    forces = model.at_force(batch.lambda_a)
+    assert batch.W.shape == (2, 3, 5, 5) and batch.delta_e.shape == (2, 3, 3)
+    assert np.allclose(forces.delta_a, batch.delta_a, atol=1e-4)
+    for i, delta_a in enumerate(states.delta_a):
+        place, alone = np.unravel_index(i, (2, 3)), model.at_displacement(delta_a)
+        for name in ("W", "delta_free", "lam", "delta_e", "W_ea", "W_aa", "effector_jacobian"):
+            single = getattr(alone, name)
+            assert np.allclose(getattr(batch, name)[place], single, rtol=1e-5, atol=1e-5 * np.abs(single).max())
+        assert model.inside(batch)[place] == model.inside(alone)
+        assert np.isclose(model.distance(batch)[place], model.distance(alone), atol=1e-5)
+
+
+def test_one_state_of_a_batch_without_answer_is_named(exports):
+    model = load_model(exports["spectral"])
+    with pytest.raises(NumericalError, match=r"displacements \[90.0, 1.0\] mm are far outside"):
+        model.at_displacement([[5.0, 5.0], [90.0, 1.0]])
+
+
+def test_the_jacobian_is_the_slope_of_the_effectors(exports):
+    model, delta_a, h = load_model(exports["spectral"]), np.array([8.0, 7.0]), 1e-4
+    places = model.at_displacement(delta_a + h * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])).delta_e
+    slope = (places[::2] - places[1::2]).T / (2 * h)
+    assert np.allclose(model.jacobian(model.at_displacement(delta_a)), slope, atol=1e-6)
+
+
+def test_it_says_what_it_is(exports):
+    text = repr(load_model(exports["spectral"]))
+    assert text.startswith("<spectral model of '") and text.endswith("60 training states>")
+    assert "cable0 0 to 20 mm, cable1 0 to 20 mm" in text and "tip.x, tip.y, tip.z" in text
 
 
 def test_what_it_knows_of_the_robot(exports):

@@ -126,11 +126,17 @@ def test_a_page_without_finite_elements_shows_the_learned_skin(bar, run):
         assert found.takes[0].x.shape[1] > found.triangles.max()
 
 
+def test_a_still_is_one_png_for_each_trajectory(bar, run):
+    out = bar / "still"
+    done = drawn(run, "--still", "--out", str(out))
+    assert done.exit_code == 0 and [path.suffix for path in out.iterdir() if path.suffix != ".json"] == [".png"]
+
+
 def test_bad_input_is_one_sentence(bar, run):
     other = drawn(bar / "data" / "bar" / "mesh")
     assert other.exit_code == 3 and "was made by cfem mesh" in other.stderr
     unknown = drawn(run, "--format", "mp4")
-    assert unknown.exit_code == 2 and "gif and paraview are" in unknown.stderr
+    assert unknown.exit_code == 2 and "gif, paraview and still are" in unknown.stderr
 
 
 def test_a_run_without_any_shape_says_what_gives_one(bar):

@@ -5,7 +5,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from cfem.report.moving import LEAST, MOST, WIDTH, gif
+from cfem.report.moving import LEAST, MOST, SHARP, WIDTH, gif, still
 from cfem.report.viewer import Line, Take, Viewer
 
 X = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]], float) * 10
@@ -60,3 +60,18 @@ def test_long_and_flat_robots_have_pictures_of_bounded_height():
     for stretch in ((1, 1, 30), (30, 30, 0.1)):
         picture = Image.open(io.BytesIO(drawn(leaning(2, X * stretch), [100, 100])))
         assert LEAST <= picture.height <= MOST
+
+
+def test_a_still_shows_the_farthest_shape_in_full_and_the_rest_pale():
+    take = leaning(5)
+    viewer = Viewer("lean", "", BOX, np.zeros(len(BOX), dtype=int), (take,))
+    picture = Image.open(io.BytesIO(still(viewer, take, X)))
+    assert picture.width == SHARP * WIDTH and picture.format == "PNG"
+    last = pixels(Image.open(io.BytesIO(drawn(take, [100] * 5))), 4)
+    small = np.asarray(picture.convert("RGB").resize(last.shape[1::-1])).astype(int)
+    body = last[..., 2] - last[..., 0] > 60
+    assert (
+        body.mean() > 0.1 and np.abs(small[body] - last[body]).mean() < 12
+    )  # the shape is that of the animation's end
+    beside = small[(last.min(axis=2) > 250) & (small.min(axis=2) < 240)]
+    assert len(beside) > 0.005 * body.size and (beside[:, 2] >= beside[:, 0]).mean() > 0.8  # pale where it left

@@ -92,5 +92,5 @@ def install(monkeypatch, messages: dict[str, type]) -> None:
     packages["rclpy"].init, packages["rclpy"].spin = lambda args=None: None, lambda node: None
     for name, module in packages.items():
         monkeypatch.setitem(sys.modules, name, module)
-    for name in ("cfem_ros", "cfem_ros.bridge", "cfem_ros.node"):
+    for name in ("cfem_ros", "cfem_ros.bridge", "cfem_ros.node", "cfem_ros.topic_plant"):
         monkeypatch.delitem(sys.modules, name, raising=False)

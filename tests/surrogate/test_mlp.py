@@ -9,7 +9,8 @@ from surrogate.stored import store_dataset
 from surrogate.synthetic import POISSON, dataset
 
 from cfem.core.errors import InputError, NumericalError
-from cfem.core.stage import Options, partial_folder
+from cfem.core.stage import Options
+from cfem.core.unfinished import partial_folder
 from cfem.predict.load import build
 from cfem.surrogate import descent
 from cfem.surrogate.error_measures import measure

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from surrogate.stored import store_dataset, train_folder
 
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.files import content_sha256, file_sha256, write_json
 from cfem.core.stage import Options
 from cfem.predict.load import load_model, read_arrays
@@ -41,6 +41,30 @@ def test_it_writes_a_model_that_knows_itself(spec):
     }
     assert results["positive_definite"]["share"] == 1.0 and results["positive_definite"]["queries"] == 100_000
     assert run(spec, [], None, Options())["status"] == "up to date"
+
+
+@pytest.mark.parametrize("limit", ["max_terms=1", "max_terms=3", "max_terms=1, form: force"])
+def test_a_model_without_stiffness_is_told_and_not_a_defect(spec, limit):
+    settings = limit.replace("=", ": ")
+    with pytest.raises(NumericalError, match="40 samples has states without stiffness, where W is singular"):
+        run(spec, [f"model={{kind: spectral, {settings}}}"], None, Options())
+
+
+def test_a_degree_of_one_has_no_stiffness(spec):
+    with pytest.raises(SpecError, match="max_degree: must be at least 2, got 1"):
+        run(spec, ["model.max_degree=1"], None, Options())
+
+
+@pytest.mark.parametrize("count, said", [(1, "1 test state (a figure of 1 state says"), (9, "9 test states (a figure")])
+def test_figures_of_few_states_are_called_so(tmp_path, count, said):
+    store_dataset(tmp_path / "samples", test=count)
+    (tmp_path / "train.yaml").write_text(SPEC)
+    results = run(tmp_path / "train.yaml", ["learning_curve=[]"], None, Options())["results"]
+    assert said in results["headline"][0]
+    unknown = "the paper's loss is not known, as the test states do not differ"
+    assert (unknown in results["headline"][0]) == (count == 1)
+    judged = [one["what"] for one in results.get("judgement", [])]
+    assert any("test states do not differ" in one for one in judged) == (count == 1)
 
 
 def test_a_poor_model_is_judged_in_words():

@@ -67,7 +67,7 @@ BAD = {
         "strain, stress [kPa]",
         STRAIN,
         [*KPA[:5], np.nan],
-        r"test.csv:7: 'stress .kPa.': nan is not a finite",
+        r"test.csv:7: column 'stress .kPa.': is empty",
     ),
     "unloading": (
         "strain, stress [kPa]",
@@ -86,12 +86,29 @@ def test_what_is_no_tensile_test_is_refused(tmp_path, title, x, y, part):
         read_curve(table(tmp_path, title, x, y), length=33.0)
 
 
+def test_a_test_from_compression_to_tension_is_one_loading(tmp_path):
+    stretch = np.array([0.5, 0.6, 0.8, 0.95, 1.0, 1.1, 1.5, 2.0])
+    curve = read_curve(table(tmp_path, "stretch, stress [kPa]", stretch, 100 * (stretch - stretch**-2)))
+    np.testing.assert_allclose(curve.stretch, stretch)
+    assert curve.sense == "compression and tension"
+    assert read_curve(table(tmp_path, "strain, stress [kPa]")).sense == "tension"
+
+
+def test_a_comma_between_thousands_is_never_a_decimal_comma(tmp_path):
+    path = tmp_path / "test.csv"
+    path.write_text(
+        "strain;stress [Pa]\n" + "".join(f"{e:g};{1e3 * s:,.0f}\n" for e, s in zip(STRAIN, KPA, strict=True))
+    )
+    with pytest.raises(InputError, match=r"test.csv:2: column 'stress \[Pa\]': '10,000' has a comma where '0.1' has"):
+        read_curve(path)
+
+
 def test_what_is_no_table_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_curve(tmp_path / "none.csv")
     picture = tmp_path / "test.png"
     picture.write_bytes(b"\x89PNG\xff\xfe")
-    with pytest.raises(InputError, match="is not a text file"):
+    with pytest.raises(InputError, match="is not a text file in UTF-8"):
         read_curve(picture)
     with pytest.raises(InputError, match=r"'0\.1 mm' is not a number"):
         path = table(tmp_path, "strain, stress [kPa]")

@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.robot.elastomers import ELASTOMERS
 from cfem.robot.materials import read_material
@@ -45,6 +47,41 @@ def test_its_law_is_chosen_and_a_scene_takes_what_is_written(tmp_path):
     assert (out / "fit.png").read_bytes()[:4] == b"\x89PNG"
     again = cfem("material", "fit", CURVE, "--law", "yeoh-2", "--out", out)
     assert again.exit_code == 6 and "holds material.yaml, fit.json, fit.png" in again.stderr
+
+
+@pytest.mark.parametrize("end", [0.95, 0.5, 0.05])
+@pytest.mark.parametrize("mode", ["uniaxial", "planar", "biaxial"])
+@pytest.mark.parametrize("points", [6, 30])
+def test_a_specimen_may_be_compressed(tmp_path, end, mode, points):
+    """A neo-Hookean rubber of 300 kPa; the search of exponents passes zero, where a term bears nothing."""
+    stretch, path = np.linspace(1.0, end, points), tmp_path / "pressed.csv"
+    power = {"uniaxial": -2, "planar": -3, "biaxial": -5}[mode]
+    rows = [f"{one:.12g},{0.1 * (one - one**power):.12g}\n" for one in stretch]
+    path.write_text("stretch,stress [MPa]\n" + "".join(rows))
+    found = fit_material(Request({mode: path}, out=tmp_path / "fit"))
+    assert found["young MPa"][0] == pytest.approx(0.3, rel=1e-3) and not found["judgement"]
+    assert found["curves"][0]["sense"] == "compression" and found["curves"][0]["largest stress MPa"] < 0
+    with pytest.raises(SpecError, match="pulled taut"):
+        fit_material(Request({"uniaxial": path}, slack=True))
+
+
+def test_force_is_divided_by_the_section_that_is_given(tmp_path):
+    path = tmp_path / "force.csv"
+    stretch = np.linspace(1.0, 2.0, 20)
+    path.write_text("extension [mm],load [N]\n" + "".join(f"{33 * (x - 1)},{1.8 * (x - x**-2)}\n" for x in stretch))
+    found = fit_material(Request({"uniaxial": path}, length="33 mm", area="0.18 cm^2", law="neo-hookean"))
+    assert found["young MPa"][0] == pytest.approx(0.3, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit, young, said", [("MPa", 45.8e3, "45.8 GPa"), ("kPa", 0.046, "46 Pa")])
+def test_a_unit_that_no_rubber_has_is_doubted_by_name(tmp_path, unit, young, said):
+    """Of a rubber of 45.8 kPa, Pa titled MPa; of one of 46 kPa, MPa titled kPa."""
+    stretch, path = np.linspace(1.0, 2.0, 20), tmp_path / "wrong.csv"
+    rows = "".join(f"{x},{young / 3 * (x - x**-2)}\n" for x in stretch)
+    path.write_text(f"stretch,stress [{unit}]\n" + rows)
+    done = cfem("material", "fit", path, "--law", "neo-hookean")
+    first = done.stdout.splitlines()[0]
+    assert first.startswith(f"POOR: Young's modulus is {said}, and 1 kPa to 1 GPa") and f"'stress [{unit}]'" in first
 
 
 def test_list_and_show():

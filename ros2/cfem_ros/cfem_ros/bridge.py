@@ -9,10 +9,12 @@ import numpy as np
 
 import cfem
 from cfem.condensed.far import doubt, far_of
+from cfem.plant.device_answer import FAR
 from cfem.plant.protocol import Measurement
+from cfem.plant.sample_clock import SampleClock
+from cfem_ros.topic_plant import TopicPlant
 
 SI = {"mm": 1e-3, "mm^3": 1e-9, "N": 1.0, "MPa": 1e6}  # of one unit of cfem
-FAR = 10.0  # times the robot's length: a goal so far away is of another unit
 
 
 class Refused(Exception):
@@ -37,6 +39,35 @@ class Types:
 
 
 @dataclass(frozen=True)
+class Settings:
+    """command: displacement or force; goal_timeout: s after which a goal is stale, 0 for goals that hold until the
+    next; measured_timeout: s after which a sample no longer counts; clock_tolerance: s by which a stamp may lie in the
+    future; effector_clock: of the stamps of the effector, `own` or `other`; latency: s that a sample without a stamp of
+    our clock takes to arrive at least; phase_margin: deg that the feedback leaves, 0 for none."""
+
+    command: str = "displacement"
+    goal_timeout: float = 0.5
+    measured_timeout: float = 0.5
+    clock_tolerance: float = 0.1
+    effector_clock: str = "own"
+    latency: float = 0.0
+    phase_margin: float = 60.0
+
+    def demand_range(self) -> None:
+        """ValueError, by the name of the parameter."""
+        for name, words in {"command": ("displacement", "force"), "effector_clock": ("own", "other")}.items():
+            if getattr(self, name) not in words:
+                raise ValueError(f"{name} is {getattr(self, name)!r}, expected {' or '.join(words)}")
+        for name in ("goal_timeout", "measured_timeout", "clock_tolerance", "latency", "phase_margin"):
+            most = 90.0 if name == "phase_margin" else math.inf
+            if not 0 <= getattr(self, name) < most:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected a number from 0 on, below {most:g}")
+
+
+DEFAULTS = Settings()
+
+
+@dataclass(frozen=True)
 class Told:
     """Messages of one tick. effector: None where it was not measured."""
 
@@ -46,47 +77,27 @@ class Told:
     diagnostics: Any
 
 
-class TopicPlant:
-    """A robot that is on topics: what it was told is published by the node, what was measured last is its answer.
-    Measurements older than `timeout` s count as not seen."""
-
-    def __init__(self, timeout: float):
-        self.timeout, self.x_e, self.seen, self.now, self._t = timeout, None, -math.inf, 0.0, 0
-
-    def step(self, u: np.ndarray, kind: str) -> Measurement:
-        self._t += 1
-        if self.x_e is None or self.now - self.seen > self.timeout:
-            return Measurement(np.full(3, np.nan), None, None, self._t, "the effector is not measured")
-        return Measurement(self.x_e, None, None, self._t, "converged")
-
-
 class Bridge:
-    """model: with one effector of rows x, y and z. plant: a `PipePlant`, or None for a robot on topics; command:
-    displacement or force; frame: of the scene; goal_timeout: s after which a goal is stale, 0 for goals that hold until
-    the next; integral: gain. ValueError where the model is none that this node can control."""
+    """model: with one effector of rows x, y and z; plant: a `PipePlant`, or None for a robot on topics; frame: of the
+    scene. ValueError where the model is none that this node can control."""
 
     def __init__(
-        self,
-        model: Any,
-        types: Types,
-        plant: Any | None = None,
-        command: str = "displacement",
-        frame: str = "robot",
-        goal_timeout: float = 0.5,
-        measured_timeout: float = 0.5,
-        integral: float = 0.3,
+        self, model: Any, types: Types, plant: Any | None = None, settings: Settings = DEFAULTS, frame: str = "robot"
     ):
         if model.rows.n_e != 3:
             rows = ", ".join(model.rows.effectors)
             raise ValueError(f"the node takes goals of one point with x, y and z; the model has the rows {rows}")
-        self.model, self.types, self.frame = model, types, frame
-        self.plant = TopicPlant(measured_timeout) if plant is None else plant
-        self._command, self._goal_timeout = command, goal_timeout
-        self._controller = cfem.make_controller(model, command=command, gains=(0.0, integral))
-        self._units = [pair[0 if command == "displacement" else 1] for pair in model.actuator_units]
+        self.model, self.types, self.frame, self._settings = model, types, frame, settings
+        tolerance, other = settings.clock_tolerance, settings.effector_clock == "other"
+        self._goal_clock, self._effector_clock = SampleClock(tolerance), SampleClock(tolerance, settings.latency, other)
+        self.plant, self._command = TopicPlant() if plant is None else plant, settings.command
+        margin = settings.phase_margin
+        feedback = {"phase_margin": margin} if margin else {"gains": (0.0, 0.0)}
+        self._controller = cfem.make_controller(model, command=self._command, **feedback)
+        self._units = [pair[0 if self._command == "displacement" else 1] for pair in model.actuator_units]
         self._scale = np.array([SI[unit] for unit in self._units])
         self._goal: np.ndarray | None = None
-        self._stamp = -math.inf
+        self._stamp = self._now = self._sampled = -math.inf  # s: of the goal, of the last tick, of the last sample
         self._measured: Measurement | None = None
         self._said: tuple[int, str] | None = None  # of a message that was refused, until the next tick
         self._u = np.zeros(model.rows.n_a)
@@ -95,10 +106,10 @@ class Bridge:
 
     def on_goal(self, message: Any, now: float) -> None:
         """A PointStamped; now: s. Refused where it cannot be meant for this robot."""
-        place = self._point(message, "goal")
-        stamp = _seconds(message.header.stamp) or now
-        if self._goal_timeout and now - stamp > self._goal_timeout:
-            raise self._refuse(f"goal is stale: its stamp is {now - stamp:.2f} s old, at most {self._goal_timeout:g} s")
+        place, timeout = self._point(message, "goal"), self._settings.goal_timeout
+        stamp = self._taken(self._goal_clock, message, now, "goal")
+        if timeout and now - stamp > timeout:
+            raise self._refuse(f"goal is stale: its stamp is {now - stamp:.2f} s old, at most {timeout:g} s")
         strange = doubt(place, self.model.rest_e, far_of(self.model.rows, self.model.length))
         if strange:
             raise self._refuse(f"goal {strange}, messages in metres")
@@ -106,36 +117,58 @@ class Bridge:
 
     def on_effector(self, message: Any, now: float) -> None:
         """A PointStamped of a robot on topics."""
-        self.plant.x_e = self._point(message, "measured effector")
-        self.plant.seen = _seconds(message.header.stamp) or now
+        what = "measured effector"
+        place = self._point(message, what)
+        self.plant.take(place, self._taken(self._effector_clock, message, now, what))
 
     def tick(self, now: float) -> Told:
         """One command; it stays as it was without a goal that is young enough. CfemError where the pipe has stopped."""
-        status, found = self.types.DiagnosticStatus, []
+        status, found, timeout = self.types.DiagnosticStatus, [], self._settings.goal_timeout
+        if now < self._now - self._settings.clock_tolerance:
+            self._said = (status.ERROR, self._put_back(now))
+        self._now = now
         if isinstance(self.plant, TopicPlant):
             self.plant.now = now
         age = now - self._stamp
         if self._goal is None:
             found.append((status.STALE, "waiting for a goal"))
-        elif self._goal_timeout and age > self._goal_timeout:
+        elif timeout and age > timeout:
             found.append((status.STALE, f"goal is stale: {age:.2f} s old; the last command is held"))
         else:
             self._u = self._controller.tick(self._goal, self._sample()).u
             self._ticks += 1
-        self._measured = self.plant.step(self._u, self._command)
+        self._measured, before = self.plant.step(self._u, self._command), self._measured
         self._counts.append(self._ticks)
         self._steps += 1
-        if not np.isfinite(self._measured.x_e).all():
-            found.append((status.WARN, self._measured.status))
+        if before is None or self._measured.t > before.t:
+            self._sampled = now
+        if why := self._unseen():
+            found.append((status.WARN, why))
         if self._said:  # the last word: why a message was not used
             found.append(self._said)
             self._said = None
         level, message = found[-1] if found else (status.OK, "tracking")
         return Told(self._joints(now), self._array(), self._effector(now), self.diagnostics(now, level, message))
 
+    def _put_back(self, now: float) -> str:
+        """What is said where our own clock went back: goal and samples of before are of no known time."""
+        back, self._goal, self._sampled = self._now - now, None, now
+        if isinstance(self.plant, TopicPlant):
+            self.plant.forget()
+        return f"the clock was put back by {back:.2f} s: the goal and the samples before are forgotten"
+
+    def _unseen(self) -> str | None:
+        """Why the present position is not known; None where it is."""
+        if not np.isfinite(self._measured.x_e).all():
+            return self._measured.status
+        age = self.plant.age() if isinstance(self.plant, TopicPlant) else self._now - self._sampled
+        if age > self._settings.measured_timeout:
+            return f"the effector is not measured: the last sample is {age:.2f} s old"
+        return None
+
     def _sample(self) -> Measurement | None:
         """The last measurement, numbered by the controller's own ticks."""
-        if self._measured is None:
+        if self._measured is None or self._unseen():
             return None
         back = self._steps - self._measured.t
         known = self._measured.t > 0 and back < len(self._counts)
@@ -144,8 +177,11 @@ class Bridge:
     def diagnostics(self, now: float, level: Any, message: str) -> Any:
         types, seen = self.types, self._measured
         values = {"robot": self.model.meta["scene"], "frame": self.frame, "command": self._command}
-        if seen is not None and self._goal is not None and np.isfinite(seen.x_e).all():
-            values["error_mm"] = f"{np.linalg.norm(seen.x_e - self._goal):.4f}"
+        if seen is not None and not self._unseen():
+            feedback = self._controller.feedback
+            values |= {"samples_late": str(feedback.late), "integral": f"{feedback.integral:.4f}"}
+            if self._goal is not None:
+                values["error_mm"] = f"{np.linalg.norm(seen.x_e - self._goal):.4f}"
         if hasattr(self.plant, "late"):
             values["late_ticks"] = str(self.plant.late)
         values = [types.KeyValue(key=key, value=value) for key, value in values.items()]
@@ -159,17 +195,24 @@ class Bridge:
         if message.header.frame_id != self.frame:
             where = f"{what} is in frame '{message.header.frame_id}', expected '{self.frame}'"
             raise self._refuse(f"{where}: transform it with tf2, or set the parameter `frame`")
-        place = np.array([message.point.x, message.point.y, message.point.z])
+        metres = (message.point.x, message.point.y, message.point.z)
+        place = np.array([one / SI["mm"] for one in metres])  # inf, without a warning, where it is beyond all numbers
         if not np.isfinite(place).all():
             raise self._refuse(f"{what} is not finite")
-        place = place / SI["mm"]
-        away, length = np.linalg.norm(place - self.model.rest_e), self.model.length
+        away, length = math.hypot(*(place - self.model.rest_e)), self.model.length
         if away > FAR * length:
             raise self._refuse(
                 f"{what} is {away / 1e3:.3g} m from where the effector rests, and the robot {length / 1e3:.3g} m long: "
                 "messages are in metres, are these millimetres?"
             )
         return place
+
+    def _taken(self, clock: SampleClock, message: Any, now: float, what: str) -> float:
+        """s of our clock."""
+        try:
+            return clock.taken(_seconds(message.header.stamp), now)
+        except cfem.InputError as error:
+            raise self._refuse(f"{what}: {error}") from error
 
     def _refuse(self, why: str) -> Refused:
         self._said = (self.types.DiagnosticStatus.ERROR, why)
@@ -193,11 +236,12 @@ class Bridge:
         return self.types.Float64MultiArray(layout=layout, data=(self._u * self._scale).tolist())
 
     def _effector(self, now: float) -> Any | None:
-        if isinstance(self.plant, TopicPlant) or not np.isfinite(self._measured.x_e).all():
+        if isinstance(self.plant, TopicPlant) or self._unseen():
             return None
         x, y, z = (float(one) for one in self._measured.x_e * SI["mm"])
         return self.types.PointStamped(header=self._header(now), point=self.types.Point(x=x, y=y, z=z))
 
 
-def _seconds(stamp: Any) -> float:
-    return stamp.sec + 1e-9 * stamp.nanosec
+def _seconds(stamp: Any) -> float | None:
+    """None for a stamp of 0, which is none."""
+    return stamp.sec + 1e-9 * stamp.nanosec or None

@@ -1,7 +1,9 @@
 """The node `controller`: parameters, topics and a timer around `Bridge`."""
 
+import math
 import sys
 from contextlib import ExitStack, suppress
+from dataclasses import asdict
 from pathlib import Path
 
 import rclpy
@@ -15,7 +17,7 @@ from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiAr
 
 import cfem
 from cfem.plant.pipe_plant import PipePlant
-from cfem_ros.bridge import Bridge, Refused, Types
+from cfem_ros.bridge import DEFAULTS, Bridge, Refused, Settings, Types
 
 TYPES = Types(
     Time, Header, Point, PointStamped, JointState, MultiArrayDimension, MultiArrayLayout, Float64MultiArray, KeyValue,
@@ -28,18 +30,20 @@ class Controller(Node):
 
     def __init__(self, stack: ExitStack):
         super().__init__("cfem")
-        given = {
-            "model": "", "device": [""], "command": "displacement", "frame": "robot", "rate": 20.0,
-            "goal_timeout": 0.5, "measured_timeout": 0.5, "integral": 0.3, "answer_within": 1.0,
-        }  # fmt: skip
+        given = {"model": "", "device": [""], "frame": "robot", "rate": 20.0, "answer_within": 1.0} | asdict(DEFAULTS)
         for name, value in given.items():
             given[name] = self.declare_parameter(name, value).value
+        settings = Settings(**{name: given[name] for name in asdict(DEFAULTS)})
+        settings.demand_range()
+        for name in ("rate", "answer_within"):
+            if not 0 < given[name] < math.inf:
+                raise ValueError(f"{name} is {given[name]}, expected a number above 0")
         model = cfem.load_model(Path(given["model"]))
         device, plant = [word for word in given["device"] if word], None
         if device:
-            plant = stack.enter_context(PipePlant(device, model.rows, model.rest_e, given["answer_within"]))
-        wanted = ("command", "frame", "goal_timeout", "measured_timeout", "integral")
-        self.bridge, self.failed = Bridge(model, TYPES, plant, **{name: given[name] for name in wanted}), None
+            known = {"length": model.length, "reach": model.reach}
+            plant = stack.enter_context(PipePlant(device, model.rows, model.rest_e, given["answer_within"], **known))
+        self.bridge, self.failed = Bridge(model, TYPES, plant, settings, given["frame"]), None
         topics = {"command": JointState, "commands": Float64MultiArray, "diagnostics": DiagnosticArray}
         self._say = {name: self.create_publisher(kind, name, 10) for name, kind in topics.items()}
         self.create_subscription(PointStamped, "goal", lambda one: self._take(self.bridge.on_goal, one), 10)
@@ -74,11 +78,11 @@ class Controller(Node):
 
 
 def main() -> None:
+    """Whatever ends it, the device is told goodbye."""
     rclpy.init(args=sys.argv)
-    with ExitStack() as stack:
+    with suppress(KeyboardInterrupt, ExternalShutdownException), ExitStack() as stack:
         try:
             node = Controller(stack)
         except (cfem.CfemError, ValueError) as error:
             sys.exit(f"cfem: {error}")
-        with suppress(KeyboardInterrupt, ExternalShutdownException):
-            rclpy.spin(node)
+        rclpy.spin(node)

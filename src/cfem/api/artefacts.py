@@ -129,10 +129,12 @@ def load_model(folder: PathLike, runtime: Literal["arrays", "onnx"] = "arrays") 
         runtime: arrays needs NumPy alone; onnx needs onnxruntime and an exported folder.
 
     Returns:
-        The model. `at_displacement(delta_a)` and `at_force(lambda_a)` take (n_a,) and return the condensed robot there:
-        `W` (n, n), `delta_free` (n,), `delta_e` (n_e,) mm from rest, `delta_a`, `lambda_a` (n_a,). Both take parameters
-        (n_p,) as a second argument where the model has them. `inside(state)` and `distance(state)` say how near the
-        training states are. `rest_e` (n_e,) mm, `reach` (n_a, 2), `rows`.
+        The model. `at_displacement(delta_a)` and `at_force(lambda_a)` take (n_a,) or a batch (..., n_a) and return the
+        condensed robot there: `W` (..., n, n), `delta_free` (..., n), `delta_e` (..., n_e) mm from rest, `delta_a`,
+        `lambda_a` (..., n_a). Both take parameters (n_p,) as a second argument where the model has them.
+        `jacobian(state)` (..., n_e, n_a) is d delta_e / d delta_a. `workspace(states)` says where the effectors can be.
+        `inside(state)` and `distance(state)` say how near the training states are. `rest_e` (n_e,) mm, `reach`
+        (n_a, 2), `rows`.
         `shape(delta_a)` gives the whole surface, (..., nodes, 3) mm for (..., n_a), `facets` (t, 3) its triangles, and
         `whole(delta_a)` the condensed robot with the rows of the surface's modes.
 

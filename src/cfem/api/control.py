@@ -129,6 +129,7 @@ def make_controller(
     command: "Command" = "displacement",
     observer: "Observer" = "equilibrium",
     gains: tuple[float, float] | None = None,
+    phase_margin: float = 60.0,
     rate: float = np.inf,
     iterations: int = 1,
     unilateral: bool = True,
@@ -143,7 +144,9 @@ def make_controller(
         model: of `load_model`.
         command: what the drives take, displacements or forces.
         observer: how it knows where the actuators stand; see control.yaml.
-        gains: (K_P, K_I) on the measured error, per sample; none for open loop.
+        gains: (K_P, K_I) on the measured error, per sample; (0, 0) for open loop. Unless given, K_P is 0 and K_I leaves
+            `phase_margin` at the delay and interval of the samples that come.
+        phase_margin: degrees, between 0 and 90.
         rate: largest change of a command per tick, mm or N (mm^3 or MPa).
         iterations: inverse steps per tick.
         unilateral: as for `inverse_step`.
@@ -156,21 +159,27 @@ def make_controller(
         The controller. `controller.tick(goal, measured)` returns the belief after the tick: `u` (n_a,) the command, and
         `status`: 'tracking' on the way, 'converged' at the goal, 'out of reach' at the nearest point to it, or what
         went wrong. It raises InputError for a goal that is not in mm: two lengths of the robot away, or in metres.
+        `measured` is the latest sample; its `t` is the number of the command that it followed, from 1 on. A sample
+        corrects once. Without samples the loop is open.
 
     Raises:
-        SpecError: weights or start have a wrong length or are not finite.
+        SpecError: weights or start have a wrong length or are not finite, or the phase margin is out of range.
         NumericalError: the model has no answer at the start.
 
     Examples:
         >>> controller, plant = cfem.make_controller(model), cfem.FemPlant(robot)
         >>> measured = plant.step(controller.tick(goal).u)
+        >>> measured = plant.step(controller.tick(goal, measured).u)
     """
     from cfem.condensed.far import far_of
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.controller import Controller, Gains
+    from cfem.control.controller import Controller
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
+    from cfem.plant.gains import Gains
 
+    if not 0 < phase_margin < 90:
+        raise SpecError(f"{phase_margin:g} is not between 0 and 90", where="phase_margin")
     n_e, n_a = model.rows.n_e, model.rows.n_a
     pilot = Pilot(
         model,
@@ -179,12 +188,12 @@ def make_controller(
         _limits(model, unilateral, largest_force),
         _weights(weights, n_e),
         ridge_of(regularisation, model.reach, model.length),
-        Settings.of(model.reach, iterations),
+        Settings.of(model.reach, iterations, step=np.inf),
         rate,
     )
     first = None if start is None else vector("start", start, n_a)
-    gains = None if gains is None else Gains(*gains)
-    return Controller(pilot, model.rest_e, gains, first, far_of(model.rows, model.length))
+    feedback = Gains(phase_margin=np.deg2rad(phase_margin)) if gains is None else Gains(*gains)
+    return Controller(pilot, model.rest_e, feedback, first, far_of(model.rows, model.length))
 
 
 def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:

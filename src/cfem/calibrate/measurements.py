@@ -16,7 +16,7 @@ from cfem.condensed import Rows
 from cfem.core.actuator_units import CABLE
 from cfem.core.errors import InputError
 from cfem.core.stage import artefact_file
-from cfem.dataset.tables import Units, read_table
+from cfem.dataset.tables import Table, Units, read_table
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ def _of_dataset(path: Path, rows: Rows, kind: str) -> tuple[Measurements, list[i
     return Measurements(kind, u, np.full_like(data.delta_e, np.nan), data.delta_e, dual), data.id.tolist()
 
 
-def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path) -> Measurements:
-    count = len(next(iter(columns.values()), ()))
+def _of_table(table: Table, rows: Rows, kind: str, path: Path) -> Measurements:
+    count, columns = len(table), table.columns
     if not count:
         raise InputError("holds no measurements", where=str(path), do="add one row per measured state")
     other = "force" if kind == "displacement" else "displacement"
@@ -112,8 +112,8 @@ def _of_table(columns: dict[str, np.ndarray], rows: Rows, kind: str, path: Path)
     for name in names["u"]:
         missing = np.flatnonzero(np.isnan(columns.get(name, np.full(count, np.nan))))
         if len(missing):
-            what = f"row {missing[0] + 1} has no '{name}', by which the robot was driven"
-            raise InputError(what, where=str(path), do="measure it, or say `driven:` otherwise")
+            what = f"has no '{name}', by which the robot was driven"
+            raise InputError(what, where=table.places[missing[0]], do="measure it, or say `driven:` otherwise")
     nothing = np.full(count, np.nan)
     groups = {key: np.stack([columns.get(name, nothing) for name in group], axis=1) for key, group in names.items()}
     return Measurements(kind, **groups)

@@ -1,7 +1,7 @@
 """The table of load cases: one row for each marker of each case."""
 
-import csv
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,10 +9,13 @@ import numpy as np
 
 from cfem.cases.spec import Layout
 from cfem.core.errors import InputError, SpecError
-from cfem.core.semicolons import read_rows
+from cfem.core.text_table import TextTable, read_rows, titled
 from cfem.core.units import parse_quantity
 
 _SMALL, _LARGE = 1 / 30, 30.0  # of the robot's length: places beyond are of another unit
+_METRE = 1000.0  # between the units that are mistaken for each other, and how near to it a ratio has to be
+_NEAR = 3.0
+_TRUE, _FALSE = ("1", "1.0", "true", "yes"), ("0", "0.0", "false", "no", "")
 
 
 @dataclass(frozen=True)
@@ -68,90 +71,123 @@ def read_cases(
 ) -> Cases:
     """units: of each actuator's force; length: mm of the robot; measured: whether places must be there. InputError
     naming the file, the row and the column of what cannot be read, or is hardly meant."""
-    rows = _rows(path)
-    missing_force = [name for name in actuators if name not in layout.forces]
-    if missing_force:
-        what = f"names no column of actuator '{missing_force[0]}'"
+    table = titled(path, read_rows(path))
+    if not table.rows:
+        raise InputError("holds no load cases", where=str(path), do="add one row per marker and case")
+    lacking = [name for name in actuators if name not in layout.forces]
+    if lacking:
+        what = f"names no column of actuator '{lacking[0]}'"
         raise SpecError(what, where="layout.forces", do=f"give the columns of {', '.join(actuators)}")
-    needed = [*layout.case, layout.marker, *(one.column for one in layout.forces.values())]
-    needed += [one for one in (layout.session, layout.history) if one is not None]
-    needed += layout.position if measured else []
-    for name in needed:
-        if name not in rows[0]:
-            what = f"has no column '{name}', only {', '.join(rows[0])}"
-            raise InputError(what, where=str(path), do="compare the table with `layout`")
-    found: dict[tuple[str, ...], dict[str, int]] = {}
-    for number, row in enumerate(rows):
-        case, marker = tuple(row[name] for name in layout.case), row[layout.marker]
-        if marker in found.setdefault(case, {}):
-            what = f"row {number + 2}: marker '{marker}' appears twice in case {' '.join(case)}"
-            raise InputError(what, where=str(path), do="add the column that tells the two cases apart to layout.case")
-        found[case][marker] = number
-    if not any(marker in case for case in found.values() for marker in markers):
-        seen = sorted({row[layout.marker] for row in rows})
-        what = f"holds none of the markers {', '.join(markers)}; it has {', '.join(seen)}"
-        raise InputError(what, where=str(path), do="name the markers as the table does")
-    forces = np.array(
+    cases = _cases(table, layout)
+    _demand_markers(table, cases, markers)
+    chosen = [layout.forces[name].column for name in actuators]
+    groups = [chosen, layout.position if measured or set(layout.position) <= set(table.titles) else []]
+    groups += [] if layout.rest is None else [layout.rest]
+    numbers = table.numbers([table.column(title) for group in groups for title in group])
+    values, position, *others = np.split(numbers, np.cumsum([len(group) for group in groups])[:-1], axis=1)
+    factors = [_factor(layout, *pair) for pair in zip(actuators, units, strict=True)]
+    forces = _of_case(table, values, list(cases.values()), chosen) * factors
+    places = _by_marker(layout.unit * position, cases, markers)
+    rest = None if layout.rest is None else _by_marker(layout.unit * others[0], cases, markers)
+    for found, columns in ((places, layout.position), (rest, layout.rest)):
+        if found is not None:
+            _demand_one_unit(table, cases, markers, found, columns)
+    _demand_size(path, places, length)
+    first = [min(case.values()) for case in cases.values()]
+    ways = np.array(
         [
-            [_force(path, rows, min(case.values()), layout, *pair) for pair in zip(actuators, units, strict=True)]
-            for case in found.values()
+            _way(table, layout, row, cell)
+            for row, cell in zip(first, _cells(table, layout.unloading, first), strict=True)
         ]
     )
-    places = _places(path, rows, found, markers, layout.position, layout.unit)
-    rest = None if layout.rest is None else _places(path, rows, found, markers, layout.rest, layout.unit)
-    _demand_size(path, places, length)
-    first = [rows[min(case.values())] for case in found.values()]
-    ways = np.array([_way(row, layout) for row in first])
-    sessions = tuple("" if layout.session is None else row[layout.session] for row in first)
-    before = _before(["" if layout.history is None else row[layout.history].strip() for row in first], forces)
-    return Cases(tuple(" ".join(case) for case in found), sessions, forces, ways, places, rest, before)
+    sessions = tuple("" if layout.session is None else one for one in _cells(table, layout.session, first))
+    before = _before(_cells(table, layout.history, first), forces)
+    return Cases(tuple(" ".join(case) for case in cases), sessions, forces, ways, places, rest, before)
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    if not path.exists():
-        raise InputError("no such file", where=str(path), do="check the path")
+Found = dict[tuple[str, ...], dict[str, int]]  # the row of each marker of each case
+
+
+def _cases(table: TextTable, layout: Layout) -> Found:
+    """InputError where a marker stands twice in a case."""
+    keys = list(zip(*(table.texts(title) for title in layout.case), strict=True))
+    found: Found = {}
+    for row, (case, marker) in enumerate(zip(keys, table.texts(layout.marker), strict=True)):
+        if marker in found.setdefault(case, {}):
+            what = f"marker '{marker}' appears twice in case {' '.join(case)}"
+            do = "add the column that tells the two cases apart to layout.case"
+            raise InputError(what, where=table.where(row), do=do)
+        found[case][marker] = row
+    return found
+
+
+def _demand_markers(table: TextTable, cases: Found, markers: list[str]) -> None:
+    """InputError where none of the markers is there, or another name stands in some cases for one that lacks there: it
+    is a marker misspelt. Names that the spec leaves out are others' markers."""
+    known = set(markers)
+    seen = {name for case in cases.values() for name in case}
+    if not seen & known:
+        what = f"holds none of the markers {', '.join(markers)}; it has {', '.join(sorted(seen))}"
+        raise InputError(what, where=str(table.path), do="name the markers as the table does")
+    for name in sorted(seen - known):
+        inside = [case for case in cases.values() if name in case]
+        if len(inside) < len(cases) and all(known - set(case) for case in inside):
+            absent = ", ".join(sorted(known - set(inside[0])))
+            what = f"marker '{name}' is none of {', '.join(markers)}, and this case lacks {absent}"
+            raise InputError(what, where=table.where(inside[0][name]), do="name it as `markers` does, or leave it out")
+
+
+def _factor(layout: Layout, actuator: str, unit: str) -> float:
+    """Size of the unit of an actuator's column in `unit`."""
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            header, *records = [record for record in read_rows(file) if record] or [[]]
-    except (UnicodeDecodeError, csv.Error):
-        raise InputError(
-            "is not a table of comma-separated values", where=str(path), do="save it as CSV in UTF-8"
-        ) from None
-    if not records:
-        raise InputError("holds no load cases", where=str(path), do="add one row per marker and case")
-    short = next((number for number, record in enumerate(records) if len(record) != len(header)), None)
-    if short is not None:
-        what = f"row {short + 2} has {len(records[short])} cells, the header {len(header)}"
-        raise InputError(what, where=str(path), do="numbers with a decimal comma need semicolons between cells")
-    return [dict(zip(header, record, strict=True)) for record in records]
-
-
-def _number(path: Path, row: dict[str, str], number: int, column: str) -> float:
-    text = row.get(column, "").strip()
-    if not text:
-        return np.nan
-    try:
-        value = float(text)
-    except ValueError:
-        what = f"row {number + 2}, column '{column}': '{text}' is not a number"
-        raise InputError(what, where=str(path)) from None
-    return value if np.isfinite(value) else np.nan
-
-
-def _force(path: Path, rows: list, number: int, layout: Layout, actuator: str, unit: str) -> float:
-    column = layout.forces[actuator]
-    value = _number(path, rows[number], number, column.column)
-    if np.isnan(value):
-        what = f"row {number + 2} has no '{column.column}', by which the robot was driven"
-        raise InputError(what, where=str(path), do="fill in the cell, or leave the row out")
-    try:
-        return parse_quantity(f"{value!r} {column.unit}", unit)
+        return parse_quantity(f"1 {layout.forces[actuator].unit}", unit)
     except ValueError as error:
         raise SpecError(str(error), where=f"layout.forces.{actuator}.unit") from None
 
 
-def _way(row: dict[str, str], layout: Layout) -> float:
-    return -1.0 if layout.unloading and row.get(layout.unloading, "").strip() in ("1", "true", "yes") else 1.0
+def _of_case(table: TextTable, values: np.ndarray, cases: list[dict[str, int]], columns: list[str]) -> np.ndarray:
+    """(m, n_a) the forces of each case, of `values` (rows, n_a). InputError where rows of a case differ, or none has
+    one."""
+    found = np.empty((len(cases), len(columns)))
+    for i, case in enumerate(cases):
+        rows = sorted(case.values())
+        for j, column in enumerate(columns):
+            stated = [row for row in rows if not np.isnan(values[row, j])]
+            if not stated:
+                what = f"column '{column}': is empty, by which the robot was driven"
+                raise InputError(what, where=table.where(rows[0]), do="fill in the cell, or leave the row out")
+            other = next((row for row in stated if values[row, j] != values[stated[0], j]), None)
+            if other is not None:
+                what = f"column '{column}': is {values[other, j]:g}, and {values[stated[0], j]:g} in line "
+                what += f"{table.rows[stated[0]].line} of the same case"
+                raise InputError(what, where=table.where(other), do="give a case one force, or tell the cases apart")
+            found[i, j] = values[stated[0], j]
+    return found
+
+
+def _by_marker(values: np.ndarray, cases: Found, markers: list[str]) -> np.ndarray:
+    """(m, k, 3) of values (rows, 3); nan where a case has no row of a marker."""
+    found = np.full((len(cases), len(markers), 3), np.nan)
+    for i, case in enumerate(cases.values()):
+        for j, marker in enumerate(markers):
+            if marker in case and values.shape[1]:
+                found[i, j] = values[case[marker]]
+    return found
+
+
+def _cells(table: TextTable, title: str | None, rows: list[int]) -> list[str]:
+    """Of the rows, empty without a column."""
+    if title is None:
+        return [""] * len(rows)
+    texts = table.texts(title)
+    return [texts[row] for row in rows]
+
+
+def _way(table: TextTable, layout: Layout, row: int, cell: str) -> float:
+    if cell.lower() not in (*_TRUE, *_FALSE):
+        what = f"column '{layout.unloading}': '{cell}' is neither 1 nor 0"
+        raise InputError(what, where=table.where(row), do="write 1 where the load had been larger before, else 0")
+    return -1.0 if cell.lower() in _TRUE else 1.0
 
 
 def _before(histories: list[str], forces: np.ndarray) -> tuple[np.ndarray | None, ...]:
@@ -159,14 +195,19 @@ def _before(histories: list[str], forces: np.ndarray) -> tuple[np.ndarray | None
     return tuple(forces[js] if one else None for one, js in zip(histories, earlier, strict=True))
 
 
-def _places(path: Path, rows: list, found: dict, markers: list[str], columns: list[str], unit: float) -> np.ndarray:
-    places = np.full((len(found), len(markers), 3), np.nan)
-    for i, case in enumerate(found.values()):
-        for j, marker in enumerate(markers):
-            if marker in case:
-                number = case[marker]
-                places[i, j] = [unit * _number(path, rows[number], number, column) for column in columns]
-    return places
+def _demand_one_unit(
+    table: TextTable, cases: Found, markers: list[str], places: np.ndarray, columns: Sequence[str]
+) -> None:
+    """InputError where a marker's place is a thousand times nearer to the origin, or farther, than in other cases."""
+    distance = np.linalg.norm(places, axis=2)
+    for j, marker in enumerate(markers):
+        usual = float(np.nanmedian(distance[:, j])) if np.isfinite(distance[:, j]).any() else 0.0
+        for case, size in zip(cases.values(), distance[:, j], strict=True):
+            ratio = max(size, usual) / min(size, usual) if min(size, usual) > 0 else 1.0
+            if _METRE / _NEAR < ratio < _METRE * _NEAR:
+                what = f"column '{columns[0]}': marker '{marker}' is {size:.3g} mm from the origin, and "
+                what += f"{usual:.3g} mm in the middle of all cases: this row is in another unit"
+                raise InputError(what, where=table.where(case[marker]), do="write all rows in layout.unit")
 
 
 def _demand_size(path: Path, places: np.ndarray, length: float) -> None:

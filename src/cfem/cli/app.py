@@ -77,11 +77,15 @@ def demo(
 def init(
     name: Annotated[str, typer.Argument(help="Name of the new robot: small letters, digits and hyphens.")],
     source: Annotated[
-        Path | None, typer.Option("--from", help="File with its shape: .step .stp, closed .stl, or .vtu .vtk .msh.")
+        Path | None,
+        typer.Option(
+            "--from",
+            help="File with its shape: .step .brep, a surface (.stl .obj .3mf), or a mesh (.vtu .vtk .msh .inp).",
+        ),
     ] = None,
     robot: Annotated[str | None, typer.Option(help="Copy a robot that comes with cfem, instead of --from.")] = None,
     unit: Annotated[
-        str | None, typer.Option(help="Unit of the numbers in an .stl or mesh file: 'mm', 'm', '25.4 mm'.")
+        str | None, typer.Option(help="Unit of the numbers in a file that states none: 'mm', 'm', '25.4 mm'.")
     ] = None,
     cells: Annotated[str | None, typer.Option(help="About how many tetrahedra to make.")] = None,
     fixed: Annotated[

@@ -21,8 +21,12 @@ def add_looks(app: typer.Typer) -> None:
 def animate(
     control: Annotated[Path, typer.Argument(help="Folder that cfem control made.")],
     format_: Annotated[
-        list[str] | None, typer.Option("--format", help="gif or paraview. Repeatable. Default: both.")
+        list[str] | None,
+        typer.Option("--format", help="gif, paraview or still. Repeatable. Default: gif and paraview."),
     ] = None,
+    still: Annotated[
+        bool, typer.Option("--still", help="A PNG of 2400 pixels for a paper: as --format still.")
+    ] = False,
     frames: Annotated[int, typer.Option(min=1, help="Largest number of shapes of the learned skin.")] = 60,
     learned: Annotated[
         bool, typer.Option("--learned", help="Animate the learned skin even where FE shapes were kept.")
@@ -38,9 +42,9 @@ def animate(
     """Draw a control run as an animation, and as files for ParaView. Solves nothing."""
 
     def work(options):
-        formats = format_ or ["gif", "paraview"]
-        if unknown := sorted(set(formats) - {"gif", "paraview"}):
-            raise SpecError(f"'{unknown[0]}' is not known: gif and paraview are", where="animate --format")
+        formats = [*(format_ or ([] if still else ["gif", "paraview"])), *(["still"] if still else [])]
+        if unknown := sorted(set(formats) - {"gif", "paraview", "still"}):
+            raise SpecError(f"'{unknown[0]}' is not known: gif, paraview and still are", where="animate --format")
         return import_module("cfem.report.animate").run(control, out, options, formats, frames, learned)
 
     run_command(work, force, check, json, quiet, label="animate")

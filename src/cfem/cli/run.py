@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from cfem.core.errors import CfemError
 from cfem.core.files import DISK
+from cfem.core.interrupts import ENDS
 from cfem.core.judgement import demand_trust, sentences
 from cfem.core.optional import explained
 from cfem.core.progress import shown
@@ -40,7 +41,7 @@ def run_command(
             came.append(number)
             raise KeyboardInterrupt
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, interrupt)
     try:

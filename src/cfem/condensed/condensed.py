@@ -9,12 +9,12 @@ from cfem.condensed.rows import Rows
 
 @dataclass(frozen=True)
 class Condensed:
-    """delta = W lambda + delta_free, linearised at one equilibrium (Navez, Menager et al. 2025).
+    """delta = W lambda + delta_free, linearised at one equilibrium or at each of a batch (Navez, Menager et al. 2025).
 
     rows:       names and order e, skin, a, c of the n scalar rows
-    W:          (n, n) symmetric compliance, row unit per column's multiplier unit (mm/N for cables and effectors)
-    delta_free: (n,) displacement of each row with the active multipliers removed at this tangent
-    lam:        (n_a + n_c,) multipliers of the active rows at the state itself (N, or MPa for pressures)
+    W:          (..., n, n) symmetric compliance, row unit per column's multiplier unit (mm/N for cables and effectors)
+    delta_free: (..., n) displacement of each row with the active multipliers removed at this tangent
+    lam:        (..., n_a + n_c) multipliers of the active rows at the state itself (N, or MPa for pressures)
 
     Effector rows are displacements from their reference: the robot's own rest position unless shifted by a goal."""
 
@@ -25,39 +25,39 @@ class Condensed:
 
     @property
     def delta(self) -> np.ndarray:
-        """(n,) displacements at the state itself."""
-        return self.W[:, self.rows.active] @ self.lam + self.delta_free
+        """(..., n) displacements at the state itself."""
+        return (self.W[..., self.rows.active] @ self.lam[..., None])[..., 0] + self.delta_free
 
     @property
     def delta_e(self) -> np.ndarray:
-        return self.delta[self.rows.e]
+        return self.delta[..., self.rows.e]
 
     @property
     def delta_s(self) -> np.ndarray:
-        """(n_s,) mm of the skin's rows from rest."""
-        return self.delta[self.rows.s]
+        """(..., n_s) mm of the skin's rows from rest."""
+        return self.delta[..., self.rows.s]
 
     @property
     def delta_a(self) -> np.ndarray:
-        return self.delta[self.rows.a]
+        return self.delta[..., self.rows.a]
 
     @property
     def lambda_a(self) -> np.ndarray:
-        return self.lam[: self.rows.n_a]
+        return self.lam[..., : self.rows.n_a]
 
     @property
     def W_ea(self) -> np.ndarray:
-        return self.W[self.rows.e, self.rows.a]
+        return self.W[..., self.rows.e, self.rows.a]
 
     @property
     def W_aa(self) -> np.ndarray:
-        return self.W[self.rows.a, self.rows.a]
+        return self.W[..., self.rows.a, self.rows.a]
 
     @property
     def effector_jacobian(self) -> np.ndarray:
-        """(n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
+        """(..., n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
         act = self.rows.active
-        return np.linalg.solve(self.W[act, act], self.W[act, self.rows.e]).T
+        return np.linalg.solve(self.W[..., act, act], self.W[..., act, self.rows.e]).swapaxes(-1, -2)
 
     def towards(self, goal: np.ndarray) -> "Condensed":
         """Effector rows measured from `goal` (n_e,), in the frame of delta_e: shifts delta_free_e, nothing else."""

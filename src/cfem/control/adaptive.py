@@ -7,10 +7,12 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed.model import under_force
 from cfem.control.adaptation import Tracker
-from cfem.control.controller import Controller, Gains
+from cfem.control.controller import Controller
 from cfem.control.estimated import Estimated
+from cfem.control.feedback import HISTORY
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import NumericalError
+from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
 
@@ -43,6 +45,7 @@ class AdaptiveController(Controller):
         belief = super().tick(goal, measured, ahead)
         sent = replace(belief, u=self._within(belief.u + self.tracker.used_b))
         self._sent[self._tick] = sent.u, belief.iterate.condensed
+        self._sent.pop(self._tick - HISTORY, None)
         return sent
 
     def _changed(self) -> None:
@@ -59,12 +62,11 @@ class AdaptiveController(Controller):
             model.p = before
             return
         self.belief = replace(self.belief, iterate=replace(old, condensed=now))
-        if self._correction:
+        if self.feedback:
             shift = np.where(self._pilot.weights > 0, now.delta_e - old.condensed.delta_e, 0.0)
-            total = self._correction.total
+            total = self.feedback.total
             back = np.where(shift * total < 0, np.sign(shift) * np.minimum(np.abs(shift), np.abs(total)), 0.0)
-            self._correction.total = total + back
-            self._moved = self._moved + back
+            self.feedback.take_back(back)
 
     def _within(self, u: np.ndarray) -> np.ndarray:
         limits = self._pilot.limits

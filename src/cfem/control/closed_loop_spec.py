@@ -53,7 +53,7 @@ class GainsSpec(Spec):
     integral: float | None = Field(None, ge=0)
     """Integral gain."""
     phase_margin: Angle | None = None
-    """Phase margin that the integral gain leaves for the delay of the loop."""
+    """Phase margin that the integral gain leaves at the delay and interval that the samples have."""
     bound: Length | None = None
     """Largest length of the integral part."""
 

@@ -13,9 +13,7 @@ from cfem.condensed.model import Model
 from cfem.control.closed_loop import Moment, Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop_summary import headline, judged, record, summarise
-from cfem.control.controller import Gains
 from cfem.control.estimated_account import EstimateAccount, estimate_results
-from cfem.control.gains import integral_for, late_samples
 from cfem.control.inverse import Limits
 from cfem.control.loop_controllers import at_the_end, controller_of, known, parameters_of
 from cfem.control.loop_plants import plants_of, push_of
@@ -31,6 +29,7 @@ from cfem.core.progress import progress
 from cfem.equilibrium.robot import Robot
 from cfem.motion.load import load_motion
 from cfem.motion.model import MotionModel
+from cfem.plant.gains import PHASE_MARGIN, Gains
 from cfem.predict.protocol import Predictor
 
 
@@ -66,7 +65,7 @@ def run_controllers(
             start = standing_at(points[0], standing, robot.rest_e) if stands else None
             at = Situation(loop, robot.rest_e, robot.reach, robot.length, start)
             for name, controller in loop.controllers.items():
-                model, gains = _model(controller, predictors, robot), _gains(controller, loop)
+                model, gains = _model(controller, predictors, robot), _gains(controller)
                 flown = _flown(pilot, controller, loop, model, robot)
                 runs, ended = [], []
                 for seed in _seeds(controller, loop):
@@ -89,7 +88,7 @@ def run_controllers(
                         runs.append(run_loop(points, flown, plant, robot.rest_e, pace, after=after, controller=told))
                     ended.append(known(told, adapting))
                 results[trajectory][name] = {
-                    "gains": gains and {"proportional": gains.proportional, "integral": gains.integral},
+                    "gains": gains and {"proportional": gains.proportional, "integral": told.feedback.integral},
                     **summarise(runs, len(points), pace, loop.rate),
                     "over_time": over_time(runs, loop.rate),
                     "saturated": saturation(runs, flown, robot.rows.actuators),
@@ -204,15 +203,14 @@ def _known_course(model: Model, robot: Robot) -> np.ndarray:
     return np.column_stack([low.min(axis=-1), high.max(axis=-1)])
 
 
-def _gains(controller: ControllerSpec, loop: LoopSpec) -> Gains | None:
+def _gains(controller: ControllerSpec) -> Gains | None:
     if controller.mode != "closed" or controller.mpc is not None:
         return None
     spec = controller.gains
     bound = np.inf if spec is None or spec.bound is None else spec.bound
     if spec is not None and spec.integral is not None:
         return Gains(spec.proportional, spec.integral, bound)
-    margin = np.deg2rad(60) if spec is None else spec.phase_margin
-    return Gains(0.0, integral_for(margin, late_samples(loop.sensor.delay, loop.ticks_a_sample)), bound)
+    return Gains(bound=bound, phase_margin=PHASE_MARGIN if spec is None else spec.phase_margin)
 
 
 def _pace(loop: LoopSpec, run_up: int) -> Pace:

@@ -43,8 +43,9 @@ def plants_of(
     loop, rest_e = spec.loop, robot.rest_e
     if spec.plant == "pipe":
         markers = () if loop.estimate is None else tuple(loop.estimate.markers)
+        known = {"markers": markers, "length": robot.length, "reach": robot.reach}
         return lambda seed: PipePlant(
-            loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate, folder=base, markers=markers
+            loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate, folder=base, **known
         )
     push, since = push_of(loop, robot)
     if spec.plant == "model" and loop.moving:

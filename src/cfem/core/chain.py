@@ -12,7 +12,7 @@ from cfem.core.changes import changes
 from cfem.core.errors import InputError, StaleError
 from cfem.core.files import content_sha256
 from cfem.core.kinds import KINDS, model_of
-from cfem.core.manifest import read_manifest
+from cfem.core.manifest import harm, read_manifest
 from cfem.core.optional import MissingPackageError
 from cfem.core.spec import Spec, load_spec
 
@@ -40,9 +40,8 @@ def stale(stage: "Stage") -> list[str]:
         manifest = read_manifest(stage.out)
     except InputError:
         return [NOT_MADE if not stage.out.exists() else "its manifest is damaged"]
-    missing = [name for name in manifest["files"] if not (stage.out / name).exists()]
-    if missing:
-        return [f"{missing[0]} is missing"]
+    if wrong := harm(stage.out, manifest):
+        return [wrong]
     recorded = manifest["origin"]
     now = stage.origin(recorded["inputs"] if recorded else None)
     if content_sha256(now) == manifest["made_from"]:

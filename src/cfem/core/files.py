@@ -1,13 +1,11 @@
 """Files that are either whole or absent, and the hashes that name their content."""
 
 import errno
-import glob
 import hashlib
 import io
 import json
 import math
 import os
-import shutil
 import socket
 import stat
 from collections.abc import Iterator, Mapping
@@ -19,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cfem.core.errors import DiskError, InputError, OutputError, SpecError
-from cfem.core.system import exchange, read_head, replace_content, sync, try_lock
+from cfem.core.system import read_head, replace_content, sync, try_lock
 
 # Why the system refuses to write, and what to do about it.
 DISK = {
@@ -196,50 +194,3 @@ def refuse_link(path: Path) -> None:
     """OutputError where a link stands at the name of one of our own files: what it points to is not ours."""
     if path.is_symlink():
         raise OutputError("is a symbolic link; cfem writes its own file here", where=str(path), do="remove the link")
-
-
-def replace_folder(new: Path, target: Path, aside: Path | None = None) -> None:
-    """Replaces `target` by the finished folder `new`. The old content is moved to `aside`, or deleted where
-    that is None. A reader finds one or the other at any moment where the system can swap folders. Where it cannot, two
-    renames do it; a process that is killed between them leaves the old folder under another name, from which
-    `recover_folder` puts it back unless that is `aside`."""
-    old = aside or target.with_name(f".{target.name}.{os.getpid()}.old")
-    with disk_errors(target):
-        sync_tree(new)
-        if not _swapped(new, target, old):
-            if target.exists():
-                os.replace(target, old)
-            try:
-                os.replace(new, target)
-            except OSError:
-                if old.exists():
-                    os.replace(old, target)
-                raise
-        sync(target.parent)
-    if aside is None:
-        shutil.rmtree(old, ignore_errors=True)
-
-
-def _swapped(new: Path, target: Path, old: Path) -> bool:
-    """Whether `target` was replaced in one step, its old content now at `old`. Nothing has changed where it was not."""
-    if not target.is_dir() or target.is_symlink():
-        return False
-    os.replace(new, old)
-    try:
-        done = exchange(old, target)
-    except OSError:
-        done = False
-    if not done:
-        os.replace(old, new)
-    return done
-
-
-def recover_folder(target: Path) -> None:
-    """Undoes a replacement that was cut in two, and removes what others left. To be called by the holder of its lock
-    alone."""
-    with disk_errors(target):
-        for old in sorted(target.parent.glob(f".{glob.escape(target.name)}.[0-9]*.old")):
-            if target.exists():
-                shutil.rmtree(old, ignore_errors=True)
-            else:
-                os.replace(old, target)

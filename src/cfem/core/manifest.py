@@ -6,11 +6,12 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from cfem.core.errors import InputError
-from cfem.core.files import open_regular, parse_json, plain, write_whole
+from cfem.core.files import file_sha256, open_regular, parse_json, plain, write_whole
 from cfem.core.reading import Data, checked
 
 MANIFEST = "manifest.json"
 FORMAT = 1
+CHANGED = "has changed since it was made"
 _SEAL = b',\n  "checksum": "'
 _END = b'"\n}\n'
 _AGAIN = "regenerate it with --force"
@@ -48,6 +49,7 @@ class _Manifest(Data):
     inputs: dict[str, str] = {}
     spec: dict[str, Any] = {}
     files: dict[str, str] = {}
+    stamps: dict[str, list[int]] = {}
     results: _Results = _Results()
     versions: dict[str, str] = {}
     seconds: float = 0.0
@@ -102,6 +104,24 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             raise _damaged(path, f"names a file outside its folder, {name!r}")
     checked(_Manifest, manifest, str(path), _AGAIN)
     return manifest | {key: value for key, value in _ABSENT.items() if key not in manifest}
+
+
+def stamp(path: Path) -> list[int]:
+    """Size in bytes and time of the last change in ns, by which a changed file is noticed without reading it."""
+    state = path.stat()
+    return [state.st_size, state.st_mtime_ns]
+
+
+def harm(folder: Path, manifest: dict[str, Any]) -> str:
+    """What is wrong with the first file that is missing or not as it was written, in a few words; empty where all are.
+    Only files whose stamp is another are read."""
+    for name, expected in manifest["files"].items():
+        path = folder / name
+        if not path.is_file():
+            return f"{name} is missing"
+        if stamp(path) != manifest["stamps"].get(name) and file_sha256(path) != expected:
+            return f"{name} {CHANGED}"
+    return ""
 
 
 def is_inside(name: str) -> bool:

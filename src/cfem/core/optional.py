@@ -29,6 +29,7 @@ EXTRAS = {
     "torch": "train",
     "matplotlib": "report",
     "PIL": "report",
+    "mpl_toolkits": "report",
     "c3d": "lab",
     "pymklpardiso": "fast",
     "dask": "cluster",

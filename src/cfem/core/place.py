@@ -7,7 +7,7 @@ from typing import Any
 
 from cfem.core.errors import InputError, OutputError
 from cfem.core.files import disk_errors, write_whole
-from cfem.core.manifest import MANIFEST, read_manifest
+from cfem.core.manifest import CHANGED, MANIFEST, harm, read_manifest
 from cfem.core.progress import say
 from cfem.core.terminal import printable
 
@@ -29,7 +29,7 @@ def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, fo
     where = os.path.normpath(out)
     if not out.is_dir() or not any(out.iterdir()):
         return
-    if _is_foreign(out):
+    if is_foreign(out):
         raise OutputError("exists and was not made by cfem", where=where, do="choose another --out")
     try:
         old = read_manifest(out)
@@ -53,25 +53,20 @@ def set_aside(out: Path, precious: bool) -> Path | None:
     try:
         old = read_manifest(out)
         foreign = foreign_files(out, old)
-        if not _dear(old, precious) and not foreign:
+        wrong = harm(out, old)
+        if not (_dear(old, precious) or foreign or wrong.endswith(CHANGED)):
             return None
-        why = f"cfem did not make {foreign[0]} in it" if foreign else "it cost much to make"
+        why = f"cfem did not make {foreign[0]} in it" if foreign else wrong or "it cost much to make"
     except InputError:
         why = "its manifest is damaged"
-    return _told(out, out, why)
-
-
-def move_aside(folder: Path, name: Path) -> None:
-    """Unfinished work of other inputs, to `name` with a number."""
-    with disk_errors(folder):
-        os.replace(folder, _told(folder, name, "it was made from other inputs, and cost much"))
+    return told(out, free_name(out), why)
 
 
 def write_beside(path: Path, data: bytes) -> None:
     """Writes a file that a person may have changed: one with other content that is there is moved aside."""
     if path.exists() and path.read_bytes() != data:
         with disk_errors(path):
-            os.replace(path, _told(path, path, "it would be overwritten"))
+            os.replace(path, told(path, free_name(path), "it would be overwritten"))
     write_whole(path, data)
 
 
@@ -83,11 +78,16 @@ def foreign_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
     return sorted(there - set(manifest["files"]) - {MANIFEST})
 
 
-def _told(folder: Path, name: Path, why: str) -> Path:
-    """The first free `<name>.old-<n>`."""
+def free_name(name: Path) -> Path:
+    """The first `<name>.old-<n>` that nothing has."""
     n = 1
     while os.path.lexists(aside := name.with_name(f"{name.name}.old-{n}")):
         n += 1
+    return aside
+
+
+def told(folder: Path, aside: Path, why: str) -> Path:
+    """`aside`, after a sentence to the user that what is in `folder` goes there."""
     shown = [os.path.normpath(path) for path in (folder, aside)]
     say(printable(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why}"))
     return aside
@@ -97,7 +97,7 @@ def _dear(manifest: dict[str, Any], unless_told: bool) -> bool:
     return unless_told if manifest["precious"] is None else manifest["precious"]
 
 
-def _is_foreign(out: Path) -> bool:
+def is_foreign(out: Path) -> bool:
     """Whether there is no manifest, or one that another program wrote. A manifest that no parser reads may be ours."""
     path = out / MANIFEST
     if not path.is_file():

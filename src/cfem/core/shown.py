@@ -20,13 +20,22 @@ def duration(*seconds: float, digits: int = 3) -> str:
 
 
 def length(*mm: float, digits: int = 3) -> str:
-    """'0.45 mm', '3.2 µm', '0.021 nm'; of several, in the unit of the largest: '1.2 / 7.5 nm'."""
-    return _scaled(mm, length_unit(max(mm, key=abs)), digits)
+    """'0.45 mm', '3.2 µm', '< 1 nm'; of several, in the unit of the largest: '1.2 / 7.5 nm'. An atom measures a tenth
+    of a nanometre: digits below one mean nothing to a person."""
+    most = max(map(abs, mm))
+    return "< 1 nm" if 0 < most < LENGTHS[-1][1] else _scaled(mm, length_unit(most), digits)
 
 
 def length_unit(mm: float) -> tuple[str, float]:
     """The unit in which `length` gives lengths of which this is the largest, and its mm."""
     return _unit(abs(mm), ((("m", 1e3),) if abs(mm) >= 1e3 else LENGTHS), 0.1)
+
+
+def stress(mpa: float) -> str:
+    """Of MPa: '22.2 kPa', four digits."""
+    size = abs(mpa)
+    unit = _unit(size, (("GPa", 1e3), ("MPa", 1.0))) if size >= 1 else _unit(size, (("kPa", 1e-3), ("Pa", 1e-6)), 0.1)
+    return _scaled((mpa,), unit if mpa else ("kPa", 1e-3), 4)
 
 
 def size(count: float) -> str:

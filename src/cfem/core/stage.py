@@ -1,13 +1,13 @@
 """What all commands share: a stage reads specs and artefact folders, writes one folder, and runs only when it must.
 
 An artefact is a folder with `manifest.json`: which stage made it, the content hash of everything it was made from
-(`made_from`), the content hash of what it holds (`content`), every file's SHA-256, results, versions and seconds.
+(`made_from`), the content hash of what it holds (`content`), every file's SHA-256 with its size and time, results,
+versions and seconds.
 
 It is whole or absent at any moment: the work fills `.<name>.partial` beside it, which takes its place by a rename, all
 bytes on disk. Killed, the next run of the same inputs goes on from what is there; of others, it starts over."""
 
 import os
-import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,22 +19,18 @@ from cfem.core.errors import GateError, InputError, StaleError
 from cfem.core.files import (
     confined,
     content_sha256,
-    disk_errors,
     file_sha256,
     locked,
     plain,
-    recover_folder,
-    refuse_link,
-    remove_unfinished,
-    replace_folder,
-    write_whole,
 )
 from cfem.core.judgement import with_inherited
-from cfem.core.manifest import MANIFEST, is_inside, read_manifest, write_manifest
-from cfem.core.place import demand_replaceable, destination, move_aside, set_aside
+from cfem.core.manifest import MANIFEST, harm, is_inside, read_manifest, stamp, write_manifest
+from cfem.core.place import demand_replaceable, destination, set_aside
 from cfem.core.progress import labelled
 from cfem.core.provenance import versions
+from cfem.core.replace import recover_folder, replace_folder
 from cfem.core.spec import Spec, load_spec, meaning
+from cfem.core.unfinished import begin, finish
 
 
 @dataclass(frozen=True)
@@ -165,12 +161,12 @@ def artefact_file(folder: Path, name: str) -> Path:
 
 
 def is_current(stage: Stage, made_from: str) -> bool:
-    """Whether the output exists, is whole (by presence of its files) and was made from the same inputs."""
+    """Whether the output exists, is whole and was made from the same inputs."""
     try:
         manifest = read_manifest(stage.out)
+        return manifest.get("made_from") == made_from and not harm(stage.out, manifest)
     except InputError:
         return False
-    return manifest.get("made_from") == made_from and all((stage.out / name).exists() for name in manifest["files"])
 
 
 def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: Options) -> dict[str, Any]:
@@ -210,25 +206,9 @@ def _demand_inputs_current(stage: Stage, check: bool) -> None:
         raise
 
 
-def partial_folder(out: Path) -> Path:
-    """Where a stage builds its output; kept after an interruption so that a resumable stage can go on."""
-    return out.with_name(f".{out.name}.partial")
-
-
 def _work(stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
     made_from = content_sha256(origin)
-    partial, mark = partial_folder(stage.out), stage.out.with_name(f".{stage.out.name}.made_from")
-    refuse_link(partial)
-    with disk_errors(partial):
-        if partial.is_dir() and mark.exists() and mark.read_text(encoding="utf-8") == made_from:
-            remove_unfinished(partial)
-        else:
-            mark.unlink(missing_ok=True)  # first: what it marked is whole no more
-            if stage.precious and partial.is_dir() and any(partial.iterdir()):
-                move_aside(partial, stage.out.with_name(f"{stage.out.name}.partial"))
-            shutil.rmtree(partial, ignore_errors=True)
-            partial.mkdir(parents=True)
-            write_whole(mark, made_from.encode())
+    partial = begin(stage.out, made_from, stage.precious)
     start = time.perf_counter()
     with confined(partial), stage.spec.locating():
         results = with_inherited(work(partial), stage.inputs)
@@ -244,14 +224,14 @@ def _work(stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[s
         "inputs": {name: _relative(path, stage.out) for name, path in stage.inputs.items()},
         "spec": stage.spec.model_dump(),
         "files": files,
+        "stamps": {name: stamp(partial / name) for name in files},
         "results": results,
         "versions": versions(),
         "seconds": time.perf_counter() - start,
     }
     write_manifest(partial, manifest)
     replace_folder(partial, stage.out, set_aside(stage.out, stage.precious))
-    with disk_errors(mark):
-        mark.unlink(missing_ok=True)
+    finish(stage.out)
     return {**manifest, "status": "done"}
 
 

@@ -68,6 +68,7 @@ DIMENSION = {
     "N": "force",
     "MPa": "stress",
     "rad": "angle",
+    "mm^2": "area",
     "mm^3": "volume",
     "mm/s^2": "acceleration",
     "t": "mass",

@@ -3,25 +3,36 @@
 In .csv and .parquet the unit stands behind the name of a column, `tip.x [mm]`; in .yaml every number has its own. An
 empty cell was not measured."""
 
-import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.core.semicolons import read_rows
+from cfem.core.text_table import read_rows, titled
 from cfem.core.units import parse_quantity
 
 # The system unit of each column that a table may have.
 Units = Mapping[str, str]
 
 
-def read_table(path: Path, units: Units) -> dict[str, np.ndarray]:
-    """Column name -> numbers in its system unit, nan where a cell is empty. InputError naming the file, the row and the
-    column of what cannot be read."""
+@dataclass(frozen=True)
+class Table:
+    """columns: numbers by name, each in its system unit, nan where a cell is empty; places: of each row, its file and
+    line."""
+
+    columns: dict[str, np.ndarray]
+    places: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def read_table(path: Path, units: Units) -> Table:
+    """InputError naming the file, the row and the column of what cannot be read."""
     return _READERS[_suffix(path)](path, units)
 
 
@@ -37,7 +48,7 @@ def _suffix(path: Path) -> str:
     return path.suffix
 
 
-def _read_yaml(path: Path, units: Units) -> dict[str, np.ndarray]:
+def _read_yaml(path: Path, units: Units) -> Table:
     from ruamel.yaml import YAML, YAMLError
 
     try:
@@ -48,33 +59,31 @@ def _read_yaml(path: Path, units: Units) -> dict[str, np.ndarray]:
         raise InputError("expected a list of states, such as `- {cable.displacement: 5 mm, ...}`", where=str(path))
     names = list(dict.fromkeys(name for record in records for name in record))
     _demand_known(names, units, path)
-    return {
-        name: np.array(
-            [_number(record.get(name), name, units, f"{path}: state {i + 1}") for i, record in enumerate(records)]
-        )
-        for name in names
-    }
+    places = tuple(f"{path}: state {i + 1}" for i in range(len(records)))
+    rows = list(zip(records, places, strict=True))
+    columns = {name: np.array([_quantity(row.get(name), name, units, place) for row, place in rows]) for name in names}
+    return Table(columns, places)
 
 
-def _read_csv(path: Path, units: Units) -> dict[str, np.ndarray]:
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:  # spreadsheets write a mark first
-            header, *records = [record for record in read_rows(file) if record]
-    except (ValueError, UnicodeDecodeError, csv.Error):
-        raise InputError(
-            "is not a table of comma-separated values", where=str(path), do="save it as CSV in UTF-8"
-        ) from None
-    wrong = next((i for i, record in enumerate(records) if len(record) != len(header)), None)
-    if wrong is not None:
-        raise InputError(f"row {wrong + 1}: {len(records[wrong])} cells, the header has {len(header)}", where=str(path))
-    return _with_units(path, units, header, zip(*records, strict=True) if records else [[]] * len(header))
+def _read_csv(path: Path, units: Units) -> Table:
+    table = titled(path, read_rows(path))
+    names, factors = _titles(path, units, table.titles)
+    values = table.numbers(range(len(names))) * factors
+    places = tuple(table.where(i) for i in range(len(table.rows)))
+    return Table(dict(zip(names, values.T, strict=True)), places)
 
 
-def _read_parquet(path: Path, units: Units) -> dict[str, np.ndarray]:
+def _read_parquet(path: Path, units: Units) -> Table:
     from cfem.dataset.parquet import read_parquet
 
     table = read_parquet(path, do="write the table again")
-    return _with_units(path, units, table.column_names, [table[name].to_pylist() for name in table.column_names])
+    names, factors = _titles(path, units, table.column_names)
+    places = tuple(f"{path}: row {i + 1}" for i in range(table.num_rows))
+    columns = {
+        name: factor * np.array([_number(*cell, name) for cell in zip(table[title].to_pylist(), places, strict=True)])
+        for name, factor, title in zip(names, factors, table.column_names, strict=True)
+    }
+    return Table(columns, places)
 
 
 def _demand_known(names: Iterable[str], units: Units, path: Path) -> None:
@@ -83,28 +92,23 @@ def _demand_known(names: Iterable[str], units: Units, path: Path) -> None:
         raise InputError(f"column '{strange}': expected one of {', '.join(units)}", where=str(path))
 
 
-def _with_units(
-    path: Path, units: Units, header: Sequence[str], columns: Iterable[Sequence[Any]]
-) -> dict[str, np.ndarray]:
-    """Header cells are 'name [unit]'."""
-    found: dict[str, np.ndarray] = {}
-    for title, cells in zip(header, columns, strict=True):
+def _titles(path: Path, units: Units, titles: Sequence[str]) -> tuple[list[str], np.ndarray]:
+    """Names of the columns, and the size of each one's unit in the system's. Titles are 'name [unit]'."""
+    names, factors = [], []
+    for title in titles:
         match = re.fullmatch(r"\s*(\S+)\s*\[([^\[\]]+)\]\s*", title)
         if not match:
             raise InputError(f"column '{title}': expected a name and its unit, 'tip.x [mm]'", where=str(path))
         name, unit = match.groups()
         _demand_known([name], units, path)
-        if name in found:
+        if name in names:
             raise InputError(f"column '{name}' appears twice", where=str(path), do="keep one of them")
-        empty = [cell is None or cell == "" or cell != cell for cell in cells]
-        texts = [None if hole else f"{cell} {unit}" for cell, hole in zip(cells, empty, strict=True)]
-        found[name] = np.array(
-            [_number(text, name, units, f"{path}: row {i + 1}") for i, text in enumerate(texts)], dtype=float
-        )
-    return found
+        names.append(name)
+        factors.append(_quantity(f"1 {unit}", name, units, str(path)))
+    return names, np.array(factors)
 
 
-def _number(text: Any, name: str, units: Units, where: str) -> float:
+def _quantity(text: Any, name: str, units: Units, where: str) -> float:
     """nan for None."""
     if text is None:
         return np.nan
@@ -112,6 +116,15 @@ def _number(text: Any, name: str, units: Units, where: str) -> float:
         return parse_quantity(text, units[name])
     except ValueError as error:
         raise InputError(f"'{name}': {error}", where=where) from None
+
+
+def _number(value: Any, where: str, name: str) -> float:
+    """nan for None."""
+    if value is None:
+        return np.nan
+    if isinstance(value, bool) or not isinstance(value, int | float) or np.isinf(value):
+        raise InputError(f"'{name}': {value!r} is not a finite number", where=where)
+    return float(value)
 
 
 _READERS = {".yaml": _read_yaml, ".yml": _read_yaml, ".csv": _read_csv, ".parquet": _read_parquet}

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.core.errors import InputError
-from cfem.dataset.tables import read_table
+from cfem.dataset.tables import Table, read_table
 
 AXES = "xyz"
 
@@ -44,8 +44,8 @@ def read_recording(
             f"{name}.force": force,
             f"{name}.command": force if forces else displacement,
         }
-    columns = read_table(path, units)
-    count = len(next(iter(columns.values()), ()))
+    table = read_table(path, units)
+    columns, count = table.columns, len(table)
     if not count:
         raise InputError("holds no frames", where=str(path), do="add one row per frame")
     absent = next((one for name in markers for axis in AXES if (one := f"{name}.{axis}") not in columns), None)
@@ -54,14 +54,14 @@ def read_recording(
     places = np.stack([_group(columns, [f"{name}.{axis}" for axis in AXES], count) for name in markers], axis=1)
     driven = (_group(columns, [f"{name}.{what}" for name in rows.actuators], count)
               for what in ("displacement", "force", "command"))  # fmt: skip
-    return Recording(_times(columns, path), places, *driven)
+    return Recording(_times(table), places, *driven)
 
 
 def read_truth(path: Path, loaded: Sequence[str], rows: Rows, frames: int) -> dict[str, np.ndarray]:
     """Unknown -> its true value in each frame (f,), of those that the table has. InputError as `read_recording`."""
     names = {f"{name}.force": name for name in loaded} | {f"{name}.displacement": name for name in rows.actuators}
     units = {column: "N" if column.endswith(".force") else "mm" for column in names}
-    found = {names[column]: values for column, values in read_table(path, units).items()}
+    found = {names[column]: values for column, values in read_table(path, units).columns.items()}
     for name, values in found.items():
         if len(values) != frames:
             what = f"column of '{name}' has {len(values)} rows, the recording {frames} frames"
@@ -74,14 +74,12 @@ def _group(columns: Mapping[str, np.ndarray], names: Sequence[str], count: int) 
     return np.stack([columns.get(name, nothing) for name in names], axis=1)
 
 
-def _times(columns: Mapping[str, np.ndarray], path: Path) -> np.ndarray | None:
-    time = columns.get("time")
+def _times(table: Table) -> np.ndarray | None:
+    time = table.columns.get("time")
     if time is None:
         return None
-    wrong = np.flatnonzero(~(np.diff(time) > 0))
-    if len(wrong) or not np.isfinite(time).all():
-        row = int(wrong[0]) + 2 if len(wrong) else int(np.flatnonzero(~np.isfinite(time))[0]) + 1
-        raise InputError(
-            f"row {row}: 'time' does not increase from frame to frame", where=str(path), do="sort the rows"
-        )
+    gaps, back = np.flatnonzero(~np.isfinite(time)), np.flatnonzero(~(np.diff(time) > 0))
+    if len(gaps) or len(back):
+        row = gaps[0] if len(gaps) else back[0] + 1
+        raise InputError("'time' does not increase from frame to frame", where=table.places[row], do="sort the rows")
     return time

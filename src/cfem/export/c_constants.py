@@ -1,6 +1,7 @@
 """A trained model and the user's choices as the constants of the C controller: parameters, units and standardisation
 are folded in, what control does not use is left out."""
 
+import sys
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from cfem.export import c_row
 from cfem.export.at_rest import right_at_rest, with_rest
 from cfem.export.c_series import Group, trees_of
 from cfem.export.spec import ControllerSpec, CSpec
+from cfem.plant.gains import Gains
 from cfem.predict.energy import layout
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
@@ -238,6 +240,7 @@ def controller(
     home = start
     if predictor.form == "force":
         home = np.zeros(n_a) if spec.start is None else predictor.at_displacement(start, p if len(p) else None).lambda_a
+    gains = Gains(spec.K_P, spec.K_I, phase_margin=spec.phase_margin)
     everywhere, box, courses = np.ones(n_a), multipliers(spec, n_a, pressures), _courses(predictor, spec, pressures)
     domain, softer = predictor.domain, _softer(predictor, p)
     arrays = {
@@ -258,6 +261,7 @@ def controller(
         "cfem_domain_delta_a": domain.delta_a,
         "cfem_domain_lambda_a": domain.lambda_a / softer,
         "cfem_home": home,
+        "cfem_integral_gain": np.array([gains.integral_at(late) for late in range(spec.late)]),
     }
     if right_at_rest(predictor, arrays, p):
         arrays |= with_rest(predictor, arrays, p)
@@ -272,7 +276,7 @@ def controller(
         "CFEM_ITERATIONS": spec.iterations,
         "CFEM_HALVINGS": spec.halvings,
         "CFEM_K_P": repr(spec.K_P),
-        "CFEM_K_I": repr(spec.K_I),
-        "CFEM_INTEGRAL_LIMIT": repr(spec.integral_limit),
+        "CFEM_INTEGRAL_LIMIT": repr(sys.float_info.max if spec.integral_limit is None else spec.integral_limit),
+        "CFEM_LATE": spec.late,
     }
     return defines, arrays

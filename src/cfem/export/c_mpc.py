@@ -76,6 +76,7 @@ def mpc_constants(
         "FORCE": int(force),
         "SENSED": int(own.sensor),
         "LATE": own.late,
+        "GATE_SAMPLES": own.gate.samples,
     }
     doubt = own.doubt
     numbers = {
@@ -88,6 +89,7 @@ def mpc_constants(
         "DOUBT_WANDER": doubt.wander,
         "DOUBT_OFFSET": doubt.offset,
         "DOUBT_PUSH": doubt.push,
+        "GATE_SIGMAS": own.gate.sigmas,
     }
     constants = {
         "begins": begins.astype(np.int32),

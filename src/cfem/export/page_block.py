@@ -80,7 +80,7 @@ def block(model: Surrogate, defines: dict, constants: dict[str, np.ndarray], ski
         len(skin.offset),
         skin.degree,
     ]
-    scalars = [sizes[f"CFEM_{name}"] for name in ("OBSERVER_TOLERANCE", "K_P", "K_I", "INTEGRAL_LIMIT")]
+    scalars = [sizes["CFEM_OBSERVER_TOLERANCE"]]
     arrays = {**constants, **model.arrays}
     numbers = [
         scalars,

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, PositiveInt
 
 from cfem.condensed.parameter_values import Value
@@ -10,7 +11,7 @@ from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.names import Name
 from cfem.core.optional import installed
 from cfem.core.spec import Spec
-from cfem.core.units import Frequency, Length, Point
+from cfem.core.units import Angle, Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
 from cfem.predict.load_spec import LoadSpec
@@ -61,14 +62,22 @@ class ControllerSpec(Spec):
     """Cost of a full stroke in one tick. It keeps redundant actuators from wandering."""
     weights: list[Annotated[float, Field(ge=0)]] | None = None
     """Weight of each effector row."""
-    K_P: float = Field(0.01, ge=0)
-    """Proportional gain on the measured error, per tick."""
-    K_I: float = Field(0.002, ge=0)
-    """Integral gain on the measured error, per tick."""
-    integral_limit: Length = 10.0
-    """Largest length of the integral part."""
+    K_P: float = Field(0.0, ge=0)
+    """Proportional gain on the measured error, per sample."""
+    K_I: float | None = Field(None, ge=0)
+    """Integral gain on the measured error, per sample. By the phase margin unless given."""
+    phase_margin: Angle = float(np.pi / 3)
+    """Phase margin that the integral gain leaves at the delay and interval that the samples have."""
+    late: Annotated[int, Field(ge=1, le=1000)] = 32
+    """Ticks after which a sample is too late to be heard."""
+    integral_limit: Length | None = None
+    """Largest length of the integral part. No limit unless given."""
     start: Displacements | None = None
     """Displacements of the actuators at the start; 0 unless given."""
+
+    def check(self) -> None:
+        if self.K_I is None and (self.K_P or not 0 < self.phase_margin < np.pi / 2):
+            raise ValueError("phase_margin must be between 0 and 90 deg and needs K_P: 0; or give K_I")
 
 
 class FirmwareMpcSpec(MpcSpec):

@@ -30,9 +30,10 @@ def _spaces(world: World | MovingWorld) -> tuple[gymnasium.spaces.Box, gymnasium
 
 
 class RobotEnv(gymnasium.Env):
-    """One robot. model: folder of a spectral model, or the model; options: of `World`, or of `MovingWorld`."""
+    """One robot. model: folder of a spectral model, or the model; render_mode: 'rgb_array' or None; options: of
+    `World`, or of `MovingWorld`."""
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
     def __init__(
         self,
@@ -55,6 +56,16 @@ class RobotEnv(gymnasium.Env):
         rewards, errors, failed, over = self.world.step(np.asarray(action)[None])
         info = self._info(float(errors[0]))
         return self.world.observe()[0], float(rewards[0]), bool(failed[0]), bool(over[0]), info
+
+    def render(self) -> np.ndarray | None:
+        """(480, 480, 3) uint8: surface, effector (red) and goal (green) of the robot, None without `render_mode`."""
+        if self.render_mode != "rgb_array":
+            return None
+        from cfem.gym.picture import picture
+
+        world, model = self.world, self.world.predictor
+        tip, goal = world.states.tip[0], world.goals.now(world.t)[0]
+        return picture(model, world.delta_a[0], model.rest_e + tip, model.rest_e + goal)
 
     def _info(self, error: float | None) -> dict[str, Any]:
         info = {"tip": self.world.states.tip[0].copy(), "command": self.world.u[0].copy()}

@@ -110,6 +110,10 @@ class MovingRobots:
         )  # fmt: skip
         states.u, states.tip = np.array(u.T), np.ascontiguousarray(tip.T)
 
+    def displacements_of(self, states: MovingStates) -> np.ndarray:
+        """(B, n_a) mm, of the actuators now."""
+        return (states.q[: self.model.n_a] * self._scale).T
+
     def forces_of(self, states: MovingStates) -> np.ndarray:
         """(B, n_a) N, of the actuators in the last step."""
         return (states.lam / self._scale).T

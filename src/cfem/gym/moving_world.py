@@ -11,6 +11,7 @@ from cfem.gym.moving_robots import MovingRobots
 from cfem.gym.moving_tasks import MOVING, ahead_of, moving_observation
 from cfem.gym.tasks import Goals, Scales
 from cfem.motion.model import MotionModel
+from cfem.predict.protocol import Predictor
 
 POOL = 4096  # goals that there are
 LEFT = 1.2  # half widths of the learned box, beyond which nothing is known of a robot
@@ -89,6 +90,16 @@ class MovingWorld:
             high = self.robots.static.largest_force
             low = np.zeros_like(high) if self.robots.static.pulls else -high
         return low, low + largest * (high - low)
+
+    @property
+    def predictor(self) -> Predictor:
+        """The model of the robots at rest."""
+        return self.model.static
+
+    @property
+    def delta_a(self) -> np.ndarray:
+        """(B, n_a) mm: where the actuators are."""
+        return self.robots.displacements_of(self.states)
 
     @property
     def sizes(self) -> tuple[int, int]:

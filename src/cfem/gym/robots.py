@@ -17,8 +17,6 @@ from cfem.predict.protocol import Predictor
 from cfem.predict.series import input_derivatives
 from cfem.predict.spectral import SpectralPredictor
 
-PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
-
 
 @dataclass
 class States:
@@ -69,8 +67,8 @@ class Robots:
         joined = np.concatenate(list(rows.values()))
         self._series = Series.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
         self._unpack = unpacking(n_e)
-        low, high = model.domain.lambda_a
-        self.pulls = bool((low > -PUSHES * high).all())
+        high = model.domain.lambda_a[1]
+        self.pulls = bool(model.pulls.all())
         self.largest_force = high.copy()
         scale = np.abs(model.domain.lambda_a).max(axis=0)
         self._tolerance = 1e-6 * np.where(scale > 0, scale, scale.max())

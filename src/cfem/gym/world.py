@@ -86,6 +86,16 @@ class World:
         return np.tile(self.robots.reference, (POOL, 1))
 
     @property
+    def predictor(self) -> Predictor:
+        """The model of the robots at rest."""
+        return self.model
+
+    @property
+    def delta_a(self) -> np.ndarray:
+        """(B, n_a) mm: where the actuators are."""
+        return self.states.delta_a
+
+    @property
     def sizes(self) -> tuple[int, int]:
         """Of an observation and of an action."""
         rows, told = self.model.rows, len(self.model.parameters) if self.observes_parameters else 0

@@ -17,11 +17,12 @@ from cfem.init.cables import CableLine, attachment_radius, guess_reach, read_cab
 from cfem.init.ends import Proposal, place, propose
 from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
 from cfem.init.question import Answer, Ask, Question, point, positive, whole
-from cfem.init.shape import Shape, Source, make_shape, natural_unit, read_source
+from cfem.init.shape import Shape, Source, geometry, make_shape, natural_unit, read_source
 from cfem.init.texts import SPECS, NewScene, number, short, texts, vector
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.robot.build import build_robot
 from cfem.robot.cable_passage import demand_inside
+from cfem.robot.geometry import SURFACES
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.plausible import size_doubts
 from cfem.robot.spec import SceneSpec
@@ -78,7 +79,7 @@ def create(
 def _demand_use(source: Source, stated: Collection[str]) -> None:
     """SpecError where an answer would be of no effect."""
     if source.has_unit and "unit" in stated:
-        raise SpecError("a STEP file states its own unit", where="--unit", do="leave it out")
+        raise SpecError(f"a {source.path.suffix} file states its own unit", where="--unit", do="leave it out")
     if source.own is not None and "cells" in stated:
         raise SpecError("the mesh in the file is taken as it is", where="--cells", do="leave it out")
 
@@ -110,7 +111,9 @@ def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: 
     outside = not is_inside(shape.mesh, effector.value)
     return NewScene(
         name=name,
+        kind=geometry(source.path, 1.0).kind,
         file=copy,
+        remesh=source.remesh and source.path.suffix.lower() not in SURFACES,
         unit=unit,
         extent=shape.extent,
         volume=source.volume * scale**3,

@@ -9,12 +9,14 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.init.interior import Interior, interior
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.geometry import MeshFile, StepFile
-from cfem.robot.mesh.mesh_file import read_own
+from cfem.robot.geometry import SURFACES, MeshFile, StepFile
+from cfem.robot.mesh.mesh_file import read_data, read_own
 from cfem.robot.mesh.meshing import corner_mesh, measure, solid_of
+from cfem.robot.mesh.surface_file import mended
 from cfem.robot.spec import Meshing
 
-STEP, STL, MESH = (".step", ".stp"), (".stl",), (".vtu", ".vtk", ".msh")
+STEP, BREP, MESH = (".step", ".stp"), (".brep", ".brp"), (".vtu", ".vtk", ".msh", ".inp")
+FILES = STEP + BREP + SURFACES + MESH
 # A regular tetrahedron of edge h has the volume h^3 / 8.485.
 _REGULAR = 6 * np.sqrt(2)
 _ATTEMPTS = 4
@@ -23,17 +25,19 @@ _MISSING = 0.02  # of the volume: what straight edges may leave out of a round b
 
 @dataclass(frozen=True)
 class Source:
-    """A file as it is: volume and surface in the cube and square of its unit (of mm in a STEP file); own: its mesh
-    where it holds one."""
+    """A file as it is: volume and surface in the cube and square of its unit (of mm in a STEP or 3MF file);
+    own: its mesh where its cells are taken; mended: what was mended, a phrase each."""
 
     path: Path
     volume: float
     area: float
     own: Mesh | None
+    remesh: bool = False
+    mended: tuple[str, ...] = ()
 
     @property
     def has_unit(self) -> bool:
-        return self.path.suffix.lower() in STEP
+        return self.path.suffix.lower() in (*STEP, ".3mf")
 
 
 @dataclass(frozen=True)
@@ -64,25 +68,35 @@ class Shape:
         return self.high - self.low
 
 
-def read_source(path: Path) -> Source:
-    """InputError where the file is missing, of no known kind, or holds no one closed body."""
+def read_source(path: Path, remesh: bool = False) -> Source:
+    """remesh: take the surface of a mesh alone, as where it holds no more. InputError where the file is missing, of no
+    known kind, or holds no one closed body."""
     suffix = path.suffix.lower()
-    if suffix not in STEP + STL + MESH:
-        known = " ".join(STEP + STL + MESH)
-        raise InputError(f"a file of type '{suffix}' cannot be read as a shape", where=str(path), do=f"one of {known}")
+    if suffix not in FILES:
+        raise InputError(
+            f"a file of type '{suffix}' cannot be read as a shape", where=str(path), do=f"one of {' '.join(FILES)}"
+        )
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path")
-    if suffix in MESH:
-        own = read_own(path, 1.0)
-        return Source(path, float(own.volumes.sum()), surface_area(own.X[own.facets]), own)
-    return Source(path, *measure(solid_of(geometry(path, 1.0), Path())), None)
+    if suffix in MESH and not remesh:
+        data = read_data(path)
+        if any(block.dim == 3 for block in data.cells):
+            own = read_own(path, 1.0)
+            return Source(
+                path, float(own.volumes.sum()), surface_area(own.X[own.facets]), own, False, mended(path, False)
+            )
+        remesh = True
+    said = mended(path, True) if suffix in SURFACES + MESH else ()
+    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh), Path())), None, remesh, said)
 
 
-def geometry(path: Path, unit: float) -> StepFile | MeshFile:
+def geometry(path: Path, unit: float, remesh: bool = False) -> StepFile | MeshFile:
     """As a scene has it."""
     if path.suffix.lower() in STEP:
         return StepFile(kind="step", path=path)
-    return MeshFile(kind="mesh-file", path=path, unit=f"{unit!r} mm")
+    if path.suffix.lower() in BREP:
+        return StepFile(kind="step", path=path, unit=f"{unit!r} mm")
+    return MeshFile(kind="mesh-file", path=path, unit=f"{unit!r} mm", remesh=remesh)
 
 
 def natural_unit(source: Source) -> str:
@@ -103,7 +117,7 @@ def make_shape(source: Source, unit: float, cells: int) -> Shape:
         tried = _two_digits(size / 1.5**attempt)
         meshing = Meshing(size=f"{tried!r} mm", element="tet4")
         try:
-            mesh, _ = corner_mesh(geometry(source.path, unit), meshing, [], Path(), "geometry")
+            mesh, _ = corner_mesh(geometry(source.path, unit, source.remesh), meshing, [], Path(), "geometry")
             return Shape(mesh, _two_digits(_faithful(tried, 1 - mesh.volumes.sum() / volume, volume, cells)))
         except InputError as error:  # too coarse a surface may intersect itself
             last = error

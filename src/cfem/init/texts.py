@@ -23,7 +23,9 @@ class NewScene:
     Answer in mm; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
 
     name: str
+    kind: str
     file: str
+    remesh: bool
     unit: Answer | None
     extent: np.ndarray
     volume: float
@@ -68,7 +70,8 @@ def texts(robot: NewScene) -> dict[str, str]:
 
 
 def _scene(robot: NewScene) -> str:
-    kind = "step" if robot.unit is None else f"mesh-file, unit: {number(robot.unit.value)} mm"
+    kind = robot.kind if robot.unit is None else f"{robot.kind}, unit: {number(robot.unit.value)} mm"
+    kind += ", remesh: true" if robot.remesh else ""
     extent = " x ".join(short(side) for side in robot.extent)
     size = (f"{extent} mm, {short(robot.volume)} mm^3", _guesses(robot.unit) if robot.unit else "")
     lines = [

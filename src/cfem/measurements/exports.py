@@ -1,15 +1,16 @@
 """Exports of camera systems: tables of OptiTrack Motive and Vicon Nexus, and .c3d files; and plain tables over time."""
 
-import csv
 import re
 import warnings
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
-from cfem.core.semicolons import read_rows
+from cfem.core.text_table import Row, TextTable, read_rows, titled
 from cfem.measurements.recording import Recording, make_recording
 
 _UNITS = {"mm": 1.0, "millimeters": 1.0, "millimetres": 1.0, "cm": 10.0, "centimeters": 10.0, "m": 1e3}
@@ -25,17 +26,14 @@ def read_recording(path: Path, unit: float | None = None) -> Recording:
         raise InputError("no such file", where=str(path), do="check the path")
     if path.suffix.lower() == ".c3d":
         return _c3d(path, unit)
-    try:
-        with open(path, newline="", encoding="utf-8-sig", errors="replace") as file:
-            rows = [[cell.strip() for cell in row] for row in read_rows(file)]
-    except csv.Error:
-        raise InputError("is not a table of comma-separated values", where=str(path), do="export it as CSV") from None
-    if rows and rows[0] and rows[0][0] == "Format Version":
-        return _optitrack(path, rows, unit)
-    if rows and rows[0] and rows[0][0].lower() == "trajectories":
-        return _vicon(path, rows, unit)
-    if rows and rows[0] and re.fullmatch(r"t|time|t_s|(t|time)[_ ]?[\[(]?s[\])]?", rows[0][0], re.IGNORECASE):
-        return _plain(path, rows, unit)
+    lines = read_rows(path)
+    first = next((row.cells for row in lines[:1]), ())
+    if first[:1] == ("Format Version",):
+        return _optitrack(path, lines, unit)
+    if first and first[0].lower() == "trajectories":
+        return _vicon(path, lines, unit)
+    if first and re.fullmatch(r"t|time|t_s|(t|time)[_ ]?[\[(]?s[\])]?", first[0], re.IGNORECASE):
+        return _plain(titled(path, lines), unit)
     do = "export from Motive (CSV, with header), from Nexus (ASCII, trajectories), as .c3d, or write a table whose "
     do += "columns are t_s, NAME_x_mm, NAME_y_mm, NAME_z_mm"
     raise InputError("is no export of OptiTrack Motive or Vicon Nexus", where=str(path), do=do)
@@ -51,33 +49,33 @@ def _size(path: Path, name: str | None, unit: float | None) -> float:
     return _UNITS[name.lower()]
 
 
-def _optitrack(path: Path, rows: list[list[str]], unit: float | None) -> Recording:
+def _optitrack(path: Path, lines: list[Row], unit: float | None) -> Recording:
     """Motive, format 1.2 and later: rows of types, names and kinds of number above 'Frame, Time'."""
+    rows = [row.cells for row in lines]
     about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     start = next((i for i, row in enumerate(rows) if row and row[0] == "Frame"), None)
     if start is None or start < 3:
         raise InputError("has no row that begins with 'Frame'", where=str(path), do="export it with its header")
-    head = [row for row in rows[1:start] if any(row)]
+    head = [row for row in rows[1:start] if row]
     kinds = next((row for row in head if "Position" in row), None)
     types, names = head[0], head[1]
-    axes = rows[start]
     columns: dict[str, dict[str, int]] = {}
     wanted = "Marker" if "Marker" in types else "Rigid Body Marker"
-    for i, axis in enumerate(axes):
+    for i, axis in enumerate(rows[start]):
         if axis in _AXES and i < len(types) and types[i] == wanted and (kinds is None or kinds[i] == "Position"):
-            columns.setdefault(names[i], {})[axis] = i
-    whole = {name: place for name, place in columns.items() if len(place) == 3}
-    if not whole:
+            if axis in columns.setdefault(names[i], {}):
+                what = f"two markers are called '{names[i]}'"
+                raise InputError(what, where=f"{path}:{lines[start].line}", do="name them apart, and export again")
+            columns[names[i]][axis] = i
+    if not any(len(place) == 3 for place in columns.values()):
         raise InputError("exports no marker's position", where=str(path), do="tick markers and positions in Motive")
     size = _size(path, about.get("Length Units"), unit)
-    data = [row for row in rows[start + 1 :] if row and row[0]]
-    time = _numbers(path, data, [1], start)[:, 0]
-    points = _points(path, data, list(whole.values()), start) * size
-    return make_recording(time, list(whole), points, str(path))
+    return _recording(path, [row for row in lines[start + 1 :] if row.cells[:1] > ("",)], 1, columns, size)
 
 
-def _vicon(path: Path, rows: list[list[str]], unit: float | None) -> Recording:
+def _vicon(path: Path, lines: list[Row], unit: float | None) -> Recording:
     """Nexus: the rate, names above their first column, axes, units, frames; the block ends with an empty row."""
+    rows = [row.cells for row in lines]
     try:
         rate = float(rows[1][0])
         names, axes, units = rows[2], rows[3], rows[4]
@@ -85,42 +83,58 @@ def _vicon(path: Path, rows: list[list[str]], unit: float | None) -> Recording:
     except (IndexError, ValueError):
         do = "export trajectories as ASCII with their header"
         raise InputError("has no header of a Nexus export", where=str(path), do=do) from None
-    columns = {}
+    if not 0 < rate < np.inf:
+        raise InputError(f"states a rate of {rows[1][0]} frames a second", where=f"{path}:{lines[1].line}")
+    columns: dict[str, dict[str, int]] = {}
     for i in range(first, len(axes) - 2, 3):
-        if i < len(names) and names[i] and axes[i : i + 3] == _AXES:
-            columns[names[i].split(":")[-1]] = dict(zip(_AXES, range(i, i + 3), strict=True))
+        if i < len(names) and names[i] and list(axes[i : i + 3]) == _AXES:
+            name = names[i].split(":")[-1]
+            if name in columns:
+                what = f"two markers are called '{name}'"
+                raise InputError(what, where=f"{path}:{lines[2].line}", do="name them apart, and export again")
+            columns[name] = dict(zip(_AXES, range(i, i + 3), strict=True))
     if not columns:
         raise InputError("names no marker", where=str(path), do="export trajectories as ASCII with their header")
     size = _size(path, units[first] if first < len(units) else None, unit)
-    data = []
-    for row in rows[5:]:
-        if not row or not row[0]:
-            break
-        data.append(row)
-    frames = _numbers(path, data, [0], 4)[:, 0]
-    points = _points(path, data, list(columns.values()), 4) * size
-    return make_recording((frames - frames[:1]) / rate, list(columns), points, str(path))
+    data = list(takewhile(lambda row: row.cells[:1] > ("",), lines[5:]))
+    return _recording(path, data, 0, columns, size, rate)
 
 
-def _plain(path: Path, rows: list[list[str]], unit: float | None) -> Recording:
-    """One header: time in seconds, then three columns a marker, such as tip_x_mm."""
+def _plain(table: TextTable, unit: float | None) -> Recording:
+    """One row of titles: time in seconds, then three columns a marker, such as tip_x_mm."""
     columns: dict[str, dict[str, int]] = {}
     units = set()
-    for i, name in enumerate(rows[0][1:], start=1):
+    for i, name in enumerate(table.titles[1:], start=1):
         found = _PLAIN.fullmatch(name)
         if found:
             columns.setdefault(found["marker"], {})[found["axis"].upper()] = i
             units.add(found["unit"])
-    whole = {name: place for name, place in columns.items() if len(place) == 3}
-    if not whole:
+    if not any(len(place) == 3 for place in columns.values()):
         do = "name them as tip_x_mm, tip_y_mm, tip_z_mm"
-        raise InputError("has no marker with columns of x, y and z", where=str(path), do=do)
+        raise InputError("has no marker with columns of x, y and z", where=str(table.path), do=do)
     if len(units) > 1:
-        raise InputError("gives columns of markers in different units", where=str(path), do="use one")
-    size = _size(path, units.pop(), unit)
-    data = [row for row in rows[1:] if any(row)]
-    time = _numbers(path, data, [0], 0)[:, 0]
-    return make_recording(time, list(whole), _points(path, data, list(whole.values()), 0) * size, str(path))
+        raise InputError("gives columns of markers in different units", where=str(table.path), do="use one")
+    return _recording(table.path, table.rows, 0, columns, _size(table.path, units.pop(), unit))
+
+
+def _recording(
+    path: Path,
+    rows: Sequence[Row],
+    clock: int,
+    columns: Mapping[str, Mapping[str, int]],
+    size: float,
+    rate: float | None = None,
+) -> Recording:
+    """clock: the column of time in s, or of frames where `rate`, a second, is given. columns: of each marker's axes;
+    those that lack one are left out."""
+    whole = {name: place for name, place in columns.items() if len(place) == 3}
+    index = [clock, *(place[axis] for place in whole.values() for axis in _AXES)]
+    titles = {clock: "time" if rate is None else "frame"}
+    titles |= {place[axis]: f"{name} {axis}" for name, place in whole.items() for axis in _AXES}
+    table = TextTable(path, tuple(titles.get(i, "") for i in range(max(titles) + 1)), tuple(rows))
+    values = table.numbers(index)
+    time = values[:, 0] if rate is None else (values[:, 0] - values[:1, 0]) / rate
+    return make_recording(time, list(whole), size * values[:, 1:].reshape(len(values), len(whole), 3), str(path))
 
 
 def _c3d(path: Path, unit: float | None) -> Recording:
@@ -145,24 +159,3 @@ def _c3d(path: Path, unit: float | None) -> Recording:
     numbers = np.array([number for number, _ in frames], float)
     names = [label or f"marker-{i + 1}" for i, label in enumerate(labels)]
     return make_recording((numbers - numbers[0]) / rate, names, points, str(path))
-
-
-def _points(path: Path, rows: list[list[str]], places: list[dict[str, int]], above: int) -> np.ndarray:
-    """(n, m, 3)."""
-    index = [place[axis] for place in places for axis in _AXES]
-    return _numbers(path, rows, index, above).reshape(len(rows), len(places), 3)
-
-
-def _numbers(path: Path, rows: list[list[str]], columns: list[int], above: int) -> np.ndarray:
-    """(n, k), nan where a cell is empty."""
-    out = np.full((len(rows), len(columns)), np.nan)
-    for i, row in enumerate(rows):
-        for j, column in enumerate(columns):
-            text = row[column] if column < len(row) else ""
-            if text:
-                try:
-                    out[i, j] = float(text)
-                except ValueError:
-                    what = f"row {above + i + 2}: '{text}' is not a number"
-                    raise InputError(what, where=str(path)) from None
-    return out

@@ -41,10 +41,15 @@ class Clocked:
 
     def at_rest(self, condensed: Condensed) -> State:
         """Standing still where the static model says."""
-        motion = at_rest(self.model, condensed.delta_a)
-        u = condensed.delta_a if self.kind == "displacement" else condensed.lambda_a
+        return self.standing(
+            condensed.delta_a, condensed.delta_a if self.kind == "displacement" else condensed.lambda_a
+        )
+
+    def standing(self, delta_a: np.ndarray, u: np.ndarray) -> State:
+        """Standing still at delta_a (n_a,) mm under the command u (n_a,)."""
+        motion = at_rest(self.model, delta_a)
         z = np.concatenate([motion.q, motion.p, motion.memory.ravel()])
-        return State(z, motion.v, np.array(u))
+        return State(z, motion.v, np.array(u, float))
 
     def acting(self, before: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What a step of the model is told: of commands (..., n_a) reached at its beginning and at its end."""
@@ -55,7 +60,7 @@ class Clocked:
         `cfem.motion.linear.places`."""
         middle = guess.state[:, : self.n_a] + self.dt / 2 * guess.v[:, : self.n_a]
         place, losses = places(self.model, middle, every), self.model.losses
-        return linear_steps(self._warped(place), losses, guess, self.kind, self.dt, material), place
+        return linear_steps(self.warped(place), losses, guess, self.kind, self.dt, material), place
 
     def step(
         self, state: State, u: np.ndarray, material: Material, place: Place | None = None
@@ -70,7 +75,7 @@ class Clocked:
             middle = (z[: self.n_a] + self.dt / 2 * v[: self.n_a])[None]
             place = places(self.model, middle) if place is None else moved(place, self.model, middle)
             guess = Guess(z[None], v[None], told[None])
-            steps = linear_steps(self._warped(place), self.model.losses, guess, self.kind, self.dt, material)
+            steps = linear_steps(self.warped(place), self.model.losses, guess, self.kind, self.dt, material)
             before, v = v, (steps.end[0, : self.n_q] - z[: self.n_q]) / self.dt
             if np.abs((v - before) / size).max() <= _SETTLED * max(float(np.abs(v / size).max()), 1.0):
                 break
@@ -89,6 +94,7 @@ class Clocked:
         C[:, :, self.n_a : self.n_q] = near.H + bent
         return part["effector"] + np.einsum("kei,ki->ke", near.H + bent / 2, eta), C
 
-    def _warped(self, place: Place) -> Place:
+    def warped(self, place: Place) -> Place:
+        """With mass and viscosity scaled, so that steps of a tick have the lowest natural frequency right."""
         g = self._warp
         return replace(place, M=g**2 * place.M, dM=g**2 * place.dM, F=g * place.F)

@@ -34,7 +34,8 @@ def read_commands(path: Path, model: MotionModel) -> Commands:
     actuators, units = model.rows.actuators, {"time": "s"}
     for name, (displacement, force) in zip(actuators, model.static.actuator_units, strict=True):
         units |= {f"{name}.displacement": displacement, f"{name}.force": force}
-    columns = read_table(path, units)
+    read = read_table(path, units)
+    columns = read.columns
     kinds = [kind for kind in ("displacement", "force") if any(f"{name}.{kind}" in columns for name in actuators)]
     if len(kinds) != 1:
         what = "has both displacements and forces" if kinds else "has no commands"
@@ -45,14 +46,15 @@ def read_commands(path: Path, model: MotionModel) -> Commands:
     if missing is not None:
         raise InputError(f"has no column '{missing}'", where=str(path), do="add it")
     table = np.stack([columns[name] for name in wanted], axis=1)
-    if not len(table) or not np.isfinite(table).all():
-        what = "has no rows" if not len(table) else f"row {int((~np.isfinite(table)).any(axis=1).argmax()) + 1}: a gap"
-        raise InputError(what, where=str(path), do="give every command a number at every time")
-    if not (np.diff(table[:, 0]) > 0).all():
-        row = int((np.diff(table[:, 0]) <= 0).argmax()) + 2
-        raise InputError(
-            f"row {row}: its time is not after that of the row before", where=str(path), do="sort the rows"
-        )
+    if not len(table):
+        raise InputError("has no rows", where=str(path), do="give every command a number at every time")
+    gaps = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if len(gaps):
+        raise InputError("a gap", where=read.places[gaps[0]], do="give every command a number at every time")
+    back = np.flatnonzero(~(np.diff(table[:, 0]) > 0))
+    if len(back):
+        where = read.places[back[0] + 1]
+        raise InputError("its time is not after that of the row before", where=where, do="sort the rows")
     return Commands("displacement" if kinds[0] == "displacement" else "force", table[:, 0], table[:, 1:])
 
 

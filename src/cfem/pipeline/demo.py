@@ -58,14 +58,13 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
     the first learned controller. control: results of `cfem control`."""
     name, found = _learned(control["trajectories"])
     near, mesh, cost = found["distance_to_reachable_goals"], control["discretisation"], control["fe_cost"]
-    error = f"{length(near['mean'])} on average" if near else "none, as no goal is in reach"
+    error = f"{length(near['mean'])} on average" if near else "none, as no goal is in reach,"
+    error += " on the mesh that the model has learned"
     if "tip_mm" in mesh:
-        error += (
-            f" on this mesh; a much finer mesh would move the tip by about {length(mesh['tip_mm'], digits=2)} "
-            f"({mesh['tip_percent']:.2g} % of the robot's length)"
-        )
+        finer = f"about {length(mesh['tip_mm'], digits=2)} ({mesh['tip_percent']:.2g} % of the robot's length)"
+        error = f"{finer} in a robot of a much finer mesh; {error}"
     else:
-        error += f"; the discretisation error is not known: {mesh['left_out']}"
+        error += f"; on a finer mesh it is not known: {mesh['left_out']}"
     step = found["step_us"]["median"] / 1e6
     against = ""
     if cost and cost["solves"]:

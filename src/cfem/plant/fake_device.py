@@ -21,7 +21,8 @@ def main() -> None:
     options = _options()
     model = load_model(options.model)
     robot = ModelPlant(Stiffer(model, options.stiffer), model.rest_e)
-    plant = ImperfectPlant(robot, Imperfection(noise=options.noise, delay=options.delay), options.seed)
+    imperfection = Imperfection(options.noise, 1 / options.every, options.delay)
+    plant = ImperfectPlant(robot, imperfection, options.seed)
     for line in sys.stdin:
         message = json.loads(line)
         if "bye" in message:
@@ -63,6 +64,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("model", type=Path, help="folder of cfem train or cfem export")
     parser.add_argument("--stiffer", type=float, default=1.0, help="Young's modulus over the model's")
     parser.add_argument("--noise", type=float, default=0.0, help="mm, standard deviation of a coordinate")
+    parser.add_argument("--every", type=int, default=1, help="ticks from one sample to the next")
     parser.add_argument("--delay", type=int, default=0, help="ticks from sample to answer")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--fail", choices=["die", "hang", "garbage"], default="garbage", help="what to do at --at")

@@ -39,22 +39,23 @@ class Domain:
     def to_json(self) -> dict:
         return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
 
-    def outside(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float:
-        """How far one state lies outside the boxes, as a share of their widths; 0 inside."""
+    def outside(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float | np.ndarray:
+        """(...,) how far states (..., n_a) lie outside the boxes, as a share of their widths; 0 inside."""
         low, high = self._box
         state = self._state(delta_a, lambda_a, p)
-        return float((np.maximum(low - state, state - high) / _range(self._box)).max(initial=0.0))
+        return _plain((np.maximum(low - state, state - high) / _range(self._box)).max(axis=-1, initial=0.0))
 
-    def distance(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float:
-        """From one state to the nearest kept training state, in units of the largest gap between one of them and its
-        nearest neighbour: about 1 or less among the data, however many there are."""
+    def distance(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float | np.ndarray:
+        """(...,) from states (..., n_a) to the nearest kept training state, in units of the largest gap between one of
+        them and its nearest neighbour: about 1 or less among the data, however many there are."""
         width = _range(self._box)
-        offsets = (self.states - self._state(delta_a, lambda_a, p)) / width
-        return float(np.sqrt((offsets**2).sum(axis=1).min()) / self._gap)
+        offsets = (self.states - self._state(delta_a, lambda_a, p)[..., None, :]) / width
+        return _plain(np.sqrt((offsets**2).sum(axis=-1).min(axis=-1)) / self._gap)
 
-    def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> bool:
-        """Whether one state is like those that the model was trained on."""
-        return self.outside(delta_a, lambda_a, p) == 0.0 and self.distance(delta_a, lambda_a, p) <= FAR
+    def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> bool | np.ndarray:
+        """(...,) whether states (..., n_a) are like those that the model was trained on."""
+        within = np.equal(self.outside(delta_a, lambda_a, p), 0.0)
+        return _plain(within & np.less_equal(self.distance(delta_a, lambda_a, p), FAR))
 
     def nearest(self, s: np.ndarray, form: Form, p: np.ndarray | None = None) -> np.ndarray:
         """(n_a,) the multipliers (form 'displacement') or displacements ('force') of the kept state whose displacements
@@ -81,12 +82,19 @@ class Domain:
         return float(apart.min(axis=1).max()) if len(apart) > 1 else 1.0
 
     def _state(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None) -> np.ndarray:
-        return np.concatenate([delta_a, lambda_a, [] if p is None else p])
+        """(..., 2 n_a + n_p) joined."""
+        p = np.zeros(0) if p is None else p
+        return np.concatenate([delta_a, lambda_a, np.broadcast_to(p, (*delta_a.shape[:-1], p.shape[-1]))], axis=-1)
 
 
 def _box(states: np.ndarray) -> np.ndarray:
     low, high = states.min(axis=0), states.max(axis=0)
     return np.stack([low - MARGIN * (high - low), high + MARGIN * (high - low)])
+
+
+def _plain(values: np.ndarray) -> float | bool | np.ndarray:
+    """A Python number where there is one state, which JSON takes."""
+    return values.item() if np.ndim(values) == 0 else values
 
 
 def _range(box: np.ndarray) -> np.ndarray:

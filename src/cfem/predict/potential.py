@@ -22,7 +22,7 @@ class PotentialPredictor(ArrayPredictor):
         if self.parameters:
             return super().at(s, p)
         s = np.asarray(s, float)
-        part = self.parts(s, s[:0])  # whose gradient is what the condensed model would be solved for
+        part = self.parts(s, s[..., :0])  # whose gradient is what the condensed model would be solved for
         W, delta_free = condense(self.form, self.rows, s, part, self.sizes)
         return Condensed(self.rows, W, delta_free, s if self.form == "force" else part["gradient"])
 

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +12,14 @@ from cfem.condensed import Condensed, Rows
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
+from cfem.predict.dual_state import dual_states
 from cfem.predict.energy import Form
 from cfem.predict.skin import LearnedSkin
+
+if TYPE_CHECKING:
+    from cfem.predict.workspace import Workspace
+
+_PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
 
 
 class Predictor(ABC):
@@ -115,44 +122,66 @@ class Predictor(ABC):
         return coordinates([self.parameters[i] for i in self._learned], p[..., self._learned])
 
     def at(self, s: ArrayLike, p: ArrayLike | None = None) -> Condensed:
-        """The condensed robot at one input s (n_a,) of the form; effectors from their rest position."""
+        """The condensed robot at inputs s (..., n_a) of the form; effectors from their rest position."""
         s = np.asarray(s, float)
         W, delta_free = self.evaluate(s, p)
         a = self.rows.a
-        lam = s if self.form == "force" else np.linalg.solve(W[a, a], s - delta_free[a])
+        if self.form == "force":
+            return Condensed(self.rows, W, delta_free, s)
+        lam = np.linalg.solve(W[..., a, a], (s - delta_free[..., a])[..., None])[..., 0]
         return Condensed(self.rows, W, delta_free, lam)
 
     def at_displacement(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
-        """The condensed robot where its actuators stand at delta_a (n_a,) mm. NumericalError where there is none,
+        """The condensed robot where its actuators stand at delta_a (..., n_a) mm. NumericalError where there is none,
         and far outside the domain."""
         delta_a = self._one_each(delta_a, "a state of displacements")
-        self._demand_near(delta_a, self.domain.delta_a, "displacements", "mm")
+        self._demand_near(delta_a, *self.domain.delta_a, "displacements", "mm")
         return self.at(delta_a, p) if self.form == "displacement" else self._find(delta_a, p)
 
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
-        """The condensed robot under lambda_a (n_a,) N. NumericalError where there is none, and far outside the
+        """The condensed robot under lambda_a (..., n_a) N. NumericalError where there is none, and far outside the
         domain."""
         lambda_a = self._one_each(lambda_a, "a state of forces")
-        softer = float(self.softer(self._p(p))) if self.parameters else 1.0
-        self._demand_near(lambda_a, self.domain.lambda_a / softer, "forces", "N")
+        softer = self.softer(self._p(p))[..., None] if self.parameters else 1.0
+        self._demand_near(lambda_a, *(bound / softer for bound in self.domain.lambda_a), "forces", "N")
         return self.at(lambda_a, p) if self.form == "force" else self._find(lambda_a, p)
 
+    def jacobian(self, state: Condensed) -> np.ndarray:
+        """(..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model."""
+        return state.effector_jacobian
+
+    def workspace(self, states: int = 1000, seed: int = 0) -> "Workspace":
+        """Places of the effectors at `states` equilibria that fill what the robot can do (workspace.py)."""
+        from cfem.predict.workspace import workspace_of
+
+        return workspace_of(self, states, seed)
+
+    @property
+    def pulls(self) -> np.ndarray:
+        """(n_a,) bool: actuators that pull, or blow, and do not push, or suck, in the training states."""
+        low, high = self.domain.lambda_a
+        return low > -_PUSHES * high
+
     def _one_each(self, values: ArrayLike, what: str) -> np.ndarray:
-        """InputError where these are not a finite number for each actuator."""
-        array = np.asarray(values, float)
-        if array.shape != (self.rows.n_a,) or not np.isfinite(array).all():
+        """(..., n_a). InputError where these are not a finite number for each actuator."""
+        try:
+            array = np.asarray(values, float)
+        except (TypeError, ValueError, OverflowError):
+            raise self._not_one_each(values, what) from None
+        if array.shape[-1:] != (self.rows.n_a,) or not np.isfinite(array).all():
             raise self._not_one_each(values, what)
         return array
 
-    def _demand_near(self, state: np.ndarray, box: np.ndarray, what: str, unit: str) -> None:
-        """NumericalError where a state lies outside the box (2, n_a) of the training states by more than its width: the
-        answer would be wrong by orders of magnitude."""
-        low, high = box
-        width = np.where(high > low, high - low, np.inf)  # one value alone tells nothing of what is far
-        if (np.maximum(low - state, state - high) > width).any():
+    def _demand_near(self, states: np.ndarray, low: np.ndarray, high: np.ndarray, what: str, unit: str) -> None:
+        """NumericalError where one of the states (..., n_a) lies outside the box low, high (..., n_a) of the training
+        states by more than its width: the answer would be wrong by orders of magnitude."""
+        width = np.where(high > low, high - low, np.inf)  # a single value tells nothing of what is far
+        far = (np.maximum(low - states, states - high) > width).any(axis=-1)
+        if far.any():
+            state, least, most = (np.broadcast_to(values, states.shape)[far][0] for values in (states, low, high))
             ranges = ", ".join(
-                f"{name} {one:.3g} to {other:.3g}"
-                for name, one, other in zip(self.rows.actuators, low, high, strict=True)
+                f"{name} {least:.3g} to {most:.3g}"
+                for name, least, most in zip(self.rows.actuators, least, most, strict=True)
             )
             raise NumericalError(
                 f"{what} {np.round(state, 6).tolist()} {unit} are far outside what the model was trained on ({ranges})",
@@ -160,53 +189,71 @@ class Predictor(ABC):
             )
 
     def _not_one_each(self, values: ArrayLike, what: str) -> InputError:
-        names = ", ".join(self.rows.actuators)
-        return InputError(f"{what} is one finite number for each actuator ({names}); got {values}")
+        names, text = ", ".join(self.rows.actuators), repr(values)
+        shown = text if len(text) <= 80 else f"{text[:77]}..."
+        return InputError(f"{what} is one finite number for each actuator ({names}); got {shown}")
 
     def _find(self, wanted: np.ndarray, p: np.ndarray | None, tolerance: float = 1e-11) -> Condensed:
-        """The state whose dual quantity is `wanted` (n_a,): Newton from the nearest training state, halving steps;
-        tolerance: relative to the domain's largest value. W_aa is the derivative, d delta_a / d lambda_a."""
-        a = self.rows.a
-        by_force = self.form == "displacement"  # what is wanted are forces, what is varied are displacements
-        box = self.domain.lambda_a if by_force else self.domain.delta_a
-        softer = self.softer(self._p(p)) if self.parameters else 1.0  # the domain's states are those of the reference
-        start = self.domain.nearest(
-            wanted * softer if by_force else wanted, "force" if by_force else "displacement", self.q(p)
-        )
-        here = self.at(start if by_force else start / softer, p)
-        missing = wanted - (here.lam if by_force else here.delta[a])
-        for _ in range(60):
-            if np.abs(missing).max() <= tolerance * max(np.abs(box).max(), np.abs(wanted).max()):
-                return here
-            s = here.delta[a] if by_force else here.lam
-            step = here.W_aa @ missing if by_force else np.linalg.solve(here.W_aa, missing)
-            for share in 0.5 ** np.arange(12):
-                trial = self.at(s + share * step, p)
-                left = wanted - (trial.lam if by_force else trial.delta[a])
-                if np.linalg.norm(left) < np.linalg.norm(missing):
-                    break
-            else:
-                break
-            here, missing = trial, left
-        if np.abs(missing).max() <= 1e3 * tolerance * np.abs(box).max():  # as near as rounding lets it come
-            return here
-        what, unit = ("multipliers", "N") if by_force else ("displacements", "mm")
-        raise NumericalError(
-            f"the model finds no state of {what} {wanted.tolist()} {unit}: {np.abs(missing).max():.2g} {unit} are left",
-            do="ask inside its domain",
+        """The states whose dual quantities are `wanted` (..., n_a), searched from the nearest training states;
+        tolerance: relative to the domain's largest value. NumericalError where one is not found."""
+        state, missing, allowed = self.search(wanted, p, tolerance)
+        if (missing > allowed).any():
+            what, unit = ("multipliers", "N") if self.form == "displacement" else ("displacements", "mm")
+            worst = np.unravel_index(np.argmax(missing - allowed), missing.shape)
+            raise NumericalError(
+                f"the model finds no state of {what} {wanted[worst].tolist()} {unit}: "
+                f"{missing[worst]:.2g} {unit} are left",
+                do="ask inside its domain",
+            )
+        return self.at(state, p)
+
+    def search(
+        self, wanted: np.ndarray, p: np.ndarray | None = None, tolerance: float = 1e-11
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Inputs (..., n_a) of the form whose duals are `wanted` (..., n_a), what is missing (...,) and what rounding
+        allows to be missing (...,)."""
+        known = self.domain.lambda_a if self.form == "displacement" else self.domain.delta_a
+        dual: Form = "force" if self.form == "displacement" else "displacement"
+        flat, size = wanted.reshape(-1, self.rows.n_a), np.abs(known).max()
+        every = np.broadcast_to(self._p(p), (*wanted.shape[:-1], len(self.parameters))).reshape(len(flat), -1)
+        # the domain's states are those of the reference of exact parameters
+        softer = self.softer(every)[:, None] if self.parameters else np.ones((len(flat), 1))
+        reference = flat * softer if dual == "force" else flat
+        start = np.array([self.domain.nearest(row, dual, q) for row, q in zip(reference, self.q(every), strict=True)])
+        start = start if dual == "force" else start / softer
+        exact = tolerance * np.maximum(size, np.abs(flat).max(axis=1))
+        state, missing = dual_states(lambda s, which: self.at(s, every[which]), self.form, start, flat, exact)
+        shape = wanted.shape[:-1]
+        return (
+            state.reshape(wanted.shape),
+            missing.reshape(shape),
+            np.maximum(exact, 1e3 * tolerance * size).reshape(shape),
         )
 
-    def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool:
-        """Whether a state found with this model is like those that it was trained on."""
+    def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool | np.ndarray:
+        """Whether each state found with this model is like those that it was trained on."""
         return self.domain.holds(*self._where(condensed, p))
 
-    def distance(self, condensed: Condensed, p: ArrayLike | None = None) -> float:
-        """How far a state is from the training states: about 1 or less among them (`Domain.distance`)."""
+    def distance(self, condensed: Condensed, p: ArrayLike | None = None) -> float | np.ndarray:
+        """How far each state is from the training states: about 1 or less among them (`Domain.distance`)."""
         return self.domain.distance(*self._where(condensed, p))
 
     def _where(self, condensed: Condensed, p: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        softer = self.softer(self._p(p)) if self.parameters else 1.0
+        softer = self.softer(self._p(p))[..., None] if self.parameters else 1.0
         return condensed.delta_a, condensed.lambda_a * softer, self.q(p)
+
+    def __repr__(self) -> str:
+        samples = self.meta.get("dataset", {}).get("samples", 0)
+        taught = [f"{samples} training states"] if samples else []
+        actuators = ", ".join(
+            f"{name} {least:g} to {most:g} {unit}"
+            for name, (least, most), (unit, _) in zip(
+                self.rows.actuators, self.reach, self.actuator_units, strict=False
+            )
+        )
+        varied = [f"parameters {', '.join(parameter.name for parameter in self.parameters)}"] if self.parameters else []
+        parts = [f"actuators {actuators}", f"effector rows {', '.join(self.rows.effectors)}", *varied, *taught]
+        return f"<{self.meta['kind']} model of '{self.meta['scene']}': {'; '.join(parts)}>"
 
     def _p(self, p: np.ndarray | None) -> np.ndarray:
         if p is None:

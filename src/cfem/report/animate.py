@@ -4,7 +4,7 @@ and its model; nothing is solved."""
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,8 +16,12 @@ from cfem.core.spec import Spec, load_spec
 from cfem.core.stage import Options, Stage, read_manifest, run_stage
 from cfem.robot.spec import SceneSpec
 
+if TYPE_CHECKING:
+    from cfem.report.shape_history import ShapeHistory
+    from cfem.report.viewer import Viewer
+
 VERSION = 1
-Format = Literal["gif", "paraview"]
+Format = Literal["gif", "paraview", "still"]
 A_GOAL, A_ROUND = 110, 2400  # ms: that a goal is shown at least, and of few goals all together
 QUICKEST, SLOWEST = 20, 1000  # ms a frame: quicker ones are slowed down by many viewers
 
@@ -61,7 +65,6 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
     demand("pyarrow", "matplotlib", "PIL", where="cfem animate")
     from cfem.core.progress import progress
     from cfem.report.animation import viewer_of
-    from cfem.report.moving import gif
     from cfem.report.paraview import write_series
     from cfem.report.shape_history import LEARNED, histories
 
@@ -77,12 +80,24 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
             made = files.setdefault(history.name, [])
             if "paraview" in spec.formats:
                 made.append(write_series(folder, f"{history.name}-{history.kind}", history))
-            if "gif" in spec.formats and shown[history.name] is history:
-                viewer = viewer_of(history.name, [history], scene)
-                write_whole(folder / f"{history.name}.gif", gif(viewer, viewer.takes[0], _durations(history)))
-                made.append(f"{history.name}.gif")
+            if shown[history.name] is history:
+                made += _pictures(folder, history, viewer_of(history.name, [history], scene), spec.formats)
             advance(1)
     return {"headline": [f"{name}: {', '.join(made)}" for name, made in files.items()], "files": files}
+
+
+def _pictures(folder: Path, history: "ShapeHistory", viewer: "Viewer", formats: Sequence[Format]) -> list[str]:
+    """Names of the files that show one trajectory."""
+    from cfem.report.moving import gif, still
+
+    take, made = viewer.takes[0], {}
+    if "gif" in formats:
+        made[f"{history.name}.gif"] = gif(viewer, take, _durations(history))
+    if "still" in formats:
+        made[f"{history.name}.png"] = still(viewer, take, history.rest)
+    for name, data in made.items():
+        write_whole(folder / name, data)
+    return list(made)
 
 
 def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:

@@ -1,9 +1,10 @@
-"""An animation as a GIF: the frames that the report's pictures are drawn like, one after the other, from one place."""
+"""A run as a GIF and as a picture for a paper: the body drawn as in the report, from one place."""
 
 import io
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
@@ -15,7 +16,9 @@ from cfem.report.viewer import COLOURS, HOT, Take, Viewer, camera_axes, painted
 
 WIDTH, LEAST, MOST = 400, 200, 540  # pixels: the width, and bounds of the height
 COLOURS_KEPT = 64
+SHARP = 6  # times as many pixels along each side: a picture 10 cm wide has 600 dots per inch
 _DPI = 100
+_PALE = 0.35  # of a colour, the rest white
 
 
 def gif(viewer: Viewer, take: Take, milliseconds: Sequence[int]) -> bytes:
@@ -40,16 +43,41 @@ def _with_ground(palette: Image.Image) -> Image.Image:
     return palette
 
 
+def still(viewer: Viewer, take: Take, rest: np.ndarray) -> bytes:
+    """A PNG of 2400 pixels' width: the shape farthest from rest (m, 3), that at rest in pale colours, the goals and the
+    whole path of the effector."""
+    used = np.unique(viewer.triangles)
+    place = int(np.linalg.norm(take.x[:, used] - rest[used], axis=2).max(axis=1).argmax())
+    axis, canvas, axes = _stage(viewer, take, rest, SHARP)
+    pale = 1 - _PALE * (1 - COLOURS[viewer.kinds])
+    axis.add_collection(painted(rest, viewer.triangles, pale, axes), autolim=False)
+    path = (take.reached @ axes.T).T[:2]
+    axis.plot(*path, color=HOT, lw=1.2, alpha=0.6, zorder=6)
+    buffer = io.BytesIO()
+    Image.fromarray(_frame(axis, canvas, viewer, take, axes, place)).save(buffer, format="PNG", dpi=(600, 600))
+    return buffer.getvalue()
+
+
 def _drawn(viewer: Viewer, take: Take) -> list[np.ndarray]:
     """(height, width, 3) pixels of each shape."""
-    axes = camera_axes(*viewer.camera)
-    everything = [take.x[:, np.unique(viewer.triangles)], take.goals, take.reached, *(one.frames for one in take.lines)]
+    axis, canvas, axes = _stage(viewer, take)
+    return [_frame(axis, canvas, viewer, take, axes, place) for place in range(len(take.x))]
+
+
+def _stage(
+    viewer: Viewer, take: Take, rest: np.ndarray | None = None, finer: int = 1
+) -> tuple[Axes, FigureCanvasAgg, np.ndarray]:
+    """Axes with the goals that have room for all shapes, and for that at rest (m, 3) if given, their canvas, and the
+    camera's axes (3, 3); finer: times as many pixels along each side."""
+    axes, used = camera_axes(*viewer.camera), np.unique(viewer.triangles)
+    everything = [take.x[:, used], take.goals, take.reached, *(line.frames for line in take.lines)]
+    everything += [] if rest is None else [rest[used]]
     flat = np.concatenate([one.reshape(-1, 3) for one in everything]) @ axes.T
     low, high = np.nanmin(flat, axis=0)[:2], np.nanmax(flat, axis=0)[:2]
     width, height = np.maximum(high - low, 1e-9) + 0.1 * (high - low).max()
     pixels = np.array([WIDTH, int(np.clip(WIDTH * height / width, LEAST, MOST)) // 2 * 2])
     half = pixels * max(width / pixels[0], height / pixels[1]) / 2
-    figure = Figure(figsize=pixels / _DPI, dpi=_DPI, facecolor=GROUND, layout="none")
+    figure = Figure(figsize=pixels / _DPI, dpi=finer * _DPI, facecolor=GROUND, layout="none")
     canvas, axis = FigureCanvasAgg(figure), figure.add_axes((0, 0, 1, 1))
     axis.set(
         xlim=(low + high)[0] / 2 + half[0] * np.array([-1, 1]), ylim=(low + high)[1] / 2 + half[1] * np.array([-1, 1])
@@ -57,10 +85,10 @@ def _drawn(viewer: Viewer, take: Take) -> list[np.ndarray]:
     axis.axis("off")
     if len(take.goals):
         axis.plot(*(take.goals @ axes.T).T[:2], "o", ms=4.5, mfc=GROUND, mec=INK, zorder=3)
-    return [_frame(axis, canvas, viewer, take, axes, place) for place in range(len(take.x))]
+    return axis, canvas, axes
 
 
-def _frame(axis, canvas: FigureCanvasAgg, viewer: Viewer, take: Take, axes: np.ndarray, place: int) -> np.ndarray:
+def _frame(axis: Axes, canvas: FigureCanvasAgg, viewer: Viewer, take: Take, axes: np.ndarray, place: int) -> np.ndarray:
     body: PolyCollection = painted(take.x[place], viewer.triangles, COLOURS[viewer.kinds], axes)
     drawn = [axis.add_collection(body, autolim=False)]
     for line in take.lines:

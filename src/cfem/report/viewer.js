@@ -16,6 +16,7 @@
   // A length of so many mm, with the unit that suits it, as cfem.core.shown gives it.
   const long = mm => {
     if (mm === null) return "unknown";
+    if (mm > 0 && mm < 1e-6) return "< 1 nm";
     const [unit, one] = [["mm", 1], ["µm", 1e-3], ["nm", 1e-6]].find(([, one]) => !mm || mm >= 0.1 * one) ?? ["nm", 1e-6];
     return `${Number((mm / one).toPrecision(2))} ${unit}`;
   };

@@ -57,7 +57,15 @@ class Difference:
 
 @dataclass(frozen=True)
 class File:
-    """A STEP solid, or the volume that a closed STL surface bounds. unit: size in mm of its numbers (STL has none)."""
+    """A STEP or BREP solid. unit: size in mm of a BREP file's numbers, which has none (of STEP, 1)."""
+
+    path: str
+    unit: float = 1.0
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The volume that the closed surface in a file bounds. unit: size in mm of its numbers."""
 
     path: str
     unit: float = 1.0
@@ -73,7 +81,7 @@ class Placed:
     translate: Point
 
 
-Solid = Box | Prism | Frustum | Loft | Union | Difference | File | Placed
+Solid = Box | Prism | Frustum | Loft | Union | Difference | File | Surface | Placed
 
 
 def as_data(solid: Solid) -> dict[str, Any]:

@@ -142,24 +142,43 @@ class StiffFlop(Spec):
             raise ValueError("the chambers must lie between bore_radius and radius")
 
 
+SURFACES = (".stl", ".obj", ".3mf", ".ply", ".off")  # files of triangles alone
+
+
 class MeshFile(Spec):
-    """The user's own mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh), or closed surface (.stl)."""
+    """The user's own mesh of tetrahedra or hexahedra (.vtu, .vtk, .msh, .inp), or a closed surface that is meshed here
+    (.stl, .obj, .3mf, .ply, .off)."""
 
     kind: Literal["mesh-file"]
     """A mesh or surface from a file."""
     path: Path
     """The file, relative to this spec."""
     unit: Length = Field(default=1.0, gt=0)
-    """Size of one unit of the file's numbers, such as '1 mm' or '25.4 mm'."""
+    """Size of one unit of the file's numbers, such as '1 mm' or '25.4 mm'. A .3mf is in mm here, whatever unit it
+    states."""
+    remesh: bool = False
+    """Whether only the surface of the file's mesh counts, and its inside is meshed anew. Files of triangles alone are
+    meshed in any case."""
+
+    @property
+    def meshed_here(self) -> bool:
+        """Whether cells are made here, from the surface in the file."""
+        return self.remesh or self.path.suffix.lower() in SURFACES
 
 
 class StepFile(Spec):
-    """A solid in a STEP file. The file states its own units."""
+    """A solid in a STEP or BREP file."""
 
     kind: Literal["step"]
-    """A solid from a STEP file."""
+    """A solid from a STEP (.step, .stp) or BREP (.brep, .brp) file."""
     path: Path
     """The file, relative to this spec."""
+    unit: Length | None = Field(default=None, gt=0)
+    """Size of one unit of a BREP file's numbers, 1 mm unless given. A STEP file states its own units."""
+
+    def check(self) -> None:
+        if self.unit is not None and self.path.suffix.lower() not in (".brep", ".brp"):
+            raise ValueError("unit: a STEP file states its own units, leave it out")
 
 
 Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | MeshFile | StepFile

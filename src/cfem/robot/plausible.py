@@ -3,11 +3,14 @@
 import numpy as np
 
 from cfem.core.errors import SpecError
+from cfem.core.shown import stress
 from cfem.equilibrium.robot import Robot
 from cfem.robot.soundness import moves_nothing, stands_still
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
+MODULI = (1e-3, 3e5)  # MPa, Young's: from gels to metals, of all that a robot may be made of
+RUBBER = (1e-3, 1e3)  # MPa, Young's, of what laws of rubber are fitted to
 STRONG = 100.0  # times Young's modulus: chambers burst long before such a pressure
 
 
@@ -52,6 +55,14 @@ def doubts(scene, robot: Robot) -> list[str]:
     if not extent / 10 <= scene.length <= 10 * extent:
         found.append(f"length is {scene.length:.4g} mm, and the body measures {_extent(robot.X)} mm: check its unit")
     return found
+
+
+def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[str]:
+    """Of Young's modulus (MPa): none, or why it is hardly meant. known: smallest and largest; do: what to check."""
+    low, high = known
+    if low <= young <= high:
+        return []
+    return [f"Young's modulus is {stress(young)}, and {stress(low)} to {stress(high)} is known of such materials: {do}"]
 
 
 def _pressure_doubts(scene) -> list[str]:

@@ -99,7 +99,7 @@ class SceneSpec(Spec):
             raise ValueError(f"{lacking[0]}: gravity needs the density of each material, such as '1070 kg/m^3'")
         if self.mesh.cells is not None and (
             self.mesh.element in ("hex8", *SECTIONED)
-            or (isinstance(self.geometry, MeshFile) and self.geometry.path.suffix != ".stl")
+            or (isinstance(self.geometry, MeshFile) and not self.geometry.meshed_here)
         ):
             raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
         made = not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"

@@ -34,6 +34,7 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.mesh.grading import scene_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
     from cfem.robot.mesh.quality import quality
+    from cfem.robot.mesh.surface_file import mends_of
     from cfem.robot.plausible import doubts
     from cfem.robot.soundness import demand_held, demand_independent, demand_unfolded
 
@@ -47,8 +48,9 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
     judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts()]]
     wanted = scene.mesh.cells
+    mends = [f"{path}: {phrase}" for path, phrase in mends_of(scene.geometry, folder)]
     asked = "" if wanted is None else f"; sizes were graded for {wanted} cells"
-    return {"headline": [figures.sentence() + asked], "judgement": judgement, **asdict(figures)}
+    return {"headline": [figures.sentence() + asked, *mends], "judgement": judgement, **asdict(figures)}
 
 
 COMMAND = Command("mesh", 1, SceneSpec, _work, reads=_reads)

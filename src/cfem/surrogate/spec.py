@@ -15,8 +15,8 @@ class SpectralSpec(Spec):
     """One potential as a Chebyshev series."""
     form: Literal["displacement", "force"] = "displacement"
     """What the model is a function of: displacements or forces of the actuators."""
-    max_degree: Annotated[int, Field(ge=1, le=40)] = 16
-    """Largest degree of a polynomial."""
+    max_degree: Annotated[int, Field(ge=2, le=40)] = 16
+    """Largest degree of a polynomial. Stiffness is a second derivative, so 2 at least."""
     max_terms: Annotated[int, Field(ge=1, le=10_000)] = 2000
     """Largest number of terms of one series."""
     folds: Annotated[int, Field(ge=2, le=20)] = 5

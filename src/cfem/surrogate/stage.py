@@ -16,7 +16,7 @@ import numpy as np
 
 from cfem.condensed.parameters import completed
 from cfem.condensed.skin import read_skin
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.core.files import file_sha256, write_json, write_npz
 from cfem.core.optional import demand
 from cfem.core.progress import doing
@@ -159,11 +159,15 @@ def train_and_judge(
     seconds = time.perf_counter() - begin
     meta = model_card(spec.kind, training, **facts)
     predictor, locked = build(meta, arrays), None
-    if not isinstance(spec, SerialSpec):  # whose modules have been looked at
-        locked = locked_compliance(predictor, training)
-        meta["semidefinite"] = locked["sizes"]
-        predictor = build(meta, arrays)
-    errors = measure(test, *predictions(predictor, test))
+    try:
+        if not isinstance(spec, SerialSpec):  # whose modules have been looked at
+            locked = locked_compliance(predictor, training)
+            meta["semidefinite"] = locked["sizes"]
+            predictor = build(meta, arrays)
+        errors = measure(test, *predictions(predictor, test))
+    except np.linalg.LinAlgError:
+        what = f"the model of {len(training)} samples has states without stiffness, where W is singular"
+        raise NumericalError(what, do="raise max_degree or max_terms, or sample more rows") from None
     if spec.kind == "spectral":
         errors |= of_loads(test, arrays, predictor.box(np.hstack(inputs(test, predictor.form))))
     results = {

@@ -6,16 +6,24 @@ from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.shown import duration, length
 from cfem.surrogate.skin_line import skin_line
 
+FEWEST = 10  # test states from which figures say something of others
+
 
 def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
     """Errors in mm and N (MPa of chambers) before the loss, then what is wrong. units: of the dataset's columns."""
     unit = units.get("lambda_a", "N")  # a list where the actuators differ
     force = unit if isinstance(unit, str) else " or ".join(sorted(set(unit), reverse=True))
     errors, definite = results["errors"], results["positive_definite"]
+    states, few = errors["states"], ""
+    if states < FEWEST:
+        few = f" (a figure of {states} state{'s' if states > 1 else ''} says little of others: sample more test rows)"
+    loss = f"the paper's loss {errors['loss']:.2e}, the same loss of whole vectors {errors['frame_loss']:.2e}"
+    if _unjudged(errors):
+        loss = "the paper's loss is not known, as the test states do not differ"
     lines = [
         f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
-        f"and {errors['force_N']['max']:.2g} {force} on {errors['states']} test states; "
-        f"the paper's loss {errors['loss']:.2e}, the same loss of whole vectors {errors['frame_loss']:.2e}; "
+        f"and {errors['force_N']['max']:.2g} {force} on {states} test state{'s' if states > 1 else ''}{few}; "
+        f"{loss}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
     if "skin" in results:
@@ -36,6 +44,8 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
 def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
     """Why the model should not be trusted, if so."""
     errors, definite, found = results["errors"], results["positive_definite"], []
+    if _unjudged(errors):
+        found.append(poor(f"the {errors['states']} test states do not differ, and nothing tells how good the model is"))
     if not (loss := errors["frame_loss"]) <= LOSS:
         tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
         found.append(poor(f"loss of whole vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
@@ -43,3 +53,8 @@ def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
         share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
         found.append(poor(f"W is not positive definite at {share}: control may find no command there"))
     return found
+
+
+def _unjudged(errors: dict[str, Any]) -> bool:
+    """Whether the test states are one state, in whose variance the losses have no unit."""
+    return errors.get("entries") == 0

@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.shown import folded
+from cfem.core.shown import folded, stress
 from cfem.robot.elastomers import ELASTOMERS, POISSON, Elastomer
 from cfem.tensile.constants import as_yaml
-from cfem.tensile.text import stress_text
 
 
 def list_text() -> str:
@@ -18,7 +17,7 @@ def list_text() -> str:
         told = data_of(name)
         reach = "-" if one.stretch is None else f"{one.stretch:g}"
         lines.append(
-            f"{name:<{width}}  {stress_text(told['young MPa']):>10}  {stress_text(told['stress at 2 MPa']):>12}  "
+            f"{name:<{width}}  {stress(told['young MPa']):>10}  {stress(told['stress at 2 MPa']):>12}  "
             f"{one.density:<12} {reach:<6} {'fitted' if one.fitted else 'published'}"
         )
     return "\n".join(
@@ -51,7 +50,7 @@ def data_of(name: str) -> dict[str, Any]:
 def show_text(name: str) -> str:
     """All that is known of one elastomer."""
     told, one = data_of(name), ELASTOMERS[name]
-    young, pulled = stress_text(told["young MPa"]), stress_text(told["stress at 2 MPa"])
+    young, pulled = stress(told["young MPa"]), stress(told["stress at 2 MPa"])
     lines = [
         f"Young's modulus at rest {young}, nominal stress {pulled} at a stretch of 2",
         _range(one),

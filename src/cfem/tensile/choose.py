@@ -2,7 +2,7 @@
 criterion AICc beside it (Burnham and Anderson, Model Selection and Multimodel Inference, 2002, section 2.4)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -72,4 +72,4 @@ def _unseen(form: Form, curves: Sequence[Curve], block: int, with_slack: bool, m
 
 
 def _part(curve: Curve, kept: np.ndarray) -> Curve:
-    return Curve(curve.mode, curve.stretch[kept], curve.stress[kept], curve.source)
+    return replace(curve, stretch=curve.stretch[kept], stress=curve.stress[kept])

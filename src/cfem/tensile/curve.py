@@ -2,13 +2,13 @@
 engineering stress or force, their units in the titles. Lines above the titles, a machine's own, are passed over."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from cfem.core.errors import InputError, SpecError
-from cfem.core.semicolons import with_point
+from cfem.core.text_table import Row, TextTable, read_rows
 from cfem.core.units import parse_quantity
 from cfem.tensile.forms import Mode
 
@@ -21,29 +21,36 @@ _NOISE = 0.01  # of the range of stretch, by which a rising curve may go back
 
 @dataclass(frozen=True)
 class Curve:
-    """stretch (m,) in rising order, stress (m,) MPa over the area at rest."""
+    """stretch (m,) in rising order, stress (m,) MPa over the area at rest; title: of the column of stress or force."""
 
     mode: Mode
     stretch: np.ndarray
     stress: np.ndarray
     source: str
+    title: str = ""
+
+    @property
+    def sense(self) -> str:
+        """Of the load."""
+        if self.stretch[-1] <= 1:
+            return "compression"
+        return "tension" if self.stretch[0] > 1 - _NOISE else "compression and tension"
 
 
 def read_curve(path: Path, mode: Mode = "uniaxial", length: float | None = None, area: float | None = None) -> Curve:
     """length mm and area mm^2: of the specimen at rest, for extension and force. InputError naming the file, the line
     and the column of what cannot be read."""
-    rows = _rows(path)
+    rows = [row for row in read_rows(path) if row.cells]
     start, across, up = _titles(rows, path)
-    titles, records = rows[start][1], rows[start + 1 :]
-    if len(records) < FEWEST:
+    table = TextTable(path, rows[start].cells, tuple(rows[start + 1 :]))
+    if len(table.rows) < FEWEST:
         raise InputError(
-            f"holds {len(records)} points, and a fit needs {FEWEST}", where=str(path), do="record more points"
+            f"holds {len(table.rows)} points, and a fit needs {FEWEST}", where=str(path), do="record more points"
         )
-    numbers = [number for number, _ in records]
-    x, y = (np.array([_number(path, titles, row, column) for row in records]) for column in (across, up))
-    stretch = _stretch(x, titles[across], length, path)
-    stress = _stress(y, titles[up], area, path)
-    return Curve(mode, *_rising(stretch, stress, numbers, path), str(path))
+    x, y = _points(table, (across, up))
+    stretch = _stretch(x, table.titles[across], length, path)
+    stress = _stress(y, table.titles[up], area, path)
+    return Curve(mode, *_rising(stretch, stress, table), str(path), table.titles[up])
 
 
 def up_to(curve: Curve, most: float) -> Curve:
@@ -52,25 +59,24 @@ def up_to(curve: Curve, most: float) -> Curve:
     if kept.sum() < FEWEST:
         what = f"has {kept.sum()} points up to a stretch of {most:g}, and a fit needs {FEWEST}"
         raise SpecError(what, where=curve.source, do="raise --up-to")
-    return Curve(curve.mode, curve.stretch[kept], curve.stress[kept], curve.source)
+    return replace(curve, stretch=curve.stretch[kept], stress=curve.stress[kept])
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """(line, cells) of the lines that are neither empty nor comments."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError("is not a text file", where=str(path), do="export the test as CSV") from None
-    except FileNotFoundError:
-        raise InputError("no such file", where=str(path), do="check the path") from None
-    lines = [(i + 1, line) for i, line in enumerate(text.splitlines()) if line.strip() and line.strip()[0] != "#"]
-    mark = next((one for one in ";\t" if 2 * sum(one in line for _, line in lines) > len(lines)), ",")
-    return [(number, [cell.strip().strip('"') for cell in line.split(mark)]) for number, line in lines]
+def _points(table: TextTable, columns: tuple[int, int]) -> np.ndarray:
+    """(2, m). InputError where a cell is empty."""
+    values = table.numbers(columns)
+    gaps = np.argwhere(np.isnan(values))
+    if len(gaps):
+        row, column = gaps[0]
+        what = f"column '{table.titles[columns[column]]}': is empty"
+        raise InputError(what, where=table.where(row), do="fill in the cell, or leave the row out")
+    return values.T
 
 
-def _titles(rows: list[tuple[int, list[str]]], path: Path) -> tuple[int, int, int]:
+def _titles(rows: list[Row], path: Path) -> tuple[int, int, int]:
     """Which row holds the titles, and the columns of stretch or strain and of stress or force."""
-    for index, (_, cells) in enumerate(rows):
+    for index, row in enumerate(rows):
+        cells = row.cells
         across, up = (_columns(cells, words) for words in (_ACROSS, _UP))
         if across and up:
             for column in (across, up):
@@ -83,27 +89,12 @@ def _titles(rows: list[tuple[int, list[str]]], path: Path) -> tuple[int, int, in
     raise InputError(what, where=str(path), do=f"name one column {', '.join(_ACROSS)}, and one {', '.join(_UP)}")
 
 
-def _columns(cells: list[str], words: tuple[str, ...]) -> list[int]:
+def _columns(cells: tuple[str, ...], words: tuple[str, ...]) -> list[int]:
     """Those of a kind: the ones called engineering or nominal where there are such, none called true."""
     named = [i for i, cell in enumerate(cells) if any(word in cell.lower() for word in words)]
     named = [i for i in named if not re.search(r"\b(true|rate|cauchy)\b", cells[i].lower())]
     engineering = [i for i in named if re.search(r"engineering|nominal", cells[i].lower())]
     return engineering or named
-
-
-def _number(path: Path, titles: list[str], row: tuple[int, list[str]], column: int) -> float:
-    line, cells = row
-    where = f"{path}:{line}"
-    if column >= len(cells):
-        raise InputError(f"{len(cells)} cells, the titles are {len(titles)}", where=where)
-    try:
-        value = float(with_point(cells[column]))
-    except ValueError:
-        do = "write numbers with a point" if "," in cells[column] else None
-        raise InputError(f"'{titles[column]}': '{cells[column]}' is not a number", where=where, do=do) from None
-    if not np.isfinite(value):
-        raise InputError(f"'{titles[column]}': {value} is not a finite number", where=where)
-    return value
 
 
 def _stretch(x: np.ndarray, title: str, length: float | None, path: Path) -> np.ndarray:
@@ -152,17 +143,21 @@ def _scaled(values: np.ndarray, title: str, system: str, path: Path) -> np.ndarr
         raise InputError(f"'{title}': {error}", where=str(path)) from None
 
 
-def _rising(stretch: np.ndarray, stress: np.ndarray, lines: list[int], path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _rising(stretch: np.ndarray, stress: np.ndarray, table: TextTable) -> tuple[np.ndarray, np.ndarray]:
     """In order of stretch. InputError where the test goes back: a law has one stress for each stretch."""
     span = np.ptp(stretch)
     if span == 0:
-        raise InputError("holds one stretch only", where=str(path), do="record a test that stretches the specimen")
+        raise InputError(
+            "holds one stretch only", where=str(table.path), do="record a test that stretches the specimen"
+        )
     away = np.abs(stretch - 1)
     back = np.flatnonzero(np.maximum.accumulate(away) - away > _NOISE * span)
-    if len(back):
-        what = f"the stretch falls from line {lines[back[0]]} on: unloading, or a second cycle"
-        raise InputError(what, where=str(path), do="keep the first loading; an elastic law has one branch")
+    if len(back) and not (np.maximum.accumulate(stretch) - stretch <= _NOISE * span).all():
+        what = f"the stretch falls from line {table.rows[back[0]].line} on: unloading, or a second cycle"
+        raise InputError(what, where=str(table.path), do="keep the first loading; an elastic law has one branch")
     order = np.argsort(stretch, kind="stable")
     if not np.corrcoef(stretch, stress)[0, 1] > 0:
-        raise InputError("stress does not rise with stretch", where=str(path), do="look at the columns and their signs")
+        raise InputError(
+            "stress does not rise with stretch", where=str(table.path), do="look at the columns and their signs"
+        )
     return stretch[order], stress[order]

@@ -56,7 +56,7 @@ def _left(axis, curves: Sequence[Curve], tried: Sequence[Candidate], chosen: Can
 def _modes(axis, curves: Sequence[Curve], chosen: Candidate) -> None:
     factor, unit = _scale(curves)
     fit, measured = chosen.fit, {one.mode for one in curves}
-    most = max(one.stretch.max() for one in curves)
+    most = max(max(one.stretch.max(), 1 / one.stretch.min()) for one in curves)
     for colour, mode in zip(LEARNED, MODES, strict=False):
         stretch = np.linspace(1.0, most, 121)
         stress = factor * nominal_stress(fit.form, fit.alpha, mode, stretch) @ fit.moduli

@@ -105,6 +105,7 @@ def _moduli(form: Form, alpha: np.ndarray, design: np.ndarray, target: np.ndarra
     from scipy.optimize import nnls
 
     size = np.abs(design).max(axis=0)
+    size[size == 0] = 1.0  # a power of exponent zero bears nothing
     if not keep:
         return np.linalg.lstsq(design / size, target, rcond=None)[0] / size
     signs = np.array([*np.sign(form.exponents(alpha)), *(1.0 for _ in form.degrees)])

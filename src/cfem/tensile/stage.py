@@ -9,13 +9,16 @@ import numpy as np
 
 from cfem.core.errors import OutputError, SpecError
 from cfem.core.files import write_json, write_whole
+from cfem.core.judgement import KEY, poor
 from cfem.core.units import parse_quantity
+from cfem.robot.plausible import RUBBER, modulus_doubts
 from cfem.tensile.choose import Candidate, candidates, choose
 from cfem.tensile.constants import as_yaml, intervals, scene_material
 from cfem.tensile.curve import Curve, read_curve, up_to
 from cfem.tensile.forms import FORMS, Form, Mode
 
 DEFAULT = tuple(name for name in FORMS if name != "ogden-3")
+_SQUEEZED = 0.01  # strain beyond which a specimen is compressed
 FILES = ("material.yaml", "fit.json", "fit.png")
 
 
@@ -45,6 +48,8 @@ def fit_material(request: Request, force: bool = False) -> dict[str, Any]:
         raise SpecError(
             "--slack needs a uniaxial test", where="--slack", do="give the table of one, or leave --slack out"
         )
+    if request.slack and any(one.mode == "uniaxial" and one.stretch[0] < 1 - _SQUEEZED for one in curves):
+        raise SpecError("--slack is of a specimen that is pulled taut", where="--slack", do="leave it out")
     tried = candidates(forms, curves, request.slack)
     if not tried:
         points = sum(len(one.stretch) for one in curves)
@@ -94,7 +99,9 @@ def _demand_free(request: Request, force: bool) -> None:
 def _data(curves: list[Curve], tried: list[Candidate], chosen: Candidate, request: Request) -> dict[str, Any]:
     fit = chosen.fit
     material = scene_material(fit, request.poisson)
+    titles = ", ".join(f"'{one.title}' in {one.source}" for one in curves)
     return {
+        KEY: [poor(what) for what in modulus_doubts(fit.young, RUBBER, f"check the unit of {titles}")],
         "material": material,
         "scene": f"material: {as_yaml(material)}",
         "law": fit.form.name,
@@ -104,7 +111,13 @@ def _data(curves: list[Curve], tried: list[Candidate], chosen: Candidate, reques
         "constants": {name: list(_known(one)) for name, one in intervals(fit).items()},
         "rms MPa": fit.rms,
         "curves": [
-            {"file": one.source, "mode": one.mode, "points": len(one.stretch), "largest stress MPa": one.stress.max()}
+            {
+                "file": one.source,
+                "mode": one.mode,
+                "sense": one.sense,
+                "points": len(one.stretch),
+                "largest stress MPa": float(one.stress[np.argmax(np.abs(one.stress))]),
+            }
             for one in curves
         ],
         "tried": [_row(one, one is chosen) for one in tried],

@@ -4,23 +4,24 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.shown import folded
+from cfem.core.judgement import KEY, sentences
+from cfem.core.shown import folded, stress
 
 
 def fit_text(found: dict[str, Any]) -> str:
     """Lines of at most the terminal's width."""
     lines = [
-        f"{one['file']}: {one['points']} points of {one['mode']} tension, to {stress_text(one['largest stress MPa'])}"
+        f"{one['file']}: {one['points']} points of {one['mode']} {one['sense']}, to {stress(one['largest stress MPa'])}"
         for one in found["curves"]
     ]
     low, high = found["stretch"]
     lines += [f"stretch {low:.3g} to {high:.3g}", "", *_table(found["tried"]), ""]
     young, half = found["young MPa"]
-    lines += [f"{found['law']}: Young's modulus at rest {stress_text(young)}{_half(half)}"]
+    lines += [f"{found['law']}: Young's modulus at rest {stress(young)}{_half(half)}"]
     if found["slack"] is not None:
         lines += [f"slack: the specimen begins to carry load at a strain of {found['slack'][0]:.3f}"]
     lines += [part for line in _limits(found) for part in folded(line)]
-    return "\n".join([*lines, "", found["scene"]])
+    return "\n".join([*sentences({KEY: found[KEY]}), *lines, "", found["scene"]])
 
 
 def _table(rows: list[dict[str, Any]]) -> list[str]:
@@ -31,8 +32,8 @@ def _table(rows: list[dict[str, Any]]) -> list[str]:
         notes = [] if one["stable"] else ["unstable"]
         notes += ["signs held"] if one["signs held"] else []
         lines.append(
-            f"{mark} {one['law']:<14} {one['constants']:>9} {stress_text(one['rms MPa']):>10} "
-            f"{stress_text(one['unseen MPa']):>10} {aicc:>8}  {stress_text(one['young MPa'])}"
+            f"{mark} {one['law']:<14} {one['constants']:>9} {stress(one['rms MPa']):>10} "
+            f"{stress(one['unseen MPa']):>10} {aicc:>8}  {stress(one['young MPa'])}"
             + (f"  ({', '.join(notes)})" if notes else "")
         )
     return [
@@ -59,10 +60,5 @@ def _limits(found: dict[str, Any]) -> list[str]:
     return lines
 
 
-def stress_text(value: float) -> str:
-    """MPa as text: '22.2 kPa'."""
-    return f"{value:.4g} MPa" if abs(value) >= 1 else f"{1e3 * value:.4g} kPa"
-
-
 def _half(half: float | None) -> str:
-    return " (not determined by these curves)" if half is None else f" +- {stress_text(half)} (95 %)"
+    return " (not determined by these curves)" if half is None else f" +- {stress(half)} (95 %)"

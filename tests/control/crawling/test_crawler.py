@@ -156,3 +156,10 @@ def test_a_plan_that_finite_elements_do_not_walk_is_called_poor(fe, said):
 def test_a_leg_near_buckling_is_called_poor():
     said = judged({"planned": 2.0, "fe": 2.0}, "mm", ratio=0.6)
     assert len(said) == 1 and "buckling" in said[0]["what"]
+
+
+def test_a_walk_that_ended_for_another_reason_says_so_and_not_that_it_is_too_short(monkeypatch):
+    course, one = Course(spec(distance=30.0), [False, False], 2), crawler()
+    stopped = replace(course.walk(one, ROWS), status="a leg found no state")
+    monkeypatch.setattr(type(one), "walk", lambda *_: stopped)
+    assert course.plan(one, ROWS).status == "a leg found no state"

@@ -7,6 +7,7 @@ from control.moving.bar import clocked, plant, robot, standing
 from cfem.control.moving.observer import Doubt, Observer
 from cfem.core.errors import InputError
 from cfem.plant.protocol import Measurement
+from cfem.predict.gate import Verdict
 
 NOISE = 0.02
 
@@ -102,3 +103,72 @@ def test_a_robot_that_moves_otherwise_is_noticed():
     seen = robot().rest_e + e[0] + observer.offset + 3.0
     observer.hear(Measurement(seen, None, None, tick, "converged"), robot().rest_e)
     assert observer.astray
+
+
+def hears(observer, there, u, spoil=lambda x: x):
+    """One tick under u with a sample that is spoilt; what became of it."""
+    observer.told(u)
+    found = there.step(u, "force")
+    return observer.hear(Measurement(spoil(found.x_e), None, None, found.t, "converged"), robot().rest_e)
+
+
+def settled(ticks=60, **body):
+    at, there = clocked(), plant(2.4, noise=NOISE, **body)
+    observer = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE))
+    for k in range(ticks):
+        hears(observer, there, swinging(k))
+    return observer, there
+
+
+def swinging(k):
+    return np.array([2.4 * (1 + 0.3 * np.sin(0.25 * k) * min(k / 30, 1.0))])
+
+
+@pytest.mark.parametrize("away", [5.0, 50.0, 1e3, 1e6])
+def test_one_outlier_changes_nothing(away):
+    (observer, there), (clean, other) = settled(), settled()
+    assert hears(observer, there, swinging(60), lambda x: x + [0.0, away, 0.0]) is Verdict.REJECTED
+    hears(clean, other, swinging(60))
+    for k in range(61, 81):
+        assert hears(observer, there, swinging(k)) is hears(clean, other, swinging(k)) is Verdict.ACCEPTED
+    np.testing.assert_allclose(observer.state.z, clean.state.z, atol=0.01)
+    np.testing.assert_allclose(observer.offset, clean.offset, atol=0.01)
+
+
+def test_a_robot_that_is_stiffer_and_swings_is_not_rejected():
+    for stiffness in (0.9, 1.1, 1.3):
+        observer, there = settled(0, stiffness=stiffness, viscosity=1.3)
+        assert all(hears(observer, there, swinging(k)) is Verdict.ACCEPTED for k in range(120))
+
+
+def test_a_robot_that_is_elsewhere_is_believed_after_so_many_samples():
+    """Pushed away by 20 mm: the observer begins again after 8 samples that agree, and knows where it is at once."""
+    observer, there = settled()
+    said = [hears(observer, there, swinging(k), lambda x: x + [0.0, 15.0, -12.0]) for k in range(60, 90)]
+    assert said == [Verdict.REJECTED] * 7 + [Verdict.RESTART] + [Verdict.ACCEPTED] * 22
+    e, _ = clocked().effectors(observer.now().z[None])
+    expected = robot().rest_e + e[0] + observer.offset
+    assert np.linalg.norm(expected - there.actual.x_e - [0.0, 15.0, -12.0]) < 4 * NOISE
+
+
+def test_a_sensor_that_is_stuck_is_not_heard_and_a_robot_that_stands_still_is():
+    observer, there = settled()
+    frozen = there.actual.x_e.copy()
+    said = [hears(observer, there, swinging(k), lambda x: frozen) for k in range(60, 80)]
+    assert said.count(Verdict.REJECTED) >= 15 and Verdict.RESTART not in said
+    observer, there = settled()
+    said = [
+        hears(observer, there, np.array([2.4]), lambda x: robot().rest_e + standing(2.4).delta_e) for _ in range(40)
+    ]
+    assert said[20:] == [Verdict.ACCEPTED] * 20
+
+
+def test_an_estimate_that_is_lost_begins_again_at_the_model_s_equilibrium():
+    observer, there = settled()
+    observer.state.z[:] = np.nan
+    assert hears(observer, there, np.array([2.0])) is Verdict.RESTART
+    observer.restart(np.array([2.0]))
+    np.testing.assert_allclose(observer.state.z[:1], standing(2.0).delta_a, rtol=1e-8)
+    assert not observer.state.z[1:].any() and not observer.offset.any() and observer.material.stiffness == 1.0
+    observer.restart(np.array([1e9]))  # no such equilibrium
+    assert np.isfinite(observer.state.z).all()

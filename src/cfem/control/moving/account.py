@@ -44,6 +44,7 @@ def saturation(runs: Sequence[Sequence[Moment]], pilot: Pilot, actuators: Sequen
             if share > 0:
                 shares[f"{name}: {what}"] = float(share)
     said = {"softened": "bounds on the robot missed", "astray": "the robot does not move as the model says"}
+    said |= {"rejected": "samples rejected", "restarted": "the observer began again"}
     for name, what in said.items():
         share = np.mean([getattr(one.belief, name, False) for run in runs for one in run])
         if share > 0:

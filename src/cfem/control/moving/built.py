@@ -7,7 +7,7 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
-from cfem.control.controller import Controller, Gains
+from cfem.control.controller import Controller
 from cfem.control.inverse import Aim
 from cfem.control.loop import Iterate, reach
 from cfem.control.moving.feedforward import Computed, Shaped
@@ -18,7 +18,8 @@ from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
-from cfem.motion.mpc_spec import DoubtSpec, MpcSpec
+from cfem.motion.mpc_spec import MpcSpec
+from cfem.plant.gains import Gains
 
 _NO_NOISE = 0.01  # mm, of a sensor without
 
@@ -77,17 +78,16 @@ def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation,
     plan = Plan(own.horizon, cost, bounds, pilot.settings.backend, own.moves)
     clocked = Clocked(motion, pilot.command, 1 / at.loop.rate, start.delta_a)
     doubt = (
-        None
-        if spec.mode == "open"
-        else doubt_of(own.doubt, at.loop.sensor.noise or (estimate.noise if estimate else 0.0))
+        None if spec.mode == "open" else doubt_of(own, at.loop.sensor.noise or (estimate.noise if estimate else 0.0))
     )
     return Mpc(clocked, plan, at.rest_e, start, doubt)
 
 
-def doubt_of(spec: DoubtSpec, noise: float) -> Doubt:
+def doubt_of(spec: MpcSpec, noise: float) -> Doubt:
     """noise: mm, of the sensor."""
-    own = noise or _NO_NOISE if spec.noise is None else spec.noise
-    return Doubt(own, spec.stiffness, spec.viscosity, spec.wander, spec.offset, spec.push)
+    own = spec.doubt
+    known = noise or _NO_NOISE if own.noise is None else own.noise
+    return Doubt(known, own.stiffness, own.viscosity, own.wander, own.offset, own.push, spec.gate)
 
 
 def _planes(spec: MpcSpec, n_e: int) -> tuple[HalfSpace, ...]:

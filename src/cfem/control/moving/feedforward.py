@@ -23,7 +23,7 @@ class Shaped:
     """The static controller behind a shaper for the robot's modes where it now stands. Goals are shaped, those of a
     closed loop before they are corrected, and taken from ahead as far as they are known.
 
-    belief, aimed: of the static controller, and `shaper`: the present one"""
+    belief, aimed, feedback: of the static controller, and `shaper`: the present one"""
 
     def __init__(self, controller: Controller, model: MotionModel, held: bool, kind: Kind, modes: int, dt: float):
         """held: whether displacements are commanded; modes: how many are shaped; dt: s of a tick."""
@@ -31,7 +31,7 @@ class Shaped:
         self._kind, self._modes, self._dt = kind, modes, dt
         self._past: deque[np.ndarray] = deque(maxlen=int(10.0 / dt))
         self.shaper: Shaper | None = None
-        self.belief, self.aimed = controller.belief, controller.aimed
+        self.belief, self.aimed, self.feedback = controller.belief, controller.aimed, controller.feedback
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Any:
         """As `Controller.tick`; ahead (k, n_e): goals at the ends of this tick and the next ones."""

@@ -28,19 +28,23 @@ from cfem.motion.linear import Guess, Material, first_of
 from cfem.motion.model import Place
 from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.plant.protocol import Measurement
+from cfem.predict.gate import Verdict
 
 
 @dataclass(frozen=True)
 class Told:
     """What a controller says at a tick: u (n_a,) the command; status: 'converged' or why not; delta_a (n_a,) mm: where
     it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds; astray: the
-    last sample is far beyond what its observer expected."""
+    last sample is far beyond what its observer expected; rejected: the sample of this tick does not fit, and was not
+    heard; restarted: too many did not, and the observer began again."""
 
     u: np.ndarray
     status: str
     delta_a: np.ndarray
     softened: bool = False
     astray: bool = False
+    rejected: bool = False
+    restarted: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,7 @@ class Mpc:
         self._state, self._rest = state, state.u
         self._ahead = np.repeat(state.u[None], plan.ticks, axis=0)
         self._states = np.repeat(state.z[None], plan.ticks + 1, axis=0)
+        self._lost = False  # there was no plan about these states
         self.belief = Told(state.u, QpStatus.OPTIMAL.value, start.delta_a)
         self.aimed = rest_e + start.delta_e
 
@@ -79,8 +84,11 @@ class Mpc:
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         goals = goals[np.minimum(np.arange(self._plan.ticks), len(goals) - 1)] - self._rest_e
         self.aimed = goals[0] + self._rest_e
+        verdict = None
         try:
-            now = self._present(measured)
+            now, verdict = self._present(measured)
+            if self._lost:
+                self._states = np.repeat(now.z[None], self._plan.ticks + 1, axis=0)
             found, states, place = self._solve(now, goals)
             why = found.qp.status
         except (NumericalError, np.linalg.LinAlgError) as error:
@@ -94,16 +102,19 @@ class Mpc:
             self._ahead = np.concatenate([found.U[1:], found.U[-1:]])
             self._states = states
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
+        self._lost = status != "converged" and bool(np.isfinite(goals).all())
         self._sent(u, place)
         astray = self.observer is not None and self.observer.astray
-        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray)
+        apart = verdict is Verdict.REJECTED, verdict is Verdict.RESTART
+        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *apart)
         return self.belief
 
-    def _present(self, measured: Measurement | None) -> State:
+    def _present(self, measured: Measurement | None) -> tuple[State, Verdict | None]:
+        """Where the robot is now, and what became of the sample."""
         if self.observer is None:
-            return self._state
-        self.observer.hear(measured, self._rest_e)
-        return self.observer.now()
+            return self._state, None
+        verdict = self.observer.hear(measured, self._rest_e)
+        return self.observer.now(), verdict
 
     def _sent(self, u: np.ndarray, place: Place | None) -> None:
         if self.observer is None:

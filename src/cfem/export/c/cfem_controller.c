@@ -254,26 +254,10 @@ static unsigned complaint(const cfem_input *in) {
     for (int e = 0; e < NE; e++) {
         good &= cfem_finite((double)in->goal[e]);
         far |= fabs((double)in->goal[e] - cfem_rest_e[e]) > cfem_far[e];
-        if (in->measured) good &= cfem_finite((double)in->error[e]);
     }
     if (CFEM_OBSERVER == CFEM_OBSERVER_MEASURED)
         for (int i = 0; i < NA; i++) good &= cfem_finite((double)in->delta_a[i]);
     return !good ? CFEM_HELD | CFEM_BAD_INPUT : far ? CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR : CFEM_OK;
-}
-
-/* The PI term from a new error. */
-static void correct(cfem_controller *c, const cfem_input *in) {
-    double error[MOST_NE], square = 0.0;
-    for (int e = 0; e < NE; e++) {
-        error[e] = cfem_effector_weight[e] > 0.0 ? (double)in->error[e] : 0.0;
-        c->integral[e] += CFEM_K_I * error[e];
-        square += c->integral[e] * c->integral[e];
-    }
-    const double length = sqrt(square);
-    for (int e = 0; e < NE; e++) {
-        if (length > CFEM_INTEGRAL_LIMIT) c->integral[e] *= CFEM_INTEGRAL_LIMIT / length;
-        c->moved[e] = CFEM_K_P * error[e] + c->integral[e];
-    }
 }
 
 static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *out) {
@@ -282,13 +266,18 @@ static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *o
         out->lambda_a[i] = (cfem_real)c->lambda_a[i];
     }
     for (int e = 0; e < NE; e++) out->reference[e] = (cfem_real)c->reference[e];
+    out->tick = c->feedback.given;
     return out->status = status;
 }
 
-static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a) {
+/* expected (NE,) mm, absolute: where the model then has the effectors. */
+static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a,
+                     double *expected) {
     for (int i = 0; i < NA; i++) c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
-    for (int e = 0; e < NE; e++)
-        c->reference[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - c->moved[e];
+    for (int e = 0; e < NE; e++) {
+        expected[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a);
+        c->reference[e] = expected[e] - c->feedback.moved[e];
+    }
 #if CFEM_MOST_HALVINGS
     c->at = *m, c->stands = 1;
     for (int i = 0; i < NA; i++)
@@ -298,12 +287,13 @@ static void remember(cfem_controller *c, const cfem_condensed *m, const double *
 
 void cfem_init(cfem_controller *c) {
     cfem_condensed m;
-    for (int e = 0; e < NE; e++) c->integral[e] = c->moved[e] = 0.0;
+    double expected[MOST_NE];
+    cfem_feedback_init(&c->feedback);
 #if CFEM_CONTACT
     c->ask = 0, c->with = 0;
 #endif
     const unsigned status = cfem_model(cfem_home, &m);
-    remember(c, &m, m.lambda_a, m.delta_a);
+    remember(c, &m, m.lambda_a, m.delta_a, expected);
 #if CFEM_MOST_HALVINGS
     if (status) c->stands = 0; /* the first tick asks again, and says so */
 #else
@@ -312,15 +302,15 @@ void cfem_init(cfem_controller *c) {
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
-    double aim[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
+    double aim[MOST_NE], expected[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
     cfem_condensed m;
     limits l;
     const unsigned wrong = complaint(in);
     if (wrong) return answer(c, wrong, out);
-    if (in->measured) correct(c, in);
-    for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->moved[e] - cfem_rest_e[e]; /* the goal shift */
+    unsigned found = cfem_feedback_hear(&c->feedback, in->tick, in->x_e), status = CFEM_OK;
+    for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->feedback.moved[e] - cfem_rest_e[e]; /* the goal shift */
 
-    unsigned found = observe(c, in, s, &m), status = CFEM_OK;
+    found |= observe(c, in, s, &m);
     if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
     for (int iteration = 0;; iteration++) {
         found |= outside(&m);
@@ -351,6 +341,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
         else
             delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]);
     }
-    remember(c, &m, lambda_a, delta_a);
+    remember(c, &m, lambda_a, delta_a, expected);
+    cfem_feedback_commanded(&c->feedback, expected);
     return answer(c, status | found, out);
 }

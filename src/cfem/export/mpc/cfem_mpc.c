@@ -26,7 +26,7 @@ void cfem_mpc_init(cfem_mpc *m, const double *delta_a) {
         memcpy(m->states[k], m->state.z, sizeof m->states[k]);
         if (k < TICKS) memcpy(m->ahead[k], m->state.u, sizeof m->ahead[k]);
     }
-    m->material.stiffness = m->material.viscosity = 1.0;
+    m->material.stiffness = m->material.viscosity = 1.0; /* without an observer too */
     if (CFEM_MPC_SENSED) cfem_observer_init(m);
 }
 
@@ -140,7 +140,8 @@ static void go_on(cfem_mpc *m, double *u) {
     memmove(m->states[0], m->states[1], sizeof m->states[0] * TICKS);
 }
 
-static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u) {
+/* heard: what became of the sample. */
+static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsigned *heard) {
     cfem_moving now;
     double sum = 0.0;
     int far = 0;
@@ -153,12 +154,16 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u) {
         }
     if (CFEM_MPC_SENSED) {
         if (in->sampled > m->sent || in->sampled < 0) return CFEM_HELD | CFEM_BAD_INPUT;
-        if (cfem_observer_hear(m, in->x_e, in->sampled) || cfem_observer_now(m, &now)) return CFEM_HELD | CFEM_NO_MODEL;
+        *heard = cfem_observer_hear(m, in->x_e, in->sampled);
+        const int again = cfem_observer_now(m, &now);
+        if (again) *heard = CFEM_RESTARTED;
+        if (again < 0) return CFEM_HELD | CFEM_NO_MODEL;
     } else {
         now = m->state;
     }
     if (!cfem_finite(sum)) return CFEM_HELD | CFEM_BAD_INPUT;
     if (far) return CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR;
+    for (int k = 0; m->lost && k <= TICKS; k++) memcpy(m->states[k], now.z, sizeof m->states[k]);
     memcpy(m->plan.told, now.u, sizeof m->plan.told), memcpy(m->plan.rest, m->rest, sizeof m->plan.rest);
     if (condense(m, &now)) return CFEM_HELD | CFEM_NO_MODEL;
     if (cfem_plan_solve(&m->plan)) return CFEM_HELD | CFEM_NO_QP;
@@ -170,12 +175,15 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u) {
 }
 
 unsigned cfem_mpc_step(cfem_mpc *m, const cfem_mpc_input *in, cfem_mpc_output *out) {
+    unsigned heard = 0;
     m->has_first = 0;
-    unsigned status = planned(m, in, out->u);
+    unsigned status = planned(m, in, out->u, &heard);
+    m->lost = (status & (CFEM_NO_MODEL | CFEM_NO_QP)) != 0;
+    status |= heard;
     if (status & CFEM_HELD) go_on(m, out->u);
     for (int i = 0; i < NZ; i++) m->states[TICKS][i] = 2.0 * m->states[TICKS - 1][i] - m->states[TICKS - 2][i];
     if (CFEM_MPC_SENSED) {
-        if (cfem_observer_told(m, out->u)) status |= CFEM_NOT_FOUND;
+        cfem_observer_told(m, out->u);
     } else {
         if (cfem_tick(&m->state, out->u, &m->material, &m->first, &m->has_first, &m->stage[0])) status |= CFEM_NOT_FOUND;
         m->sent++;

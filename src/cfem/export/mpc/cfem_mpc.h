@@ -1,7 +1,7 @@
 /* Model predictive control of a robot that moves, C99: no heap, no I/O, every loop bounded. At each tick the steps of the horizon are
  * linearised about the last plan, shifted by a tick, and one quadratic program gives the commands, of which the first is sent (real-time
  * iteration). An observer, an extended Kalman filter, follows state, stiffness, viscosity and an offset of the effectors from samples of
- * these. As src/cfem/control/moving has it; conventions are those of cfem.h.
+ * these, and rejects those that do not fit. As src/cfem/control/moving has it; conventions are those of cfem.h.
  *
  * Units: mm, N, s (chambers: mm^3, MPa). A robot's state is a cfem_mpc that the caller owns: some 100 kB, static rather than on a
  * stack. */
@@ -9,6 +9,7 @@
 #define CFEM_MPC_H
 
 #include "cfem.h"
+#include "cfem_gate.h"
 #include "cfem_plan.h"
 #include "cfem_tick.h"
 
@@ -40,6 +41,9 @@ typedef struct {
     double late[CFEM_MPC_MOST_LATE][CFEM_MOTION_MOST_NA];        /* commands given since, */
     cfem_place place[CFEM_MPC_MOST_LATE];                     /* and what is learned at their ticks */
     int known[CFEM_MPC_MOST_LATE];
+    cfem_gate gate;
+    double sample[CFEM_MOTION_MOST_NE], expected[CFEM_MOTION_MOST_NE]; /* the last one, and what was expected while it was that */
+    int lost;                                                 /* there was no plan in the tick before */
     double rest[CFEM_MOTION_MOST_NA];                            /* the first command */
     double ahead[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];      /* the plan, */
     double states[CFEM_MPC_MOST_TICKS + 1][CFEM_MPC_MOST_NZ]; /* and where it leads */
@@ -61,12 +65,13 @@ void cfem_mpc_init(cfem_mpc *mpc, const double *delta_a);
 /* One tick. Returns output->status. */
 unsigned cfem_mpc_step(cfem_mpc *mpc, const cfem_mpc_input *input, cfem_mpc_output *output);
 
-/* The observer, which cfem_mpc_step calls. What it takes to be uncertain at the start; hear a sample, 0, or 1 where the estimate is lost;
- * where the commands given since the last sample have led, 0 or 1 as well. */
+/* The observer, which cfem_mpc_step calls. What it takes to be uncertain at the start; hear a sample, CFEM_OK, CFEM_REJECTED or
+ * CFEM_RESTARTED; where the commands given since the last sample have led, 0, 1 where it began again for that, or -1 where there is no
+ * answer. */
 void cfem_observer_init(cfem_mpc *mpc);
-int cfem_observer_hear(cfem_mpc *mpc, const double *x_e, long sampled);
+unsigned cfem_observer_hear(cfem_mpc *mpc, const double *x_e, long sampled);
 int cfem_observer_now(cfem_mpc *mpc, cfem_moving *now);
-int cfem_observer_told(cfem_mpc *mpc, const double *u);
+void cfem_observer_told(cfem_mpc *mpc, const double *u);
 
 #ifdef __cplusplus
 }

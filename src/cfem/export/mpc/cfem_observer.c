@@ -1,5 +1,6 @@
 /* Where the robot is and how it moves, from measured effectors: an extended Kalman filter, as src/cfem/control/moving/observer.py has
- * it. A late sample corrects the state of its own tick. */
+ * it. A late sample corrects the state of its own tick. One that does not fit is not heard (cfem_gate.h); after a run of these, and where
+ * the estimate is lost, the filter begins again at the model's equilibrium. */
 #include <string.h>
 
 #include "cfem_linear.h"
@@ -19,6 +20,8 @@
 #define HELD (!CFEM_MPC_FORCE)
 #define FIRST (HELD ? NA : 0)
 #define DT CFEM_MPC_DT
+#define SWING 0.1  /* of the square of what samples missed: that of a swing that they may be of */
+#define FROZEN 3.0 /* of the noise: motion during which a sensor does not repeat itself */
 
 /* exp(x) for |x| <= 4 times a standard deviation, without libm: halved until small, squared back. */
 static double exponential(double x) {
@@ -36,10 +39,13 @@ static void yield_to(double W[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], const d
     for (int r = NA; r < NQ; r++) out[r] = b[r] / cfem_motion_stiffness;
 }
 
-void cfem_observer_init(cfem_mpc *m) {
+/* At rest where m->state is, as uncertain as stated. */
+static void begin(cfem_mpc *m) {
     static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
     double by[2][ACROSS];
-    memset(by, 0, sizeof by);
+    memset(by, 0, sizeof by), memset(m->logarithm, 0, sizeof m->logarithm), memset(m->offset, 0, sizeof m->offset);
+    m->material.stiffness = m->material.viscosity = 1.0;
+    cfem_gate_restart(&m->gate);
     for (int k = 0; k < 2; k++) by[k][MATERIAL + k] = share[k];
     if (!HELD) { /* a stiffer robot stands elsewhere */
         cfem_parts parts;
@@ -52,6 +58,62 @@ void cfem_observer_init(cfem_mpc *m) {
             m->covariance[i][j] = by[0][i] * by[0][j] + by[1][i] * by[1][j];
             if (i == j && i >= OFFSET) m->covariance[i][j] = CFEM_MPC_DOUBT_OFFSET * CFEM_MPC_DOUBT_OFFSET;
         }
+}
+
+void cfem_observer_init(cfem_mpc *m) {
+    begin(m);
+    for (int e = 0; e < NE; e++) m->sample[e] = NAN;
+}
+
+/* Begins again at the model's equilibrium under the command u: searched from where the robot was taken to be, the middle of what the
+ * model was trained on where there is none. */
+static void restart(cfem_mpc *m, const double *u) {
+    double z[CFEM_MPC_MOST_NZ] = {0};
+    cfem_condensed found;
+    for (int a = 0; a < NA; a++) {
+        const double low = cfem_domain_delta_a[0][a], high = cfem_domain_delta_a[1][a], near = m->state.z[a];
+        z[a] = HELD ? u[a] : cfem_finite(near) ? fmin(fmax(near, low), high) : (low + high) / 2;
+    }
+    if (!HELD && cfem_find(u, z, &found))
+        for (int a = 0; a < NA; a++) z[a] = (cfem_domain_delta_a[0][a] + cfem_domain_delta_a[1][a]) / 2;
+    memcpy(m->state.z, z, sizeof z), memset(m->state.v, 0, sizeof m->state.v);
+    memcpy(m->state.u, u, sizeof(double) * NA);
+    cfem_place_at(z, 1, &m->near);
+    begin(m);
+}
+
+static int lost(const cfem_mpc *m) {
+    double sum = 0.0;
+    for (int i = 0; i < NZ; i++) sum += m->state.z[i];
+    for (int i = 0; i < NX; i++)
+        for (int j = 0; j < NX; j++) sum += m->covariance[i][j];
+    return !cfem_finite(sum);
+}
+
+/* Adds to the covariance an offset of mean square `square` in each coordinate, and a swing of the effectors of a share of that about the
+ * equilibrium, with as much energy in each motion. */
+static void widen(cfem_mpc *m, double square) {
+    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], moved = 0.0;
+    const double *mass = m->near.inertia.M;
+    cfem_parts parts;
+    cfem_potential_parts(m->state.z, &parts);
+    cfem_tips(m->state.z, &m->near.inner, &m->near.inner, e, C);
+    if (HELD || !cfem_invert(NA, CFEM_MOST_SERIES_NA, parts.hessian[0]))
+        for (int k = 0; k < NE; k++) {
+            double by[MOST_NQ];
+            yield_to(parts.hessian, C[k], by);
+            moved += cfem_dot(NQ, C[k], by);
+        }
+    const double energy = moved > 0.0 ? SWING * square * NE / moved : 0.0;
+    for (int a = 0; a < NA && !HELD; a++)
+        for (int b = 0; b < NA; b++) m->covariance[a][b] += energy * parts.hessian[a][b];
+    for (int r = NA; r < NQ; r++) m->covariance[r][r] += energy / cfem_motion_stiffness;
+    for (int i = 0; i < NQ; i++)
+        for (int j = i; j < NQ; j++, mass++) {
+            if (i >= FIRST) m->covariance[NQ + i][NQ + j] += energy * *mass;
+            if (i >= FIRST && j > i) m->covariance[NQ + j][NQ + i] += energy * *mass;
+        }
+    for (int k = 0; k < NE; k++) m->covariance[OFFSET + k][OFFSET + k] += square;
 }
 
 /* Adds the covariance (NZ, NZ) of forces during a tick in proportion to the stiffness, such that at rest they would move the effectors
@@ -125,32 +187,63 @@ static int predict(cfem_mpc *m, const double *u) {
     return 0;
 }
 
-static int correct(cfem_mpc *m, const double *x_e) {
-    static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
-    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], S[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NE], missed[CFEM_MOTION_MOST_NE];
-    double (*HP)[ACROSS] = m->moved, (*gain)[ACROSS] = m->moved + NE; /* (n, NX), gain transposed */
-    int row[CFEM_MOTION_MOST_NE], n = 0;
+/* Of a sample: rows that are measured, what each missed, the inverse of its covariance, nu^T S^-1 nu and the mean square of nu. */
+typedef struct {
+    double missed[CFEM_MOTION_MOST_NE], S[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NE], square, size;
+    int row[CFEM_MOTION_MOST_NE], n;
+} innovation;
+
+/* m->moved (n, NX) becomes H P. 0, or 1 where the covariance is none: beyond what the model knows, its stiffness may be negative. */
+static int look(cfem_mpc *m, const double *x_e, innovation *of) {
+    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], (*HP)[ACROSS] = m->moved;
     cfem_tips(m->state.z, &m->near.inner, &m->near.inner, e, C);
+    of->n = 0, of->square = of->size = 0.0;
     for (int k = 0; k < NE; k++)
-        if (cfem_mpc_weight[k] > 0.0) row[n++] = k;
-    for (int k = 0; k < n; k++) {
-        missed[k] = x_e[row[k]] - cfem_rest_e[row[k]] - e[row[k]] - m->offset[row[k]];
+        if (cfem_mpc_weight[k] > 0.0) of->row[of->n++] = k;
+    for (int k = 0; k < of->n; k++) {
+        const int row = of->row[k];
+        of->missed[k] = x_e[row] - cfem_rest_e[row] - e[row] - m->offset[row];
+        of->size += of->missed[k] * of->missed[k];
         for (int j = 0; j < NX; j++) {
-            HP[k][j] = m->covariance[OFFSET + row[k]][j];
-            for (int i = 0; i < NQ; i++) HP[k][j] += C[row[k]][i] * m->covariance[i][j];
+            HP[k][j] = m->covariance[OFFSET + row][j];
+            for (int i = 0; i < NQ; i++) HP[k][j] += C[row][i] * m->covariance[i][j];
         }
     }
-    for (int k = 0; k < n; k++)
-        for (int l = 0; l < n; l++)
-            S[k][l] = cfem_dot(NQ, C[row[l]], HP[k]) + HP[k][OFFSET + row[l]] + (k == l ? CFEM_MPC_DOUBT_NOISE * CFEM_MPC_DOUBT_NOISE : 0.0);
-    if (cfem_invert(n, CFEM_MOTION_MOST_NE, S[0])) return 1;
-    double change[ACROSS];
+    for (int k = 0; k < of->n; k++)
+        for (int l = 0; l < of->n; l++)
+            of->S[k][l] = cfem_dot(NQ, C[of->row[l]], HP[k]) + HP[k][OFFSET + of->row[l]] + (k == l ? CFEM_MPC_DOUBT_NOISE * CFEM_MPC_DOUBT_NOISE : 0.0);
+    of->size /= of->n;
+    if (cfem_invert(of->n, CFEM_MOTION_MOST_NE, of->S[0])) return 1;
+    for (int k = 0; k < of->n; k++) of->square += of->missed[k] * cfem_dot(of->n, of->S[k], of->missed);
+    return !(of->square >= 0.0);
+}
+
+/* Whether a sample repeats the one before to the last bit although the robot should have moved. */
+static int frozen(cfem_mpc *m, const double *x_e, const innovation *of) {
+    double square = 0.0;
+    int repeated = 1;
+    for (int k = 0; k < of->n; k++) repeated = repeated && x_e[of->row[k]] == m->sample[of->row[k]];
+    for (int k = 0; k < of->n; k++) {
+        const int row = of->row[k];
+        const double expected = x_e[row] - of->missed[k];
+        if (!repeated) m->sample[row] = x_e[row], m->expected[row] = expected;
+        const double moved = expected - m->expected[row];
+        m->expected[row] += moved / CFEM_GATE_MEMORY;
+        square += moved * moved / of->n;
+    }
+    return sqrt(square) > FROZEN * CFEM_MPC_DOUBT_NOISE;
+}
+
+static void correct(cfem_mpc *m, const innovation *of) {
+    static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
+    double (*HP)[ACROSS] = m->moved, (*gain)[ACROSS] = m->moved + NE, change[ACROSS]; /* (n, NX), gain transposed */
+    const int n = of->n;
     for (int i = 0; i < NX; i++) {
         change[i] = 0.0;
         for (int k = 0; k < n; k++) {
             gain[k][i] = 0.0;
-            for (int l = 0; l < n; l++) gain[k][i] += S[k][l] * HP[l][i];
-            change[i] += gain[k][i] * missed[k];
+            for (int l = 0; l < n; l++) gain[k][i] += of->S[k][l] * HP[l][i];
+            change[i] += gain[k][i] * of->missed[k];
         }
     }
     for (int i = 0; i < NX; i++) /* what is known now: symmetric, gain S gain^T less */
@@ -166,14 +259,12 @@ static int correct(cfem_mpc *m, const double *x_e) {
     }
     m->material.stiffness = exponential(m->logarithm[0]), m->material.viscosity = exponential(m->logarithm[1]);
     for (int k = 0; k < NE; k++) m->offset[k] += change[OFFSET + k];
-    double sum = 0.0;
-    for (int i = 0; i < NX; i++) sum += change[i] + m->covariance[i][i];
-    return !cfem_finite(sum);
 }
 
-/* Predicts the oldest command that is still on its way. */
+/* Predicts the oldest command that is still on its way; whether the estimate was lost, and began again. */
 static int next(cfem_mpc *m) {
-    const int failed = predict(m, m->late[0]);
+    const int failed = predict(m, m->late[0]) || lost(m);
+    if (failed) restart(m, m->late[0]);
     m->heard++;
     memmove(m->late[0], m->late[1], sizeof m->late[0] * (CFEM_MPC_LATE - 1));
     memmove(&m->place[0], &m->place[1], sizeof m->place[0] * (CFEM_MPC_LATE - 1));
@@ -181,27 +272,53 @@ static int next(cfem_mpc *m) {
     return failed;
 }
 
-int cfem_observer_hear(cfem_mpc *m, const double *x_e, long sampled) {
-    double sum = 0.0;
+unsigned cfem_observer_hear(cfem_mpc *m, const double *x_e, long sampled) {
+    double sum = 0.0, size;
+    unsigned status = 0;
+    int measured = 0;
+    innovation of;
     if (sampled <= m->heard) return 0;
     while (m->heard < sampled)
-        if (next(m)) return 1;
-    for (int e = 0; e < NE; e++) sum += cfem_mpc_weight[e] > 0.0 ? x_e[e] : 0.0;
-    return cfem_finite(sum) ? correct(m, x_e) : 0;
+        if (next(m)) status = CFEM_RESTARTED;
+    for (int e = 0; e < NE; e++)
+        if (cfem_mpc_weight[e] > 0.0) sum += x_e[e], measured = 1;
+    if (!measured || !cfem_finite(sum)) return status;
+    const int none = look(m, x_e, &of);
+    if (frozen(m, x_e, &of)) return status | CFEM_REJECTED;
+    const int verdict =
+        none ? CFEM_GATE_RESTART : cfem_gate_judge(&m->gate, of.square, of.n, CFEM_MPC_GATE_SIGMAS, CFEM_MPC_GATE_SAMPLES);
+    if (verdict == CFEM_GATE_REJECTED) return status | CFEM_REJECTED;
+    if (verdict == CFEM_GATE_RESTART) {
+        size = of.size, status = CFEM_RESTARTED;
+        restart(m, m->state.u);
+        if (look(m, x_e, &of)) return status;
+        widen(m, fmax(size, of.size));
+        if (look(m, x_e, &of)) return status;
+    }
+    correct(m, &of);
+    if (!lost(m)) return status;
+    restart(m, m->state.u);
+    return CFEM_RESTARTED;
 }
 
 int cfem_observer_now(cfem_mpc *m, cfem_moving *now) {
-    *now = m->state;
-    for (long k = 0; k < m->sent - m->heard; k++)
-        if (cfem_tick(now, m->late[k], &m->material, &m->place[k], &m->known[k], &m->stage[0])) return 1;
-    return 0;
+    for (int attempt = 0; attempt < 2; attempt++) {
+        double sum = 0.0;
+        int failed = 0;
+        *now = m->state;
+        for (long k = 0; k < m->sent - m->heard && !failed; k++)
+            failed = cfem_tick(now, m->late[k], &m->material, &m->place[k], &m->known[k], &m->stage[0]);
+        for (int i = 0; i < NZ; i++) sum += now->z[i];
+        if (!failed && cfem_finite(sum)) return attempt;
+        restart(m, m->state.u);
+        memset(m->known, 0, sizeof m->known);
+    }
+    return -1;
 }
 
-int cfem_observer_told(cfem_mpc *m, const double *u) {
-    int failed = 0;
-    if (m->sent - m->heard == CFEM_MPC_LATE) failed = next(m); /* no sample will be of that tick any more */
+void cfem_observer_told(cfem_mpc *m, const double *u) {
+    if (m->sent - m->heard == CFEM_MPC_LATE) next(m); /* no sample will be of that tick any more */
     const long last = m->sent++ - m->heard;
     memcpy(m->late[last], u, sizeof(double) * NA);
     if ((m->known[last] = m->has_first)) m->place[last] = m->first;
-    return failed;
 }

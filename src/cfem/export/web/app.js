@@ -3,6 +3,7 @@ const $ = id => document.getElementById(id);
 const TICKS = 6; // a frame, until the robot stands still
 const MOST = 600; // ticks for one goal: where several actuations are as good, the last digits take their time
 const COLOURS = [[0.27, 0.45, 0.77], [0.16, 0.63, 0.62], [0.55, 0.76, 0.29], [0.97, 0.77, 0.23], [0.90, 0.29, 0.18]];
+const RESTORED = 5000; // ms within which a graphics card that let go of the page gives it back, or the page says so
 const SLACK = [0.55, 0.58, 0.62];
 
 function colourOf(share) {
@@ -21,11 +22,14 @@ function themeColours() {
 }
 
 function start(robot) {
-  const { said } = robot, canvas = $("view"), scene = makeScene(canvas, robot), overlay = makeOverlay(canvas);
+  const { said } = robot, canvas = $("view"), overlay = makeOverlay(canvas);
   const state = { byHand: false, status: 0, moving: true, theme: themeColours(), camera: null, dragged: null, still: 0, ticks: 0, quick: false, shown: true, lit: null, weight: 0 };
   let reach = makeReach(robot);
   robot.home();
   robot.shape();
+  const rest = { place: robot.drawn.slice(), normal: robot.normals.slice() };
+  const lowest = extent([...rest.place, ...reach.places], [[0, 0, 1]]).low[0];
+  const scene = makeScene(canvas, robot, rest, lowest - 0.02 * said.length);
   scene.setReach(reach.places, reach.lines);
 
   const view = () => firstCamera(robot.drawn, reach.places, canvas.clientWidth, canvas.clientHeight);
@@ -119,8 +123,11 @@ function start(robot) {
     const limits = [], binding = !state.byHand && !moving() && missed() > 0.01;
     said.actuators.forEach((actuator, i) => {
       const row = rows[i], limit = limitOf(actuator, robot.delta_a[i], robot.lambda_a[i]);
-      row.said.textContent = `${short(robot.delta_a[i])} ${actuator.unit} · ${short(robot.lambda_a[i] * actuator.forceFactor)} ${actuator.forceUnit}`;
-      row.limit.textContent = limit;
+      // A slack cable is longer than its way: what the slider says is told to its drive, the rest hangs.
+      const told = state.byHand && !row.by ? Number(row.slider.value) : robot.delta_a[i], spare = robot.delta_a[i] - told;
+      const hangs = limit === "slack" && spare > 1e-3 * (actuator.delta[1] - actuator.delta[0]);
+      row.said.textContent = `${short(hangs ? told : robot.delta_a[i])} ${actuator.unit} · ${short(robot.lambda_a[i] * actuator.forceFactor)} ${actuator.forceUnit}`;
+      row.limit.textContent = hangs ? `slack by ${short(spare)} ${actuator.unit}` : limit;
       row.limit.className = binding && limit ? "binding" : "";
       row.box.style.setProperty("--force", css(forceColour(i)));
       if (!state.byHand) row.slider.value = row.by ? robot.lambda_a[i] : robot.delta_a[i];
@@ -145,13 +152,14 @@ function start(robot) {
   // --- every frame
   // A machine that draws slowly gets fewer pixels while things move, and all of them when they stand. Where no card smooths edges, a
   // picture that stands is drawn with four pixels for each.
-  let busy = 0, lastFrame = 0, played = 0, slow = 0, quality = 1, still = 0, sharp = false;
+  let busy = 0, lastFrame = 0, played = 0, slow = 0, quality = 1, still = 0, sharp = false, full = true;
   const best = () => (scene.software && (window.devicePixelRatio || 1) < 1.5 ? 2 : 1);
   function sharpen(now) {
     const late = now - lastFrame;
     lastFrame = now;
     clearTimeout(still);
     state.camera.sharpness = sharp ? best() : quality;
+    full = sharp || !scene.software;
     if (sharp) { sharp = false; slow = 0; return; }
     slow = late < 500 ? 0.85 * slow + 0.15 * late : 0;
     if (slow > 26) { quality = Math.max(0.45, 0.85 * quality); slow = 16; }
@@ -203,9 +211,11 @@ function start(robot) {
       lines.push([[[x, y, z], end], 0.003 * size, state.theme.ink], [[end], 0.03 * size * Math.cbrt(state.weight), state.theme.ink]);
     }
     if (moving()) lines.push(...motion.lines(said.length, state.theme));
-    scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip })) }, state.theme);
+    scene.draw(state.camera, lines, { reach: $("reach").getAttribute("aria-pressed") === "true", points: goals.map(one => ({ goal: one.place, tip: one.tip })) }, state.theme, moved(), !full);
     overlay(state.camera);
   }
+  // Whether a point of the surface has left its place of rest by so much that two robots can be told apart.
+  const moved = () => { const apart = 0.03 * said.length; return rest.place.some((value, k) => Math.abs(value - robot.drawn[k]) > apart); };
   const again = () => { state.shown = true; };
   canvas.addEventListener("pointerdown", () => { $("hint").classList.add("known"); });
 
@@ -223,7 +233,12 @@ function start(robot) {
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { state.theme = themeColours(); again(); });
   new ResizeObserver(again).observe(canvas);
-  canvas.addEventListener("webglcontextlost", () => trouble("The graphics card let go of this page. Load it again."));
+  let lost = 0;
+  canvas.addEventListener("webglcontextlost", event => {
+    event.preventDefault(); // else it is never given back
+    lost = setTimeout(() => trouble("The graphics card let go of this page. Load it again."), RESTORED);
+  });
+  canvas.addEventListener("webglcontextrestored", () => { clearTimeout(lost); scene.load(); again(); });
   document.addEventListener("input", again);
   document.addEventListener("visibilitychange", again);
   showMode(); tell();

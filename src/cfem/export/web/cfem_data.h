@@ -11,6 +11,7 @@ typedef double cfem_real;
 #define CFEM_MOST_NA 8
 #define CFEM_MOST_NE 12
 #define CFEM_MOST_HALVINGS 20
+#define CFEM_MOST_LATE 1
 #define CFEM_MOST_SERIES_NA CFEM_MOST_NA
 #define CFEM_MOST_SERIES_NE CFEM_MOST_NE
 #define CFEM_MOST_SERIES_OUTPUTS CFEM_MOST_NE
@@ -43,7 +44,7 @@ typedef struct {
     /* In the order of the block. */
     int kind, form_displacement, n_a, n_e, series_n_a, series_n_e, n_z, degree, modules;
     int observer, observer_iterations, command_force, iterations, halvings;
-    double observer_tolerance, K_P, K_I, integral_limit;
+    double observer_tolerance;
     double rest_e[CFEM_MOST_NE], effector_weight[CFEM_MOST_NE], far[CFEM_MOST_NE];
     double ridge[CFEM_MOST_NA], least_ridge[CFEM_MOST_NA], damping[CFEM_MOST_NA];
     double lambda_low[CFEM_MOST_NA], lambda_high[CFEM_MOST_NA], delta_low[CFEM_MOST_NA], delta_high[CFEM_MOST_NA];
@@ -78,9 +79,12 @@ extern cfem_robot cfem_here;
 #define CFEM_COMMAND_FORCE cfem_here.command_force
 #define CFEM_ITERATIONS cfem_here.iterations
 #define CFEM_HALVINGS cfem_here.halvings
-#define CFEM_K_P cfem_here.K_P
-#define CFEM_K_I cfem_here.K_I
-#define CFEM_INTEGRAL_LIMIT cfem_here.integral_limit
+
+/* Nobody measures here: the loop is open. */
+#define CFEM_K_P 0.0
+#define CFEM_INTEGRAL_LIMIT 0.0
+#define CFEM_LATE 1
+#define cfem_integral_gain ((const double[1]){0.0})
 
 #define cfem_rest_e cfem_here.rest_e
 #define cfem_effector_weight cfem_here.effector_weight

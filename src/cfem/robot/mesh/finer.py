@@ -51,7 +51,7 @@ def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: 
 
 def _own_cells(scene: SceneSpec) -> bool:
     """Whether the mesh is the user's own."""
-    return isinstance(scene.geometry, MeshFile) and scene.geometry.path.suffix.lower() != ".stl"
+    return isinstance(scene.geometry, MeshFile) and not scene.geometry.meshed_here
 
 
 def _scaled(scene: SceneSpec, shrink: float) -> SceneSpec:

@@ -1,14 +1,16 @@
 """The one place that touches gmsh (GPL), which it runs in its own process:
 `python -P -m cfem.robot.mesh.gmsh_process JOB.json OUT.npz`.
 
-It ends when its stdin does: then nobody waits for the answer any more. A job is {'solid': a tree of cad.py, 'size': mm,
-'refine': [{'low', 'high', 'size', 'blend'}], 'regions': [trees whose surfaces the mesh is to conform to], 'grading':
-rows of a tetrahedron's x, y, z and sizes at its corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4)
-and the CAD volume mm^3; where 'size' is null, nothing is meshed, and the answer is the body's volume mm^3 and the area
-mm^2 of its surface. One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded;
-11: the geometry cannot be built or meshed, cause on stderr; 12: stdin ended; 13: the geometry is not one body. A mesh
-of more than 'max_cells' cells is not made, nor one whose 'size' is more than the body's: the answer is then about how
-many cells there would be and the body's extent (3,) mm."""
+It ends when its stdin does: then nobody waits for the answer any more. A job is {'solid': a tree of cad.py, 'surface':
+of a Surface the .npz with X (n, 3) mm and triangles (m, 3), 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
+'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
+corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null,
+nothing is meshed, and the answer is the body's volume mm^3 and the area mm^2 of its surface.
+
+One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry
+cannot be built or meshed, cause on stderr; 12: stdin ended; 13: the geometry is not one body. A mesh of more than
+'max_cells' cells is not made, nor one whose 'size' is more than the body's: the answer is then about how many cells
+there would be and the body's extent (3,) mm."""
 
 import json
 import math
@@ -52,7 +54,10 @@ def build(occ, node: dict) -> list[tuple[int, int]]:
         occ.rotate(moved, 0, 0, 0, *node["axis"], node["angle"])
         occ.translate(moved, *node["translate"])
         return moved
-    return [entity for entity in occ.importShapes(node["path"]) if entity[0] == 3]
+    solids = [entity for entity in occ.importShapes(node["path"]) if entity[0] == 3]
+    if node["unit"] != 1.0:
+        occ.dilate(solids, 0, 0, 0, *[node["unit"]] * 3)
+    return solids
 
 
 def loft(occ, first: list, second: list) -> int:
@@ -75,18 +80,13 @@ def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
     occ.synchronize()
 
 
-def surface(gmsh, path: str, unit: float) -> np.ndarray:
-    """(k, 3, 3) mm: corners of the triangles of a closed STL surface, which is read into gmsh."""
-    gmsh.merge(path)
-    gmsh.model.mesh.affineTransform([unit, 0, 0, 0, 0, unit, 0, 0, 0, 0, unit, 0])
-    gmsh.model.mesh.removeDuplicateNodes()
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    X = np.zeros((int(tags.max(initial=0)) + 1, 3))
-    X[tags.astype(int)] = coordinates.reshape(-1, 3)
-    triangles = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3).astype(int)
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    if len(triangles) == 0 or (np.unique(edges, axis=0, return_counts=True)[1] != 2).any():
-        raise ValueError("the surface is not closed: every edge must belong to two triangles")
+def surface(gmsh, file: str) -> np.ndarray:
+    """(k, 3, 3) mm: corners of the triangles of the closed surface in an .npz, which is read into gmsh."""
+    with np.load(file) as data:
+        X, triangles = data["X"], data["triangles"]
+    tag = gmsh.model.addDiscreteEntity(2)
+    gmsh.model.mesh.addNodes(2, tag, np.arange(1, len(X) + 1), X.ravel())
+    gmsh.model.mesh.addElementsByType(tag, 2, [], triangles.ravel() + 1)
     return X[triangles]
 
 
@@ -109,17 +109,19 @@ def pieces(corners: np.ndarray) -> int:
     return len(np.unique(label))
 
 
-def fill(gmsh) -> None:
-    """Makes the volume that the surface read last bounds."""
-    gmsh.model.mesh.classifySurfaces(math.radians(40), True, True, math.pi)
-    gmsh.model.mesh.createGeometry()
+def fill(gmsh, anew: bool) -> None:
+    """Makes the volume that the surface read last bounds. anew: the surface is meshed anew too, and not taken as it
+    is."""
+    if anew:
+        gmsh.model.mesh.classifySurfaces(math.radians(40), True, True, math.pi)
+        gmsh.model.mesh.createGeometry()
     loop = gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])
     gmsh.model.geo.addVolume([loop])
     gmsh.model.geo.synchronize()
 
 
 def is_surface(solid: dict) -> bool:
-    return solid["kind"] == "File" and solid["path"].lower().endswith(".stl")
+    return solid["kind"] == "Surface"
 
 
 class Separate(ValueError):
@@ -135,10 +137,11 @@ def one_body(gmsh, solid: dict) -> tuple[int, int]:
     return bodies[0]
 
 
-def measure(gmsh, solid: dict) -> dict[str, np.ndarray]:
+def measure(gmsh, job: dict) -> dict[str, np.ndarray]:
     """Volume and area, without a mesh."""
+    solid = job["solid"]
     if is_surface(solid):
-        corners = surface(gmsh, solid["path"], solid["unit"])
+        corners = surface(gmsh, job["surface"])
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return {"volume": np.array(enclosed_volume(corners)), "area": np.linalg.norm(normals, axis=1).sum() / 2}
     body = one_body(gmsh, solid)
@@ -164,7 +167,7 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     """X (n, 3), cells (m, 4), CAD volume; or what speaks against meshing."""
     solid = job["solid"]
     if is_surface(solid):
-        corners = surface(gmsh, solid["path"], solid["unit"])
+        corners = surface(gmsh, job["surface"])
         volume, low, high = enclosed_volume(corners), corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     else:
         body = one_body(gmsh, solid)
@@ -173,11 +176,12 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     if not about <= job["max_cells"] or job["size"] > 1.01 * (high - low).max():
         return {"about": np.array(about), "extent": high - low}
     if is_surface(solid):
-        fill(gmsh)
-    elif job["regions"]:
-        split(gmsh.model.occ, body, job["regions"])
-    _sizes(gmsh, job)
-    gmsh.model.mesh.generate(3)
+        _fill_somehow(gmsh, job)
+    else:
+        if job["regions"]:
+            split(gmsh.model.occ, body, job["regions"])
+        _sizes(gmsh, job)
+        gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     cells = gmsh.model.mesh.getElementsByType(4)[1].reshape(-1, 4)
@@ -188,6 +192,23 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     order = np.argsort(tags)
     X = coordinates.reshape(-1, 3)[order][np.searchsorted(tags[order], used)]
     return {"X": X, "cells": cells.reshape(-1, 4), "volume": np.array(volume)}
+
+
+def _fill_somehow(gmsh, job: dict) -> None:
+    """Meshes a surface anew and fills it; where gmsh cannot, with the file's own triangles."""
+    try:
+        fill(gmsh, anew=True)
+        _sizes(gmsh, job)
+        gmsh.model.mesh.generate(3)
+        if len(gmsh.model.mesh.getElementsByType(4)[1]):
+            return
+    except Exception as error:  # gmsh raises bare Exception
+        print(error, file=sys.stderr)
+    gmsh.clear()
+    surface(gmsh, job["surface"])
+    fill(gmsh, anew=False)
+    _sizes(gmsh, job)
+    gmsh.model.mesh.generate(3)
 
 
 def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) -> float:
@@ -245,7 +266,7 @@ def main() -> int:
         if job.get("write"):
             answer = write(gmsh, job["solid"], job["write"], job["deviation"])
         else:
-            answer = measure(gmsh, job["solid"]) if job["size"] is None else mesh(gmsh, job)
+            answer = measure(gmsh, job) if job["size"] is None else mesh(gmsh, job)
     except Separate as error:
         print(error, file=sys.stderr)
         return 13

@@ -7,10 +7,12 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+from cfem.contact.facets import components
 from cfem.core.errors import InputError
 from cfem.core.files import write_whole
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
 from cfem.robot.mesh.mesh_sets import CELL_SET, SET, arrays, named_sets
+from cfem.robot.mesh.same_place import representatives
 
 UNSHAPED = "unshaped"  # point data: the nodes before the free form
 # Cells by their number of nodes, as meshio calls them and their facets.
@@ -39,7 +41,7 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
 
 def read_mesh(path: Path) -> Mesh:
     """What `write_mesh` wrote. InputError where it is missing or damaged."""
-    data = _read(path)
+    data = read_data(path)
     blocks = {block.type: index for index, block in enumerate(data.cells)}
     solid, surface = next((pair for pair in _NAMES.values() if pair[0] in blocks), (None, None))
     if solid is None or surface not in blocks:
@@ -57,10 +59,13 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def read_own(path: Path, unit: float) -> Mesh:
-    """A user's mesh (.vtu, .vtk, .msh) of tetrahedra or of hexahedra, corners only, upright, its numbers `unit` mm.
+    """A user's mesh (.vtu, .vtk, .msh, .inp) of tetrahedra or of hexahedra, corners only, upright, its numbers `unit`
+    mm.
 
-    Sets are those of mesh_sets.py. Nodes that no cell uses are dropped. InputError for anything else."""
-    data = _read(path)
+    Sets are those of mesh_sets.py. Nodes that no cell uses are dropped, duplicate ones merged as in `join_pieces`.
+    InputError for anything else."""
+    data = read_data(path)
+    join_pieces(data)
     kinds = sorted({block.type for block in data.cells if block.dim == 3})
     corners = {_CORNERS.get(kind, 0) for kind in kinds}
     if corners not in ({4}, {8}):
@@ -83,6 +88,24 @@ def read_own(path: Path, unit: float) -> Mesh:
     return Mesh(X, cells, facets, *named_sets(data, solid, used, facets))
 
 
+def join_pieces(data: meshio.Mesh) -> int:
+    """Merges nodes at one place, where the solid cells are fewer pieces then, and returns how many. The two sides of a
+    slit in one piece stay apart."""
+    X = np.asarray(data.points, dtype=float)
+    solids = [np.asarray(block.data) for block in data.cells if block.dim == 3]
+    same = representatives(X)
+    merged = int((same != np.arange(len(X))).sum())
+    if not merged or all(components(same[cells])[0] == components(cells)[0] for cells in solids):
+        return 0
+    for block in data.cells:
+        block.data = same[block.data]
+    for flags in data.point_data.values():
+        if flags.ndim == 1:
+            np.maximum.at(flags, same, flags.copy())
+    data.point_sets = {name: same[np.asarray(nodes, dtype=int)] for name, nodes in data.point_sets.items()}
+    return merged
+
+
 def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
     """The cells with those of negative volume turned inside out. InputError where one has no volume."""
     volumes, mirror = (
@@ -91,16 +114,17 @@ def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
         else (tet_volumes(X, cells), [0, 2, 1, 3])
     )
     if (np.abs(volumes) < 1e-12 * np.ptp(X, axis=0).max() ** 3).any():
-        raise InputError("has flat cells without volume", where=str(path), do="mesh it again, with another size")
+        raise InputError("has flat cells without volume", where=str(path), do="set geometry.remesh: true")
     return np.where((volumes < 0)[:, None], cells[:, mirror], cells)
 
 
-def _read(path: Path) -> meshio.Mesh:
+def read_data(path: Path) -> meshio.Mesh:
+    """What a file holds, its nodes and cells looked at. InputError where it cannot be read."""
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it")
     try:
         with contextlib.redirect_stderr(io.StringIO()):  # meshio also prints what it raises
-            data = meshio.read(path)
+            data = meshio.read(path, _format(path))
     except SystemExit as error:  # meshio exits the process on formats that it does not know
         raise InputError("is not in a mesh format that can be read", where=str(path)) from error
     except Exception as error:  # a parser of damaged bytes may raise anything
@@ -117,6 +141,15 @@ def _read(path: Path) -> meshio.Mesh:
             what = f"its {block.type} cells name node {strange[0]}, but its nodes are 0 to {len(X) - 1}"
             raise InputError(what, where=str(path), do="write the file again")
     return data
+
+
+def _format(path: Path) -> str | None:
+    """As meshio calls it, where the name of the file misleads: some programs call a .vtu a .vtk."""
+    with open(path, "rb") as file:
+        head = file.read(200).lstrip()
+    if path.suffix.lower() == ".vtk" and (head.startswith(b"<?xml") or head.startswith(b"<VTKFile")):
+        return "vtu"
+    return "vtk" if path.suffix.lower() == ".vtu" and head.startswith(b"# vtk") else None
 
 
 def _flags(size: int, members) -> np.ndarray:

@@ -15,7 +15,7 @@ from cfem.core.optional import demand
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import selection
-from cfem.robot.cad import Box, Difference, File, Placed, Solid, as_data
+from cfem.robot.cad import Box, Difference, File, Placed, Solid, Surface, as_data
 from cfem.robot.catalogue.bar import bar
 from cfem.robot.catalogue.diamond import diamond
 from cfem.robot.catalogue.soft_finger import soft_finger
@@ -26,6 +26,7 @@ from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, 
 from cfem.robot.mesh import hexahedra
 from cfem.robot.mesh.mesh_file import read_own
 from cfem.robot.mesh.placement import join, place, place_back, seen_from
+from cfem.robot.mesh.surface_file import read_surface
 from cfem.robot.shape.deform import shaped
 from cfem.robot.spec import Meshing, SceneSpec
 
@@ -106,9 +107,10 @@ def corner_mesh(
     grading: Grading | None = None,
 ) -> tuple[Mesh, float | None]:
     """Mesh of corner nodes only in the geometry's own coordinates, and the CAD volume where there is one. A mesh that
-    is made here conforms to the regions, within an .stl excepted; one of hexahedra to those along its axes."""
+    is made here conforms to the regions, a surface from a file excepted; one of hexahedra to those along its
+    axes."""
     kind = "hexahedra" if ELEMENTS[meshing.element].n_nodes == 8 else "tetrahedra"
-    if isinstance(geometry, MeshFile) and geometry.path.suffix.lower() != ".stl":
+    if isinstance(geometry, MeshFile) and not geometry.meshed_here:
         mesh, volume = read_own(folder / geometry.path, geometry.unit), None
         held = "hexahedra" if mesh.cells.shape[1] == 8 else "tetrahedra"
         if held != kind:
@@ -122,10 +124,10 @@ def corner_mesh(
     if kind == "hexahedra":
         X, cells, volume = _hexahedra(geometry, solid, meshing, regions, where)
     else:
-        stl = isinstance(geometry, MeshFile)
+        filled_here = isinstance(geometry, MeshFile)
         axis = None if meshing.mirror is None else "xyz".index(meshing.mirror)
         whole = solid if axis is None else Difference(solid, (_behind(axis),))
-        X, cells, volume = run_gmsh(whole, meshing, () if stl else regions, grading)
+        X, cells, volume = run_gmsh(whole, meshing, () if filled_here else regions, grading)
         if axis is not None:
             X, cells, volume = *mirrored(X, cells, axis), 2 * volume
         inverted = tet_volumes(X, cells) < 0
@@ -199,7 +201,9 @@ def solid_of(geometry: Single, folder: Path) -> Solid:
     path = folder / geometry.path
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check geometry.path")
-    return File(str(path), geometry.unit if isinstance(geometry, MeshFile) else 1.0)
+    if isinstance(geometry, MeshFile):
+        return Surface(str(path), geometry.unit)
+    return File(str(path), geometry.unit or 1.0)
 
 
 def run_gmsh(
@@ -259,6 +263,10 @@ def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
     demand("gmsh", where="a mesh of this geometry")
     with tempfile.TemporaryDirectory() as scratch:
         place, out = Path(scratch), Path(scratch) / "mesh.npz"
+        if isinstance(solid, Surface):
+            X, triangles, _ = read_surface(Path(solid.path))
+            np.savez(place / "surface.npz", X=solid.unit * X, triangles=triangles)
+            job = {**job, "surface": str(place / "surface.npz")}
         (place / "job.json").write_text(json.dumps(job), encoding="utf-8")
         # -P: no module is taken from the working folder
         command = [sys.executable, "-P", "-m", "cfem.robot.mesh.gmsh_process", str(place / "job.json"), str(out)]
@@ -269,15 +277,15 @@ def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
         ):
             code = process.wait()
         said = (place / "said").read_text(errors="replace")
+        where = solid.path if isinstance(solid, File | Surface) else "geometry"
         cause = said.strip().splitlines()[-1] if said.strip() else f"exit {code}"
         if code == 10:
             raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
         if code == 13:
             do = "give one body, or make each a file of its own and a part of a geometry of `kind: assembly`"
-            raise InputError(cause, where=solid.path if isinstance(solid, File) else "geometry", do=do)
+            raise InputError(cause, where=where, do=do)
         if code != 0:
-            where = solid.path if isinstance(solid, File) else "geometry"
-            kind = InputError if isinstance(solid, File) else NumericalError
+            kind = InputError if isinstance(solid, File | Surface) else NumericalError
             raise kind(f"cannot be meshed: {cause}", where=where, do="repair the geometry or change mesh.size")
         with np.load(out) as answer:
             return dict(answer)

@@ -10,7 +10,26 @@ that it corrects gives the loop
 With K_P = 0 the closed loop's polynomial is z^(late + 1) - z^late + m K_I, stable for
 0 < m K_I < 2 sin(pi / (2 (2 late + 1))) (Levin and May 1976; Jury's test gives the same)."""
 
+from dataclasses import dataclass
+
 import numpy as np
+
+PHASE_MARGIN = np.pi / 3  # rad
+
+
+@dataclass(frozen=True)
+class Gains:
+    """proportional, integral: dimensionless, per sample; integral None: what leaves phase_margin (rad) at the delay and
+    the interval of the samples, proportional then being 0; bound: mm, longest that K_I sum(e) may become."""
+
+    proportional: float = 0.0
+    integral: float | None = None
+    bound: float = np.inf
+    phase_margin: float = PHASE_MARGIN
+
+    def integral_at(self, late: int) -> float:
+        """K_I for samples that come so late."""
+        return integral_for(self.phase_margin, late) if self.integral is None else self.integral
 
 
 def late_samples(delay: int, ticks_a_sample: float) -> int:

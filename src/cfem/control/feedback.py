@@ -1,0 +1,80 @@
+"""The correction of goals by samples that may be late and rare: the one rule of all static controllers. C has the same
+in `cfem_feedback.c`.
+
+A sample has the number of the command that it followed. It corrects once, against the reference of that command: what
+the model expected of the command, less the correction that the command contained. Anti-windup is by back-calculation
+(Astrom and Hagglund 1995, section 3.5): with the effectors x' that the model expected and the correction c of that
+tick,
+
+    e = x' - c - sample
+
+which is goal - sample where the model got to the corrected goal, and grows no further where bounds, rates, a robot that
+cannot get there, or a search of one step a tick have kept it away.
+
+The age of a sample is 1 where it followed the last command. The largest age and the smallest interval of the last
+samples say how many samples come late, and that says K_I (`cfem.plant.gains`)."""
+
+from collections import deque
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.plant.gains import Gains, late_samples
+
+HISTORY = 1000  # ticks; a sample that followed an older command corrects nothing
+WINDOW = 8  # samples whose ages and intervals count
+
+
+class Feedback:
+    """total: (n_e,) mm, K_I sum(e); moved: (n_e,) mm by which the goal is moved, K_P e + K_I sum(e); integral: K_I of
+    the last sample; late: samples taken before the one that first shows a correction; given: commands so far; heard:
+    number of the command that the last sample followed, 0 before the first."""
+
+    def __init__(self, gains: Gains, measured: np.ndarray, history: int = HISTORY):
+        """measured: (n_e,) bool, rows that correct; history: ticks."""
+        self._gains, self._measured = gains, measured
+        self.total, self.moved = np.zeros(len(measured)), np.zeros(len(measured))
+        self._references: deque[np.ndarray] = deque(maxlen=history)
+        self._ages: deque[int] = deque(maxlen=WINDOW)
+        self._intervals: deque[int] = deque(maxlen=WINDOW)
+        self.given = self.heard = self.late = 0
+        self.integral = gains.integral_at(0)
+
+    def commanded(self, expected: np.ndarray) -> None:
+        """After each command; expected: (n_e,) mm, where the model has the effectors under it."""
+        self.given += 1
+        self._references.append(expected - self.moved)
+
+    def hear(self, tick: int, x_e: np.ndarray) -> bool:
+        """Whether a sample corrects; tick: number of the command that it followed, from 1 on; x_e: (n_e,) mm. One that
+        was heard before, that is older than the history or that is not finite changes nothing. InputError for a command
+        that was not given yet."""
+        if tick > self.given:
+            what = f"the sample is of tick {tick}, and {self.given} commands were given"
+            raise InputError(what, do="number the samples by the command that they follow, from 1 on")
+        if tick <= self.heard:
+            return False
+        age, interval = self.given - tick + 1, tick - self.heard
+        first, self.heard = not self.heard, tick
+        if age > len(self._references):
+            return False
+        error = np.where(self._measured, self._references[-age] - x_e, 0.0)
+        if not np.isfinite(error).all():
+            return False
+        self._ages.append(age)
+        if not first:
+            self._intervals.append(interval)
+        self.late = late_samples(max(self._ages) - 1, min(self._intervals, default=1))
+        self.integral = self._gains.integral_at(self.late)
+        self._correct(error)
+        return True
+
+    def take_back(self, correction: np.ndarray) -> None:
+        """Adds to the integral what no sample said: (n_e,) mm."""
+        self.total, self.moved = self.total + correction, self.moved + correction
+
+    def _correct(self, error: np.ndarray) -> None:
+        total = self.total + self.integral * error
+        length = float(np.linalg.norm(total))
+        self.total = total * min(1.0, self._gains.bound / length) if length > 0 else total
+        self.moved = self._gains.proportional * error + self.total

@@ -1,0 +1,144 @@
+"""Closed surfaces in files: .stl, .obj, .3mf, .ply, .off, and triangles in .vtk, .vtu, .msh, .inp."""
+
+import re
+import zipfile
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree  # nosec B405
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.core.stl import read_stl
+from cfem.mechanics.mesh import boundary_facets
+from cfem.robot.geometry import Assembly, Geometry, MeshFile
+from cfem.robot.mesh.mend import mend
+from cfem.robot.mesh.mesh_file import join_pieces, read_data
+
+# Numbers of a .3mf in mm, by the unit that it states.
+_UNITS = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
+_CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexahedron27": 8}
+
+
+@cache
+def _read(path: Path, changed: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    X, triangles = _triangles(path)
+    X, triangles, said = mend(X, triangles, str(path))
+    return X, triangles, tuple(said)
+
+
+def read_surface(path: Path) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """X (n, 3) in the file's unit (mm of a .3mf), triangles (m, 3) of a closed surface, normals out of the material;
+    and what was mended. InputError where the file cannot be read or the surface not be closed."""
+    if not path.is_file():
+        raise InputError("no such file", where=str(path), do="check the path")
+    stat = path.stat()
+    return _read(path, (stat.st_mtime_ns, stat.st_size))
+
+
+def mended(path: Path, surface: bool) -> tuple[str, ...]:
+    """What is mended of a file when it is read, as its surface or as its cells, a phrase each."""
+    if surface:
+        return read_surface(path)[2]
+    merged = join_pieces(read_data(path))
+    return (f"merged {merged} duplicate nodes, which kept cells apart",) if merged else ()
+
+
+def mends_of(geometry: Geometry, folder: Path) -> Iterator[tuple[Path, str]]:
+    """Each file of a geometry that is read mended, and how."""
+    parts = [part.geometry for part in geometry.parts] if isinstance(geometry, Assembly) else [geometry]
+    for part in parts:
+        if isinstance(part, MeshFile):
+            yield from ((part.path, phrase) for phrase in mended(folder / part.path, part.meshed_here))
+
+
+def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    suffix = path.suffix.lower()
+    if suffix == ".stl":
+        return read_stl(path)
+    if suffix == ".3mf":
+        return _read_3mf(path)
+    data = read_data(path)
+    X = np.asarray(data.points, dtype=float)
+    solids = [block for block in data.cells if block.type in _CORNERS]
+    if solids:  # its skin
+        sides = [boundary_facets(block.data[:, : _CORNERS[block.type]].astype(np.int64)) for block in solids]
+        found = [part for side in sides for part in _split(side)]
+    else:
+        found = [part for block in data.cells if block.dim == 2 for part in _split(_faces(block.data))]
+    if not found:
+        raise InputError("has neither triangles nor solid cells", where=str(path), do="export the surface again")
+    return X, np.concatenate(found).astype(np.int64)
+
+
+def _faces(data) -> np.ndarray:
+    """Corners of faces, a polygon cut from its first corner."""
+    data = np.asarray(data)
+    return data[:, : {6: 3, 8: 4, 9: 4}.get(data.shape[1], data.shape[1])]
+
+
+def _split(faces: np.ndarray) -> list[np.ndarray]:
+    return [faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)]
+
+
+def _read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """All objects that the file builds, in their places; mm."""
+    try:
+        with zipfile.ZipFile(path) as package:
+            names = [name for name in package.namelist() if name.lower().endswith(".model")]
+            roots = [_parsed(package.read(name), path) for name in names]
+    except (OSError, zipfile.BadZipFile, zipfile.LargeZipFile) as error:
+        raise InputError(f"is no .3mf file: {error}", where=str(path), do="export it again") from None
+    objects, items, unit = {}, [], 1.0
+    for root in roots:
+        unit = _UNITS.get(root.get("unit", "millimeter"), 1.0)
+        objects |= {node.get("id"): node for node in root.iter("object")}
+        items += [(item.get("objectid"), _transform(item)) for item in root.iter("item")]
+    points, triangles, count = [], [], 0
+
+    def add(name: str | None, motion: np.ndarray, depth: int = 0) -> None:
+        nonlocal count
+        node = objects.get(name)
+        if node is None or depth > 20:
+            raise InputError(f"builds an object '{name}' that it does not have", where=str(path), do="export it again")
+        corners = [[float(each.get(axis)) for axis in "xyz"] for each in node.iter("vertex")]
+        if corners:
+            points.append(np.column_stack([np.array(corners), np.ones(len(corners))]) @ motion)
+            faces = [[int(each.get(key)) for key in ("v1", "v2", "v3")] for each in node.iter("triangle")]
+            triangles.append(np.array(faces, dtype=np.int64).reshape(-1, 3) + count)
+            count += len(corners)
+        for part in node.iter("component"):
+            own = np.column_stack([_transform(part), [0, 0, 0, 1]])
+            add(part.get("objectid"), own @ motion, depth + 1)
+
+    try:
+        for name, motion in items or [(name, _transform(None)) for name in objects]:
+            add(name, motion)
+        X, faces = np.concatenate(points) * unit, np.concatenate(triangles)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"is damaged: {error}", where=str(path), do="export it again") from None
+    if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(X) or not np.isfinite(X).all():
+        raise InputError("is damaged: its triangles name vertices that it does not have", where=str(path))
+    return X, faces
+
+
+def _parsed(text: bytes, path: Path) -> ElementTree.Element:
+    """Names without their spaces. A document type, in which entities could be defined, is refused."""
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise InputError("has a document type, which no .3mf has", where=str(path), do="export it again")
+    try:
+        root = ElementTree.fromstring(text)  # nosec B314 - without entities
+    except ElementTree.ParseError as error:
+        raise InputError(f"is damaged: {error}", where=str(path), do="export it again") from None
+    for node in root.iter():
+        node.tag = re.sub(r"\{.*\}", "", str(node.tag))
+    return root
+
+
+def _transform(node: ElementTree.Element | None) -> np.ndarray:
+    """(4, 3), by which a row (x, y, z, 1) is multiplied."""
+    text = None if node is None else node.get("transform")
+    if text is None:
+        return np.vstack([np.eye(3), np.zeros(3)])
+    return np.array([float(value) for value in text.split()]).reshape(4, 3)

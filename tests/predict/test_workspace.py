@@ -1,0 +1,56 @@
+"""The workspace: states that exist, that fill it, and whose slack cables carry nothing."""
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from surrogate.synthetic import dataset, effector, energy
+
+from cfem.core.errors import InputError
+from cfem.predict.energy import FORMS
+from cfem.predict.load import build
+from cfem.surrogate.model_card import model_card
+from cfem.surrogate.spectral import fit
+
+
+@pytest.fixture(scope="module", params=FORMS)
+def model(request):
+    training = dataset(120, 1)
+    return build(model_card("spectral", training, request.param), fit(training, request.param).arrays)
+
+
+def test_its_states_are_those_of_the_robot(model):
+    space = model.workspace(200)
+    _, forces, _ = energy(space.delta_a)
+    assert len(space.x_e) == 200
+    assert (np.abs(forces - space.lambda_a) < 2e-2 * np.abs(forces).max()).all()
+    assert np.abs(space.x_e - space.rest_e - effector(space.delta_a)[0]).max() < 0.1
+    assert (space.lambda_a >= 0).all() and (space.delta_a >= 0).all() and (space.delta_a <= 20).all()
+
+
+def test_a_good_part_of_its_states_has_a_slack_cable(model):
+    space = model.workspace(300)
+    assert 0.1 < (space.lambda_a == 0).mean() < 0.4
+
+
+def test_it_reaches_as_far_as_the_training_states(model):
+    """Their hull, from states that share nothing with those drawn."""
+    trained = effector(dataset(400, 5).delta_a)[0][:, :2]
+    space = model.workspace(400)
+    drawn = (space.x_e - space.rest_e)[:, :2]
+    assert ConvexHull(drawn).volume > 0.9 * ConvexHull(trained).volume
+
+
+def test_the_same_seed_gives_the_same_states(model):
+    assert np.array_equal(model.workspace(20).x_e, model.workspace(20).x_e)
+    assert not np.array_equal(model.workspace(20).x_e, model.workspace(20, seed=1).x_e)
+
+
+def test_it_can_be_drawn(model, tmp_path):
+    figure = model.workspace(50).plot()
+    figure.savefig(tmp_path / "workspace.png")
+    assert [view.get_xlabel() for view in figure.axes[:3]] == ["tip.x (mm)", "tip.x (mm)", "tip.y (mm)"]
+
+
+def test_no_states_are_an_error(model):
+    with pytest.raises(InputError, match="at least one state, got 0"):
+        model.workspace(0)

@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from support.blocks import block
+
+from cfem.contact.facets import unmatched_edges
+from cfem.core.errors import InputError
+from cfem.robot.mesh.mend import mend
+
+MESH = block((6.0, 2.0, 2.0), (12, 4, 4))
+_, CORNERS = np.unique(MESH.facets, return_inverse=True)
+X, FACETS = MESH.X[np.unique(MESH.facets)], CORNERS.reshape(-1, 3)
+
+
+def volume(X, triangles):
+    """By the divergence theorem: positive where the normals point out of the material."""
+    return np.linalg.det(X[triangles]).sum() / 6
+
+
+def mended(X, triangles):
+    X, triangles, said = mend(X, triangles, "body")
+    assert len(unmatched_edges(triangles)) == 0
+    assert len(np.unique(triangles)) == len(X)
+    return X, triangles, said
+
+
+def test_a_sound_surface_stays_as_it_is():
+    found, triangles, said = mended(X, FACETS)
+    np.testing.assert_array_equal(found[triangles], X[FACETS])
+    assert said == []
+
+
+def test_triangles_each_with_corners_of_their_own_are_joined():
+    found, triangles, said = mended(X[FACETS].reshape(-1, 3), np.arange(FACETS.size).reshape(-1, 3))
+    assert len(found) == len(X) and volume(found, triangles) == pytest.approx(24)
+    assert said == [f"merged {FACETS.size - len(X)} duplicate nodes"]
+
+
+def test_copies_and_lines_are_dropped():
+    more = np.vstack([FACETS, FACETS[:2], [[0, 0, 1]]])
+    _, triangles, said = mended(X, more)
+    assert len(triangles) == len(FACETS) and "dropped 3 triangles" in said[0]
+
+
+def test_normals_point_out_of_the_material_whatever_they_did():
+    turned = FACETS.copy()
+    turned[::3] = turned[::3, ::-1]
+    for triangles in (turned, FACETS[:, ::-1]):
+        found, right, said = mended(X, triangles)
+        assert volume(found, right) == pytest.approx(24) and "normals" in said[0]
+
+
+@pytest.mark.parametrize("missing", [1, 2])
+def test_holes_are_closed(missing):
+    found, triangles, said = mended(X, FACETS[missing:])
+    assert "closed " in said[0] and volume(found, triangles) == pytest.approx(24, rel=0.02)
+
+
+def test_the_normals_of_a_cavity_point_into_it():
+    inner = 0.25 * (X - X.mean(axis=0)) + X.mean(axis=0)
+    for facets in (FACETS, FACETS[:, ::-1]):
+        found, triangles, _ = mended(np.vstack([X, inner]), np.vstack([FACETS, facets + len(X)]))
+        assert volume(found, triangles) == pytest.approx(24 * (1 - 0.25**3))
+
+
+def test_a_sliver_is_turned_into_a_triangle():
+    """A node on the edge of a triangle, joined by a triangle without area."""
+    a, b, c = FACETS[0]
+    on_edge = np.vstack([X, (X[a] + X[b]) / 2])
+    new = len(X)
+    neighbour = next(i for i, f in enumerate(FACETS) if i and {a, b} <= set(f.tolist()))
+    far = next(n for n in FACETS[neighbour] if n not in (a, b))
+    others = np.delete(FACETS, [0, neighbour], axis=0)
+    split = [[a, b, c], [a, new, b], [b, new, far], [new, a, far]]  # the second lies on a line
+    found, triangles, said = mended(on_edge, np.vstack([others, split]))
+    sides = found[triangles]
+    area = np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
+    assert area.min() > 0.02 and "1 slivers" in said[0] and volume(found, triangles) == pytest.approx(24)
+
+
+def test_what_cannot_be_mended_is_said():
+    top = X[FACETS][:, :, 2].min(axis=1) > 2 - 1e-9
+    with pytest.raises(InputError, match=r"body: the surface is not closed: an opening of 6\.3"):
+        mend(X, FACETS[~top], "body")
+    with pytest.raises(InputError, match="surface branches"):
+        mend(np.vstack([X, [[9.0, 9, 9]]]), np.vstack([FACETS, [[FACETS[0, 0], FACETS[0, 1], len(X)]]]), "body")
+    with pytest.raises(InputError, match="2 separate pieces"):
+        mend(np.vstack([X, X + 20]), np.vstack([FACETS, FACETS + len(X)]), "body")
