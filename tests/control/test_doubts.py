@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from cfem.control.doubts import judged
+from cfem.control.doubts import doubts
 
 CIRCLE = np.array([[np.cos(t), np.sin(t), 100.0] for t in np.linspace(0, 6, 24)])
 
 
 def said(goals, refined):
-    return [one["what"] for one in judged(goals, refined, 120.0)]
+    return [one["what"] for one in doubts(goals, refined, 120.0)]
 
 
 def test_goals_that_are_all_one_point_are_told_by_name():

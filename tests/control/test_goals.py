@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from cfem.condensed import Rows
 from cfem.control.goals import demand_fits, demand_near, goals_of
 from cfem.control.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
@@ -91,8 +92,19 @@ def test_no_goal_is_set_for_a_centre_of_mass():
     assert found.tolist() == [[1, 2, 3, 3, 4, 5], [4, 5, 6, 3, 4, 5]]
 
 
-def test_goals_in_metres_that_were_meant_in_millimetres_are_refused():
-    rest, near = np.array([0.0, 10.0, -120.0]), np.array([[0.0, 30.0, -110.0], [0.0, 300.0, -110.0]])
-    demand_near("curve", near, rest, 120.0)
-    with pytest.raises(SpecError, match=r"goal 1 is 3e\+05 mm from where the robot rests, 2499 times its length.*unit"):
-        demand_near("curve", np.array([[0, 10, -120.0], [0, 3e5 - 110, 0]]), rest, 120.0)
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ([0, 3e5 - 110, 0], r"goal 1 is 3e\+05 mm from where the effector rests, 2.5e\+03 times the robot's length"),
+        (
+            [0, 260, -120],
+            "goal 1 is 250 mm from where the effector rests, 2.08 times the robot's length: goals are in mm",
+        ),
+        ([0, 0.03, -0.11], "goal 1 would be near the robot if it were in metres: goals are in mm"),
+    ],
+)
+def test_goals_of_another_unit_are_refused(goal, words):
+    robot = SimpleNamespace(rows=Rows(("tip.x", "tip.y", "tip.z"), ("a",)), rest_e=ROBOT.rest_e, length=120.0)
+    demand_near("curve", np.array([[0.0, 30.0, -110.0], [0.0, 240.0, -110.0], [0, 0, -10], [0, 1, -61]]), robot)
+    with pytest.raises(SpecError, match=words):
+        demand_near("curve", np.array([[0, 10, -120.0], goal]), robot)

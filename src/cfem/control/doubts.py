@@ -10,7 +10,7 @@ from cfem.core.judgement import FORCE_SHARE, poor
 _ONE_POINT = 1e-6  # of the robot's length
 
 
-def judged(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: float) -> list[dict[str, Any]]:
+def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: float) -> list[dict[str, Any]]:
     """goals: (m, n_e) mm of each trajectory; refined: of `mesh_error.discretisation`; length: mm of the robot."""
     found = [
         poor(f"the {len(points)} goals of '{name}' are one point: nothing is tracked")

@@ -2,14 +2,13 @@
 
 import numpy as np
 
+from cfem.condensed.far import doubt, far_of
 from cfem.control.trajectory import arc, half_sphere, loop_of_shares, with_approach
 from cfem.control.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 from cfem.core.progress import progress
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_plant import FemPlant
-
-_FAR = 10  # lengths of the robot: nothing that it is asked to reach is so far away
 
 
 def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
@@ -68,11 +67,11 @@ def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.nd
     return goals + shift if len(shift) else goals
 
 
-def demand_near(name: str, goals: np.ndarray, rest_e: np.ndarray, length: float) -> None:
-    """goals (m, n_e), rest_e (n_e,), length: mm. SpecError where a goal is so far away that it has another unit."""
-    far = np.abs(goals - rest_e).max(axis=1)
-    worst = int(far.argmax())
-    if far[worst] > _FAR * length:
-        times = f"{far[worst] / length:.0f} times its length"
-        what = f"goal {worst} is {far[worst]:.3g} mm from where the robot rests, {times}"
-        raise SpecError(what, where=f"trajectories.{name}", do="check the unit of the goals")
+def demand_near(name: str, goals: np.ndarray, robot: Robot) -> None:
+    """goals (m, n_e) mm. SpecError where a goal is so far away that it has another unit."""
+    far = far_of(robot.rows, robot.length)
+    for index, goal in enumerate(goals):
+        strange = doubt(goal, robot.rest_e, far)
+        if strange:
+            do = "check the unit of the goals"
+            raise SpecError(f"goal {index} {strange}", where=f"trajectories.{name}", do=do)

@@ -65,7 +65,7 @@ def _agrees(spec: ControlSpec, base: Path) -> None:
 
 COMMAND = Command(
     "control",
-    8,
+    9,
     ControlSpec,
     _work,
     ("mesh",),

@@ -27,6 +27,9 @@ class ArcSpec(Spec):
     """Number of goals on the arc."""
     from_rest: NonNegativeInt = 0
     """Number of goals before the arc, on the straight line from where the effector rests."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
 
 class HalfSphereSpec(Spec):
@@ -43,6 +46,9 @@ class HalfSphereSpec(Spec):
     """Turns about the z axis."""
     goals: PositiveInt
     """Number of goals."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
 
 class GoalsSpec(Spec):
@@ -58,6 +64,9 @@ class GoalsSpec(Spec):
     let_go: bool = False
     """Whether the last goal is a place of the table, where robots put their object down and let it go: all actuators go
     back to rest. It needs object.table."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
     def check(self) -> None:
         if self.rotation is not None and len(self.rotation) != len(self.points):
@@ -95,6 +104,11 @@ class ImageSpec(Spec):
             if len(each) != n_a:
                 raise ValueError(f"{key} has {len(each)} numbers, the robot {n_a} actuators")
         return found[0], found[1]
+
+
+def meant_beyond(trajectory: object) -> bool:
+    """Whether goals of a trajectory may lie out of reach."""
+    return bool(getattr(trajectory, "beyond_reach", False))
 
 
 TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]
