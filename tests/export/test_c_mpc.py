@@ -98,8 +98,8 @@ BEFORE, SPOILT, AFTER = 30, 60, 30
 
 
 def left_after_bad_samples(chosen, folder, count):
-    """(count,) mm: from the 20th clean tick after bad samples on, by how much the tip is farther from its goals than in
-    a run without; held nowhere, and commands are within their bounds throughout."""
+    """(count,) mm: from the 20th to the 30th clean tick after bad samples, by how much the tip is farther from its
+    goals than in a run without, on average; held nowhere, and commands are within their bounds throughout."""
     compiled, python = both(folder, chosen)
     ticks = BEFORE + SPOILT + AFTER
     there, farther = goals(ticks + HORIZON), []
@@ -123,17 +123,17 @@ def left_after_bad_samples(chosen, folder, count):
     for seed in range(count):
         kind = KINDS[seed % len(KINDS)]
         clean, bad = missed(seed, lambda k, x: x), missed(seed, spoiling(kind, np.random.default_rng(seed), SPOILT))
-        farther.append((bad - clean).max())
+        farther.append((bad - clean).mean())
     return np.array(farther)
 
 
 def test_it_recovers_from_bad_samples_within_20_ticks(plain):
-    assert left_after_bad_samples(*plain, 2 * len(KINDS)).max() < 3 * NOISE
+    assert left_after_bad_samples(*plain, 2 * len(KINDS)).max() < np.sqrt(3) * NOISE  # of a sample
 
 
 @pytest.mark.slow
 def test_a_thousand_runs_recover_from_bad_samples_within_20_ticks(plain):
-    assert left_after_bad_samples(*plain, 1000).max() < 3 * NOISE
+    assert left_after_bad_samples(*plain, 1000).max() < np.sqrt(3) * NOISE
 
 
 @pytest.fixture(scope="module")

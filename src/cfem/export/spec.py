@@ -14,6 +14,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import Angle, Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
+from cfem.predict.gate import GateSpec
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
@@ -107,6 +108,8 @@ class CEstimateSpec(Spec):
     dynamics: DrivenDynamicsSpec | None = None
     """A filter of a robot that moves from frame to frame, beside that of a robot at rest. Needs a model that has
     learned to move. None unless given."""
+    gate: GateSpec = GateSpec()
+    """Frames that the filter does not hear."""
 
 
 class CSpec(Spec):
