@@ -29,6 +29,11 @@ class Row:
     line: int
     cells: tuple[str, ...]
 
+    @property
+    def blank(self) -> bool:
+        """Whether nothing stands in it, be it between separators."""
+        return not any(self.cells)
+
 
 def read_rows(path: Path) -> list[Row]:
     """All rows of a file; a line that begins with '#' is a comment. InputError where the file is no such table."""
@@ -49,7 +54,7 @@ def read_rows(path: Path) -> list[Row]:
     try:
         for cells in reader:
             stripped = tuple(cell.strip() for cell in cells)
-            rows.append(Row(reader.line_num, stripped if any(stripped) else ()))
+            rows.append(Row(reader.line_num, () if stripped == ("",) else stripped))
     except csv.Error as error:
         what = f"is not a table of comma-separated values: {error}"
         raise InputError(what, where=f"{path}:{reader.line_num}", do="save it as CSV in UTF-8") from None
@@ -122,10 +127,9 @@ class TextTable:
 def titled(path: Path, rows: Sequence[Row]) -> TextTable:
     """The first row that is not empty has the titles. InputError where one stands twice, or another row has not their
     number of cells."""
-    filled = [row for row in rows if row.cells]
-    if not filled:
+    head, *records = [row for row in rows if row.cells] or [Row(0, ())]
+    if head.blank:
         raise InputError("is empty", where=str(path), do="give a table with titles above its numbers")
-    head, *records = filled
     twice = next((title for title in head.cells if title and head.cells.count(title) > 1), None)
     if twice is not None:
         what = f"two columns are called '{twice}'"
