@@ -35,9 +35,10 @@ CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 
 def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop import Pace, run_loop
     from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.inverse import Limits
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import loop_of_shares
@@ -101,8 +102,9 @@ def _errors(values) -> dict[str, float]:
 def arc(ticks: int = 5) -> dict:
     """The paper's quarter circle, mostly out of reach: mm by which C ends farther from each goal than Python's search,
     by the model."""
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.inverse import Limits
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import arc
@@ -128,9 +130,10 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     """Errors in mm at the end of each goal of the circle: open loop into the robot of the model, by growths and by
     pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop import Pace, run_loop
     from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.inverse import Limits
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import arc

@@ -7,10 +7,11 @@ import pytest
 from surrogate.stored import train_folder
 
 from cfem.condensed.model import under_force
+from cfem.condensed.strokes import ridge_of
 from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.controller import Controller
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError

@@ -9,8 +9,9 @@ from support import arc_robot, linear_robot
 from support.arc_robot import ArcRobot, tip
 from support.linear_robot import LinearRobot
 
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.plant.gains import Gains, integral_for

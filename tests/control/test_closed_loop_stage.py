@@ -11,8 +11,9 @@ import pytest
 from support.blocks import bar
 from surrogate.stored import train_folder
 
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop_stage import run_controllers
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot

@@ -5,10 +5,12 @@ import pytest
 from export.embedded import export, needs_compiler, spectral
 
 from cfem.condensed.model import under_force
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.feedback import Feedback
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.loop import Settings
+from cfem.control.optimality import Optimality, arrived
 from cfem.control.tick import Belief, Pilot, drive
 from cfem.core.errors import SpecError
 from cfem.export.compiled import CompiledController
@@ -19,6 +21,7 @@ from cfem.predict.load import build
 
 pytestmark = needs_compiler
 LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT, REJECTED = 1, 2, 4, 8, 16, 32, 256
+OUT_OF_REACH, FAR = 1024, 2048
 MEASURED_AT = np.array([6.0, 4.0])
 
 
@@ -260,6 +263,47 @@ def test_the_bound_on_operations_holds_every_query(tmp_path):
     assert queries(halvings=0) == 1 and queries(halvings=0, iterations=3) == 3
     assert queries(halvings=0, observer="equilibrium", command="force") == 21
     assert queries(halvings=8, iterations=2) == 17
+
+
+def ended(controller, goal, ticks: int = 60):
+    for _ in range(ticks):
+        command = controller.step(goal)
+    return command
+
+
+@pytest.mark.parametrize("halvings", [0, 8])
+@pytest.mark.parametrize("command", ["displacement", "force"])
+def test_out_of_reach_is_said_where_the_optimality_conditions_show_it(tmp_path, command, halvings):
+    """As Python's `Optimality` has it at the state where the robot stands, and never on the way."""
+    model = build(*spectral())
+    controller = compiled(tmp_path, command=command, observer="equilibrium", halvings=halvings)
+    goal, shown = model.rest_e + model.at_displacement(np.array([12.0, 11.0])).delta_e, []
+    for beyond in (1.0, 1.6):
+        there = model.rest_e + beyond * (goal - model.rest_e)
+        first, command = controller.step(there), ended(controller, there)
+        assert not first.status & OUT_OF_REACH
+        shown.append(bool(command.status & OUT_OF_REACH))
+        aim = Aim(there - model.rest_e, np.ones(3), ridge_of(1e-10, model.reach, model.length))
+        state = model.at_displacement(command.delta_a)
+        known = Optimality.of(state, aim, limits_of(model))
+        assert shown[-1] == (known.holds and not arrived(state, aim, limits_of(model)))
+    assert shown == [False, True]
+
+
+def test_regularisation_that_keeps_the_robot_away_is_not_the_reach(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, observer="equilibrium", regularisation=1e3)
+    goal = model.rest_e + model.at_displacement(np.array([12.0, 11.0])).delta_e
+    assert not ended(controller, goal).status & OUT_OF_REACH
+
+
+def test_a_goal_two_lengths_away_holds_the_command(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path)
+    before = controller.step(model.rest_e + [0.0, 5.0, 3.0])
+    after = controller.step(model.rest_e + [0.0, 2.01 * model.length, 0.0])
+    assert after.status == HELD | BAD_INPUT | FAR and after.delta_a == pytest.approx(before.delta_a, abs=0)
+    assert not controller.step(model.rest_e + [0.0, 1.99 * model.length, 0.0]).status & HELD
 
 
 def test_samples_correct_as_in_python_tick_by_tick(tmp_path):

@@ -6,6 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 from export.embedded import needs_compiler, tool
+from support.bad_samples import KINDS, spoiling
 
 import cfem
 from cfem.core.errors import InputError
@@ -13,6 +14,7 @@ from cfem.export.c_estimate import filter_of, moving_frames, status_of, write_c_
 from cfem.export.compiled import STANDARD, compiler, run
 from cfem.export.compiled_estimate import SOURCES, CompiledEstimator, estimate_parity
 from cfem.export.spec import CEstimateSpec, CSpec
+from cfem.predict.estimate_filter import Filter
 from cfem.predict.load import load_model
 from cfem.predict.markers import markers_near
 
@@ -152,3 +154,57 @@ def test_it_runs_on_an_emulated_cortex_m7(bar, tmp_path):
 def test_what_does_not_fit_gets_one_sentence(model, tmp_path, change, said):
     with pytest.raises((InputError, ValueError), match=said):
         write_c_estimate(tmp_path, model, CSpec(estimate=asked(model, **change)))
+
+
+SPOILT, CLEAN = 60, 20  # frames
+
+
+def spoilt_frames(made, seed, kind, what):
+    """(frame, unknowns) of a robot that moves; `what` of these is spoilt for a while: places, displacement, force, or
+    all at once; kind None: nothing."""
+    rng, one = np.random.default_rng(seed), made.estimator
+    names = [name for name in ("place", "displacement", "force") if kind is not None and what in (name, "all")]
+    spoilt = {name: spoiling(kind, np.random.default_rng(seed), SPOILT) for name in names}
+    for number in range(30 + SPOILT + CLEAN):
+        u = np.array([3 + 1.5 * np.sin(0.1 * number)])
+        x = np.r_[u, 0.005 * np.sin(0.03 * number), 0.004]
+        given = {**frame(made, x, rng), "displacement": u + one.sensor * rng.normal(size=1), "command": u}
+        given["force"] = one.tensions(x) + one.tension * rng.normal(size=1)
+        for name in names:
+            if 0 <= number - 30 < SPOILT:
+                given[name] = spoilt[name](number - 30, given[name])
+        yield given, x
+
+
+def left_after_bad_frames(made, compiled, seed, kind, what, python=None):
+    """By how much the unknowns are off more than in a recording without bad frames, over their standard deviation then,
+    20 good frames later; inf where there is no estimate."""
+    ends = []
+    for bad in (None, kind):
+        compiled.reset()
+        for given, truth in spoilt_frames(made, seed, bad, what):
+            found, x = compiled.tick(**given), truth
+            if python is not None and bad is not None:
+                answer = python.tick(given["place"], given["displacement"], given["command"], given["force"])
+                assert found.status == status_of(answer.status)
+                if not found.status:
+                    np.testing.assert_allclose(found.x[:1], answer.delta_a, atol=1e-6)
+        ends.append((found.x - x, np.sqrt(np.diag(found.covariance)), found.status))
+    (clean, deviation, _), (off, _, status) = ends
+    return np.inf if status else float((np.abs(off - clean) / deviation).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("what", ["place", "displacement", "force", "all"])
+def test_bad_frames_are_rejected_as_in_python_and_left_behind(both, kind, what):
+    made, compiled, _ = both
+    python = Filter(made.estimator, made.slip, made.ticks, made.offset, made.gate.spec)
+    assert left_after_bad_frames(made, compiled, 2, kind, what, python) < 2
+
+
+@pytest.mark.slow
+def test_a_thousand_recordings_are_estimated_after_bad_frames(both):
+    made, compiled, _ = both
+    cases = [(KINDS[seed % 6], ("place", "displacement", "force", "all")[seed // 6 % 4]) for seed in range(1000)]
+    left = [left_after_bad_frames(made, compiled, seed, *case) for seed, case in enumerate(cases)]
+    assert max(left) < 2

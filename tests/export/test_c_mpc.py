@@ -16,6 +16,7 @@ from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
 
 LIMITED, SOFTENED, HELD, BAD_INPUT, NO_QP, REJECTED, RESTARTED = 1, 2, 16, 32, 128, 256, 512
+FAR = 2048
 TICKS, HORIZON, NOISE = 24, 8, 0.1  # mm
 CASES = {
     "forces": spec(),
@@ -97,8 +98,8 @@ BEFORE, SPOILT, AFTER = 30, 60, 30
 
 
 def left_after_bad_samples(chosen, folder, count):
-    """(count,) mm: from the 20th clean tick after bad samples on, by how much the tip is farther from its goals than in
-    a run without; held nowhere, and commands are within their bounds throughout."""
+    """(count,) mm: from the 20th to the 30th clean tick after bad samples, by how much the tip is farther from its
+    goals than in a run without, on average; held nowhere, and commands are within their bounds throughout."""
     compiled, python = both(folder, chosen)
     ticks = BEFORE + SPOILT + AFTER
     there, farther = goals(ticks + HORIZON), []
@@ -122,17 +123,17 @@ def left_after_bad_samples(chosen, folder, count):
     for seed in range(count):
         kind = KINDS[seed % len(KINDS)]
         clean, bad = missed(seed, lambda k, x: x), missed(seed, spoiling(kind, np.random.default_rng(seed), SPOILT))
-        farther.append((bad - clean).max())
+        farther.append((bad - clean).mean())
     return np.array(farther)
 
 
 def test_it_recovers_from_bad_samples_within_20_ticks(plain):
-    assert left_after_bad_samples(*plain, 2 * len(KINDS)).max() < 3 * NOISE
+    assert left_after_bad_samples(*plain, 2 * len(KINDS)).max() < np.sqrt(3) * NOISE  # of a sample
 
 
 @pytest.mark.slow
 def test_a_thousand_runs_recover_from_bad_samples_within_20_ticks(plain):
-    assert left_after_bad_samples(*plain, 1000).max() < 3 * NOISE
+    assert left_after_bad_samples(*plain, 1000).max() < np.sqrt(3) * NOISE
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +151,8 @@ def test_without_a_command_the_plan_goes_on(folder):
     said = compiled.step(np.full(3, np.nan))
     assert said.status == HELD | BAD_INPUT
     np.testing.assert_allclose(said.u, told.u, rtol=1e-10)
+    far = compiled.step(1e3 * there[5:])  # micrometres
+    assert far.status == HELD | BAD_INPUT | FAR and np.isfinite(far.u).all()
     late = compiled.step(there[5:], there[0], sampled=9)  # of a tick that has not been
     assert late.status == HELD | BAD_INPUT and np.isfinite(late.u).all()
     assert compiled.step(there[6:], there[5], sampled=5).status & HELD == 0

@@ -33,7 +33,7 @@ a_problem = benchmark("contact_random").a_problem
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
-BAD_INPUT, OUTSIDE, NO_MODEL = 4, 4, 64  # of cfem_touch.h; of cfem.h
+BAD_INPUT, OUTSIDE, HELD, NO_MODEL = 4, 4, 16, 64  # of cfem_touch.h; of cfem.h
 
 
 def export(bar, out, obstacles, **contact):
@@ -200,6 +200,38 @@ def test_a_tick_says_that_contact_bends_the_robot_too_far(exported, touchable, d
     found = Planning(exported[0] / "c", [ball], 1.5, STRICT).step(touchable.model.rest_e)
     assert not found.status & NO_MODEL and among.before.forces.any()
     assert bool(found.status & OUTSIDE) == (among.before.bending > TRUSTED) == (depth == 1.0)
+
+
+def longest_held(exported, touchable, seed, share=0.3, ticks=100):
+    """Ticks in a row at which a robot behind a wall is held, whose goals are outliers for a while."""
+    rng, model = np.random.default_rng(seed), touchable.model
+    wall = Plane(R=np.diag([1.0, -1.0, -1.0]), t=foremost(touchable, np.array([1.0])) - [0, 0, 0.1])
+    planning, longest, held = Planning(exported[0] / "c", [wall], 0.4, STRICT), 0, 0
+    low, high = model.reach[0]
+    for tick in range(ticks):
+        goal = model.rest_e + model.at_displacement([1.0 + 0.6 * np.sin(0.1 * tick)]).delta_e
+        rng.normal(size=3)
+        if 20 <= tick < 60 and rng.random() < share:
+            away = rng.normal(size=3)
+            goal = goal + 10.0 ** rng.uniform(0, 6) * away / np.linalg.norm(away)
+        found = planning.step(goal)
+        held = held + 1 if found.status & HELD else 0
+        longest = max(longest, held)
+        assert low - 1e-9 <= found.delta_a[0] <= high + 1e-9
+    return longest
+
+
+@needs_compiler
+@pytest.mark.parametrize("seed", [4, 7, 24])
+def test_a_robot_without_a_plan_where_it_stands_is_not_held_for_ever(exported, touchable, seed):
+    """On one side of the place no contact state is found, or on both: differences are of the other, or it retreats."""
+    assert longest_held(exported, touchable, seed) < 5
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_none_of_100_is_held_for_ever(exported, touchable):
+    assert max(longest_held(exported, touchable, seed) for seed in range(100)) < 5
 
 
 @needs_compiler

@@ -85,6 +85,7 @@ def test_goals_that_cannot_be_meant_are_refused_and_the_command_stays(start):
     for more, words in [
         ({"place": goal_of(run), "frame": "map"}, "in frame 'map', expected 'robot'"),
         ({"place": 1000 * goal_of(run)}, "are these millimetres"),
+        ({"place": goal_of(run) + [0, 250, 0]}, "times the robot's length"),
         ({"place": goal_of(run), "age": 3.0}, "its stamp is 3.00 s old"),
         ({"place": [0, np.nan, 0]}, "is not finite"),
     ]:

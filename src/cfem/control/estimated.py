@@ -40,8 +40,9 @@ def filter_of(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> F
     if motion is not None:
         slip, offset = slip * np.sqrt(loop.rate / loop.ticks_a_sample), spec.actuators.offset or OFFSET * reach
         doubt = unknown_of(spec.dynamics, slip, offset, lasts, model.length)
-        return MarkerFilter(estimator_of(spec, model), motion, loop.command.kind, doubt)
-    return Filter(estimator_of(spec, model), slip, max(ticks, 0.1), spec.actuators.offset or OFFSET * reach)
+        return MarkerFilter(estimator_of(spec, model), motion, loop.command.kind, doubt, spec.gate)
+    offset = spec.actuators.offset or OFFSET * reach
+    return Filter(estimator_of(spec, model), slip, max(ticks, 0.1), offset, spec.gate)
 
 
 def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:

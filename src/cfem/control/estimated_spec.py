@@ -8,6 +8,7 @@ from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
 from cfem.predict.estimate_spec import ActuatorSensorsSpec, DynamicsSpec, LoadsSpec
+from cfem.predict.gate import GateSpec
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 
@@ -32,3 +33,5 @@ class EstimateSpec(Spec):
     rest at each tick."""
     actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
     """Sensors of the actuators, with their noise."""
+    gate: GateSpec = GateSpec()
+    """Frames that the filter does not hear."""

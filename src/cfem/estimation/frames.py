@@ -40,7 +40,7 @@ def each_alone(estimator: Estimator, recording: Recording) -> Tick:
 def at_rest(estimator: Estimator, recording: Recording, spec: EstimateSpec, ticks: float) -> Tick:
     """By a filter of a robot that is at rest in each frame. ticks: frames for which a load lasts."""
     slip, offset = slips(estimator, spec)
-    filtered = Filter(estimator, slip, ticks, offset)
+    filtered = Filter(estimator, slip, ticks, offset, spec.gate)
 
     def tick(frame: int) -> Estimate:
         seen, sensed = recording.markers[frame], recording.displacement[frame]
@@ -53,7 +53,7 @@ def moving(estimator: Estimator, recording: Recording, spec: EstimateSpec, motio
     """By the filter on the condensed dynamics. motion: of the same model."""
     (slip, offset), period = slips(estimator, spec), recording.period
     doubt = unknown_of(spec.dynamics, slip / np.sqrt(period), offset, ticks * period, estimator.model.length)
-    filtered = MarkerFilter(estimator, motion, spec.dynamics.driven, doubt)
+    filtered = MarkerFilter(estimator, motion, spec.dynamics.driven, doubt, spec.gate)
 
     def tick(frame: int) -> Estimate:
         after = recording.time[frame] - recording.time[frame - 1] if frame else 0.0

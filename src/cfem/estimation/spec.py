@@ -9,6 +9,7 @@ from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
 from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
+from cfem.predict.gate import GateSpec
 
 
 class EstimateSpec(Spec):
@@ -31,6 +32,8 @@ class EstimateSpec(Spec):
     """What is known of the actuators."""
     dynamics: DrivenDynamicsSpec | None = None
     """A robot that moves from frame to frame, of a model that has learned to. At rest in each frame unless given."""
+    gate: GateSpec = GateSpec()
+    """Frames that the filter does not hear."""
     each_frame: bool = False
     """Whether each frame is estimated alone. All frames before it count otherwise."""
     truth: Path | None = None

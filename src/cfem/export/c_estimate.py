@@ -35,7 +35,7 @@ def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Fi
         raise InputError(f"the estimator in C has at most {MOST} markers and unknowns", where="c.estimate")
     lasts = np.inf if loads is None or loads.lasts is None else loads.lasts
     ticks = max(min(lasts * spec.rate, 1e9), 0.1)
-    return Filter(estimator, sensors.slip or SLIP * reach, ticks, sensors.offset or OFFSET * reach)
+    return Filter(estimator, sensors.slip or SLIP * reach, ticks, sensors.offset or OFFSET * reach, spec.gate)
 
 
 def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
@@ -44,7 +44,7 @@ def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     made = filter_of(spec.estimate, model, p)
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for path in (*SOURCES.iterdir(), c_export.SOURCES / "cost.h"):
+        for path in (*SOURCES.iterdir(), *(c_export.SOURCES / name for name in ("cost.h", "cfem_gate.h"))):
             shutil.copyfile(path, folder / path.name)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)
@@ -107,9 +107,10 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
         constants[degrees] = indices[kept].astype(np.uint8)
         sizes[terms] = len(kept)
         degree = max(degree, int(indices[kept].max(initial=0)))
-    sizes |= {"DEGREE": degree, "STARTS": len(starts)}
+    sizes |= {"DEGREE": degree, "STARTS": len(starts), "GATE_SAMPLES": made.gate.samples}
     constants |= {"noise": float(one.noise), "sensor": float(one.sensor), "tension": float(one.tension)}
     constants |= {"keeps": made.keeps, "slip": made.slip, "first": made.offset}
+    constants |= {"gate_sigmas": made.gate.sigmas}
     return {f"CFEM_ESTIMATE_{name}": value for name, value in sizes.items()}, constants
 
 
@@ -140,7 +141,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
     states = one.model.domain.states[:, :n_a]
     u, w = states[len(states) // 2].copy(), np.zeros(len(one.loaded))
     usual = np.linalg.cholesky(one.load_covariance)
-    filtered = Filter(one, made.slip, made.ticks, made.offset)
+    filtered = Filter(one, made.slip, made.ticks, made.offset, made.gate.spec)
     for number in range(count):
         toward = states[(number // 10) % len(states)] - u
         u = u + 0.1 * toward
@@ -167,7 +168,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
 
 def status_of(status: EstimateStatus) -> int:
     """As the C code says it."""
-    return {"CONVERGED": 0, "TOO_FEW": 1, "OUTLIERS": 2, "ITERATIONS": 4}[status.name]
+    return {"CONVERGED": 0, "TOO_FEW": 1, "OUTLIERS": 2, "ITERATIONS": 4, "REJECTED": 32}[status.name]
 
 
 def bits(numbers: tuple[int, ...]) -> int:

@@ -43,7 +43,7 @@ def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerF
     lasts = np.inf if own.loads is None or own.loads.lasts is None else own.loads.lasts
     estimator, slip = still.estimator, still.slip * np.sqrt(own.rate)
     unknown = unknown_of(own.dynamics, slip, still.offset, lasts, estimator.model.length)
-    return MarkerFilter(estimator, motion, own.dynamics.driven, unknown)
+    return MarkerFilter(estimator, motion, own.dynamics.driven, unknown, own.gate)
 
 
 def write_c_swing(folder: Path, still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:
@@ -105,7 +105,7 @@ def swinging_frames(made: MarkerFilter, period: float, count: int = FRAMES) -> l
     """The model's own motion under commands that jump, some markers lost or wrong, an actuator that is not where its
     command is, and what Python estimates: by frame."""
     one, motion, found, rng = made.estimator, made.motion, [], np.random.default_rng(0)
-    filtered = MarkerFilter(one, motion, made.kind, made.unknown)
+    filtered = MarkerFilter(one, motion, made.kind, made.unknown, made.gate.spec)
     n_a, m, states = motion.n_a, len(one.markers), one.model.domain.states[:, : motion.n_a]
     stands = one.middle[:n_a]
     now, force = at_rest(motion, stands), made.kind == "force"

@@ -61,7 +61,7 @@ class CompiledEstimator(Compiled):
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         sizes = defines_of((folder / "cfem_estimate_data.h").read_text(encoding="utf-8"))
         super().__init__(sizes, int(sizes["CFEM_ESTIMATE_N"]))
-        self._filter = ctypes.create_string_buffer(ctypes.sizeof(self._found) + 8 * len(self._frame.force) + 16)
+        self._filter = ctypes.create_string_buffer(ctypes.sizeof(self._found) + 8 * len(self._frame.force) + 40)
         self._library = library(folder, SOURCES, flags)
         self.reset()
 

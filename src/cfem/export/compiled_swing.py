@@ -24,7 +24,7 @@ class CompiledSwing(Compiled):
         super().__init__(size, int(size["CFEM_SWING_N"]))
         n_z, n_x, n_w = (int(size[f"CFEM_SWING_{name}"]) for name in ("NZ", "NX", "LOADS"))
         n_q, n_a = int(size["CFEM_MOTION_NQ"]), len(self._frame.force)
-        self._filter = (ctypes.c_double * (n_z + n_q + n_a + n_w + 1 + n_x * n_x + n_z * n_a + 2))()
+        self._filter = (ctypes.c_double * (n_z + n_q + n_a + n_w + 1 + n_x * n_x + n_z * n_a + 4))()
         self._library = library(folder, SOURCES, flags)
         self.reset()
 

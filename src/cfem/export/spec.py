@@ -14,6 +14,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import Angle, Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
+from cfem.predict.gate import GateSpec
 from cfem.predict.load_spec import LoadSpec
 from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
 
@@ -44,10 +45,10 @@ class ControllerSpec(Spec):
     halvings: Annotated[int, Field(ge=0, le=20)] = 8
     """Lengths of step tried, each half the last, until the model says that a step leads nearer to the goal. 0 takes the
     full step, as the paper does."""
-    tolerance: Displacement = 1e-5
-    """A smaller move of every actuator is not made."""
-    step: Displacement = 5.0
-    """Farthest that an actuator moves in one linearisation."""
+    tolerance: Displacement | None = None
+    """A smaller move of every actuator is not made. 5e-7 of each actuator's stroke unless given."""
+    step: Displacement | None = None
+    """Farthest that an actuator moves in one linearisation. A quarter of each actuator's stroke unless given."""
     rate: Displacement | None = None
     """Largest change of a displacement command per tick. No limit unless given."""
     force_rate: Effort | None = None
@@ -107,6 +108,8 @@ class CEstimateSpec(Spec):
     dynamics: DrivenDynamicsSpec | None = None
     """A filter of a robot that moves from frame to frame, beside that of a robot at rest. Needs a model that has
     learned to move. None unless given."""
+    gate: GateSpec = GateSpec()
+    """Frames that the filter does not hear."""
 
 
 class CSpec(Spec):

@@ -4,7 +4,10 @@ on the condensed dynamics (Bell and Cathey, IEEE Trans. Automatic Control 38, 19
 Unknown are positions q and momenta p of the actuators' displacements and of the inner motions, the memory of viscous
 terms, forces w on chosen rows and the logarithm of the stiffness over the model's. What is known of them is carried
 forward (marked_steps.py). As markers tell of q, w and the stiffness alone (moving_markers.py), each frame is a
-least-squares problem of these (`cfem.predict.estimate_fit`); the rest follows by its covariance with them."""
+least-squares problem of these (`cfem.predict.estimate_fit`); the rest follows by its covariance with them.
+
+A frame that does not fit what is known before it is rejected (`cfem.predict.gate`). After a run of these, and of frames
+without an estimate, everything before is forgotten."""
 
 from dataclasses import replace
 
@@ -21,11 +24,11 @@ from cfem.predict import estimate_fit as fit
 from cfem.predict.estimate import UNSEEN, Estimator
 from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_fit import EstimateStatus, Minimum, Residuals, Sensor
+from cfem.predict.gate import Gate, GateSpec, Verdict
 
 FAR = 8.0  # standard deviations of unknowns within which they are looked for
 SAG = 0.5  # of the square of a swing over the length of the robot: how far its arc is from a line
 JUMP = 0.05  # of the reach: of an actuator that is not where its command is
-LOST = 10  # frames without an estimate, after which everything before is forgotten
 
 
 class MarkerFilter:
@@ -35,7 +38,15 @@ class MarkerFilter:
     looked for; swing: an amplitude of inner motions at the start; last: what markers tell, and its covariance, of the
     last frame"""
 
-    def __init__(self, estimator: Estimator, motion: MotionModel, kind: Kind, unknown: Unknown):
+    def __init__(
+        self,
+        estimator: Estimator,
+        motion: MotionModel,
+        kind: Kind,
+        unknown: Unknown,
+        gate: GateSpec | None = None,
+    ):
+        self.gate = Gate.of(gate or GateSpec())
         self.estimator, self.motion, self.kind, self.unknown = estimator, motion, kind, unknown
         self.markers = MovingMarkers(estimator, motion)
         self.forward = MarkedSteps(estimator, motion, kind, unknown)
@@ -51,7 +62,7 @@ class MarkerFilter:
             np.r_[box[:n_a], sign * far[:-1], box[n_a:], sign * far[-1]]
             for sign, box in zip((-1, 1), estimator.box.T, strict=True)
         )
-        self.box, self._missed = np.stack([low, high], axis=1), 0
+        self.box = np.stack([low, high], axis=1)
         self.known: Known | None = None
         self.last: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -87,8 +98,10 @@ class MarkerFilter:
     def see(self, measured: ArrayLike, sensed: ArrayLike | None = None, commanded: ArrayLike | None = None) -> Estimate:
         """Corrects by a frame of now."""
         where, there = self.estimator.from_rest(np.asarray(measured, float))
+        begins = self.known is None
         if self.known is None:
-            self.known, self._missed = self._first(measured, sensed, commanded), 0
+            self.known = self._first(measured, sensed, commanded)
+            self.gate.restart()
         known, sensors = self.known, self._sensors(sensed)
         noise, mean = self._noise(), self._mean(known)
 
@@ -103,21 +116,29 @@ class MarkerFilter:
 
         covariance = known.covariance
         found = fitted(covariance)
-        if not _good(found) or (there & ~found.kept).any():
+        if not _good(found) or (there & ~found.kept).any() or not self._likely(found):
             wider = self._jumped(known)
             other = fitted(wider)
-            if _good(other) and (not _good(found) or other.kept.sum() > found.kept.sum()):
+            better = other.kept.sum() > found.kept.sum() or (self._likely(other) and not self._likely(found))
+            if _good(other) and (not _good(found) or better):
                 found, covariance = other, wider
+        verdict = Verdict.ACCEPTED if begins else self.gate.judge(*_judged(found))
+        if verdict is Verdict.RESTART:
+            self.known = None
+            return self.see(measured, sensed, commanded)
         P = covariance[np.ix_(self._told, self._told)]
-        self._missed = 0 if _good(found) else self._missed + 1
+        if _good(found) and verdict is Verdict.REJECTED:
+            found = replace(found, status=EstimateStatus.REJECTED)
         if _good(found):
             scaled = found.J * self.scale
             P = np.linalg.inv(scaled.T @ scaled) * np.outer(self.scale, self.scale)
             self.known = self._corrected(replace(known, covariance=covariance), found.x, mean, P)
-        answer = self._answer(found, self._mean(self.known), P, there)
-        if self._missed >= LOST:
-            self.known = None
-        return answer
+        return self._answer(found, self._mean(self.known), P, there)
+
+    def _likely(self, found: Minimum) -> bool:
+        """Whether the gate would hear a frame."""
+        square, numbers = _judged(found)
+        return numbers < 1 or self.gate.deviate(square, numbers) <= self.gate.sigmas
 
     def _sensors(self, sensed: ArrayLike | None) -> tuple[Sensor, ...]:
         if sensed is None or not np.isfinite(sensed).any():
@@ -213,6 +234,13 @@ class MarkerFilter:
 
 def _good(found: Minimum) -> bool:
     return found.status is EstimateStatus.CONVERGED and bool(np.isfinite(found.J).all())
+
+
+def _judged(found: Minimum) -> tuple[float, int]:
+    """Square of the innovation, and of how many numbers, as a gate is told it."""
+    if found.status is EstimateStatus.TOO_FEW:
+        return 0.0, 0
+    return found.innovation if _good(found) else (np.inf, 1)
 
 
 def _root(P: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ be avoided, the distance from it:
 
 so that a goal of force is a goal of a row, and a distance to be kept a bound of a row. What is avoided does not push.
 Derivatives by delta_a are central differences of whole contact states: they know how contact changes the robot's
-stiffness, the curvature of obstacles included. They are of one side where a patch begins to touch or slide."""
+stiffness, the curvature of obstacles included. They are of one side where a patch begins to touch or slide, and where
+no contact state is found on the other."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -182,8 +183,8 @@ class ContactModel:
         J, K = np.zeros((len(e), n_a)), np.zeros((n_a, n_a))
         for axis, reach in enumerate(self.touchable.model.reach):
             step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
-            ahead, behind = (self._values(one, self._step(one, near)) for one in (delta_a + step, delta_a - step))
-            J[:, axis], K[:, axis] = ((a - b) / (2 * step[axis]) for a, b in zip(ahead, behind, strict=True))
+            (ahead, behind), width = self._sides(delta_a, step, near, (e, lam))
+            J[:, axis], K[:, axis] = ((a - b) / (width * step[axis]) for a, b in zip(ahead, behind, strict=True))
         for one in self.avoided.values():
             apart = clearance(self.touchable.model, delta_a, one)
             e, J = np.append(e, apart.distance), np.vstack([J, apart.gradient])
@@ -192,6 +193,24 @@ class ContactModel:
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
         return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, 0.0 if here is None else here.bending)
+
+    def _sides(
+        self, delta_a: np.ndarray, step: np.ndarray, near: Any, here: tuple[np.ndarray, np.ndarray]
+    ) -> tuple[list[tuple[np.ndarray, np.ndarray]], int]:
+        """What `_values` says ahead and behind, and how many steps lie between: `here` in the place of a side that has
+        no contact state. NumericalError where neither has one."""
+        sides, width = [here, here], 0
+        failed: NumericalError | None = None
+        for side, sign in enumerate((1, -1)):
+            try:
+                there = delta_a + sign * step
+                sides[side] = self._values(there, self._step(there, near))
+                width += 1
+            except NumericalError as error:
+                failed = error
+        if not width and failed is not None:
+            raise failed
+        return sides, width
 
     def inside(self, condensed: Condensed) -> bool:
         """Whether forces bend the robot no further than a model of second order knows, too."""

@@ -35,6 +35,15 @@ class Estimate:
         return np.sqrt(np.diag(self.covariance))
 
     @property
+    def judged(self) -> tuple[float, int]:
+        """The innovation as a gate is told it (`cfem.predict.gate`): that of a frame without an answer is infinite,
+        and of one in which too little is seen there is nothing to judge."""
+        if self.status is EstimateStatus.TOO_FEW:
+            return 0.0, 0
+        good = self.converged and bool(np.isfinite(self.covariance).all())
+        return self.innovation if good else (np.inf, 1)
+
+    @property
     def converged(self) -> bool:
         return self.status is EstimateStatus.CONVERGED
 

@@ -12,7 +12,12 @@ commanded, actuators move as the model yields to them and to the loads,
     delta_a' = delta_a + W_aa (u' - u) + W_aw (w' - w) + slip
 
 so that a push shows in where they go. The robot is at rest at each tick, to the accuracy of its model: motion faster
-than that is not modelled (cfem.motion.marker_filter)."""
+than that is not modelled (cfem.motion.marker_filter).
+
+A frame that does not fit what is known before it is rejected (`cfem.predict.gate`). After a run of these, and of frames
+without an estimate, everything before is forgotten."""
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +26,7 @@ from cfem.core.errors import InputError
 from cfem.predict.estimate import Estimator
 from cfem.predict.estimate_answer import Estimate
 from cfem.predict.estimate_fit import EstimateStatus, Known
+from cfem.predict.gate import Gate, GateSpec, Verdict
 
 SLIP, OFFSET = 5e-4, 0.05  # of the reach, where a spec states none
 YIELD = 0.1  # of a motion under commanded forces: by how much the model may be wrong
@@ -29,13 +35,15 @@ YIELD = 0.1  # of a motion under commanded forces: by how much the model may be 
 class Filter:
     """slip: mm by which an actuator may move in a tick beside its command (or at all, without commands), standard
     deviation; ticks: for how many a load lasts; offset: mm, standard deviation of where the actuators stand from the
-    first command."""
+    first command; gate: of frames that do not fit."""
 
-    def __init__(self, estimator: Estimator, slip: float, ticks: float, offset: float = 1.0):
+    def __init__(
+        self, estimator: Estimator, slip: float, ticks: float, offset: float = 1.0, gate: GateSpec | None = None
+    ):
         if slip <= 0 or ticks <= 0 or offset <= 0:
             raise InputError("slip, the ticks for which a load lasts and the offset must be positive")
         self.estimator, self.slip, self.ticks, self.offset = estimator, slip, ticks, offset
-        self.keeps = float(np.exp(-1.0 / ticks))
+        self.keeps, self.gate = float(np.exp(-1.0 / ticks)), Gate.of(gate or GateSpec())
         self.last: Estimate | None = None
         self._u: np.ndarray | None = None
         self._driven: np.ndarray | None = None
@@ -49,12 +57,18 @@ class Filter:
         driven: ArrayLike | None = None,
     ) -> Estimate:
         """measured, sensed, forces: as for `Estimator.estimate`; commanded (n_a,) mm, or driven (n_a,) N by which they
-        are commanded, None where nobody knows. Never raises for what the numbers are; an estimate that did not converge
-        is not carried forward."""
+        are commanded, None where nobody knows. Never raises for what the numbers are; an estimate that was rejected or
+        did not converge is not carried forward."""
         u = None if commanded is None else np.asarray(commanded, float)
         by = None if driven is None else np.asarray(driven, float)
         known = self._first(u) if self.last is None else self._forward(self.last, u, by)
         found = self.estimator.with_known(measured, sensed, forces, known, known.mean)
+        verdict = Verdict.ACCEPTED if self.last is None else self.gate.judge(*found.judged)
+        if verdict is Verdict.REJECTED:
+            return replace(found, status=EstimateStatus.REJECTED) if found.converged else found
+        if verdict is Verdict.RESTART:
+            known, self.last = self._first(u), None
+            found = self.estimator.with_known(measured, sensed, forces, known, known.mean)
         if found.status is EstimateStatus.CONVERGED and np.isfinite(found.covariance).all():
             self.last, self._u, self._driven = found, u, by
         return found

@@ -24,6 +24,7 @@ class EstimateStatus(Enum):
     CONVERGED = "converged"
     ITERATIONS = "the estimate keeps changing: the iterations allowed were used up"
     TOO_FEW = "fewer numbers are measured than are unknown"
+    REJECTED = "the frame does not fit what was known before it"
     OUTLIERS = "half of the markers do not fit the others; look at their noise, their places and the frame"
 
 

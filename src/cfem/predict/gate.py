@@ -63,6 +63,10 @@ class Gate:
     def of(cls, spec: GateSpec) -> "Gate":
         return cls(spec.sigmas, spec.samples)
 
+    @property
+    def spec(self) -> GateSpec:
+        return GateSpec(sigmas=self.sigmas, samples=self.samples)
+
     def deviate(self, square: float, numbers: int) -> float:
         """Standard deviations by which a sample misses more than expected; square, numbers: d and n."""
         return sqrt(2.0 * square / self.spread) - sqrt(2.0 * numbers - 1.0)

@@ -7,8 +7,9 @@ from motion.learned import LARGEST, Static, dataset, problem
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
+from cfem.condensed.strokes import ridge_of
 from cfem.control.controller import Controller
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.moving.horizon import Bounds, Cost
 from cfem.control.moving.mpc import Mpc, Plan

@@ -27,7 +27,7 @@ extern "C" {
  * the tick before, and one of the three bits after it says why. The last two are of samples. */
 enum {
     CFEM_OK = 0,
-    CFEM_LIMITED = 1,     /* a bound of force, course or step decided */
+    CFEM_LIMITED = 1,     /* a bound of force, course or step decided: on the way as well as in the end */
     CFEM_SOFTENED = 2,    /* no force within its bounds keeps the course: it is exceeded by as little as possible */
     CFEM_OUTSIDE = 4,     /* the model was asked outside of the box that it was trained on */
     CFEM_NOT_FOUND = 8,   /* the observer did not converge: its best guess was used */
@@ -37,7 +37,11 @@ enum {
     CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
     CFEM_REJECTED = 256,  /* the sample was not used: not finite, older than CFEM_LATE commands, of a command not given yet, or
                              unlike what the observer expects of it (cfem_gate.h) */
-    CFEM_RESTARTED = 512  /* too many samples were unlike that, or the estimate was lost: the observer began again */
+    CFEM_RESTARTED = 512, /* too many samples were unlike that, or the estimate was lost: the observer began again */
+    CFEM_OUT_OF_REACH = 1024, /* the robot stands at the nearest point to its goal: by the optimality conditions no move within
+                              the bounds of force and course brings the effectors nearer */
+    CFEM_FAR = 2048        /*   with CFEM_BAD_INPUT: the goal is more than two lengths of the robot from where the effectors rest,
+                              so that its unit is another one */
 };
 
 /* What the controller knows at a tick. */

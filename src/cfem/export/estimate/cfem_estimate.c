@@ -50,12 +50,15 @@ static void measured(const cfem_frame *frame, cfem_estimate_problem *asked) {
     }
 }
 
-static unsigned solve(cfem_estimate_problem *asked, const cfem_frame *frame, cfem_estimate *found) {
+/* square, numbers: of the innovation, as a gate is told it. */
+static unsigned solve(cfem_estimate_problem *asked, const cfem_frame *frame, cfem_estimate *found, double *square, int *numbers) {
     int kept[M];
     cfem_estimate_evaluated here;
     measured(frame, asked);
     found->status = cfem_estimate_minimise(asked, asked->mean, &here, kept, &found->iterations);
     answer(asked, &here, kept, found);
+    *square = here.cost, *numbers = asked->numbers - 3 * (cfem_estimate_count(asked->there) - cfem_estimate_count(kept)) - N;
+    if (found->status) *square = HUGE_VAL, *numbers = found->status & CFEM_ESTIMATE_TOO_FEW ? 0 : 1;
     return found->status;
 }
 
@@ -70,11 +73,13 @@ static void before(cfem_estimate_problem *asked) {
 
 unsigned cfem_estimate_frame(const cfem_frame *frame, cfem_estimate *found) {
     cfem_estimate_problem asked;
+    double square;
+    int numbers;
     before(&asked);
-    return solve(&asked, frame, found);
+    return solve(&asked, frame, found, &square, &numbers);
 }
 
-void cfem_filter_init(cfem_filter *filter) { memset(filter, 0, sizeof *filter); }
+void cfem_filter_init(cfem_filter *filter) { memset(filter, 0, sizeof *filter), cfem_gate_restart(&filter->gate); }
 
 /* The last estimate after the commands, slips and loads of a frame: 0 where its covariance is no more one. */
 static int forward(const cfem_filter *filter, const double *command, cfem_estimate_problem *asked) {
@@ -105,21 +110,37 @@ static int forward(const cfem_filter *filter, const double *command, cfem_estima
     return 1;
 }
 
+/* Before the first frame. */
+static void first(const double *command, cfem_estimate_problem *asked) {
+    before(asked);
+    for (int a = 0; command && a < NA; a++) {
+        asked->mean[a] = command[a];
+        asked->root[NW + a][a] = 1.0 / cfem_estimate_first;
+        asked->rows = N;
+    }
+}
+
 unsigned cfem_filter_tick(cfem_filter *filter, const cfem_frame *frame, cfem_estimate *found) {
     cfem_estimate_problem asked;
+    double square;
+    int numbers;
     const double *command = frame->command;
     for (int a = 0; command && a < NA; a++)
         if (!known(frame->command[a])) command = NULL;
     before(&asked);
-    if (!filter->known || !forward(filter, command, &asked)) {
-        before(&asked);
-        for (int a = 0; command && a < NA; a++) {
-            asked.mean[a] = command[a];
-            asked.root[NW + a][a] = 1.0 / cfem_estimate_first;
-            asked.rows = N;
+    const int carried = filter->known && forward(filter, command, &asked);
+    if (!carried) first(command, &asked);
+    solve(&asked, frame, found, &square, &numbers);
+    if (carried) {
+        const int verdict = cfem_gate_judge(&filter->gate, square, numbers, cfem_estimate_gate_sigmas, CFEM_ESTIMATE_GATE_SAMPLES);
+        if (verdict == CFEM_GATE_REJECTED) return found->status = found->status ? found->status : CFEM_ESTIMATE_REJECTED;
+        if (verdict == CFEM_GATE_RESTART) {
+            filter->known = 0;
+            first(command, &asked);
+            solve(&asked, frame, found, &square, &numbers);
         }
     }
-    if (solve(&asked, frame, found) == 0u) {
+    if (found->status == 0u) {
         filter->last = *found, filter->known = 1, filter->told = command != NULL;
         for (int a = 0; command && a < NA; a++) filter->command[a] = command[a];
     }

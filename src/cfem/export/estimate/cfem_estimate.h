@@ -5,6 +5,7 @@
 #define CFEM_ESTIMATE_H
 
 #include "cfem_estimate_data.h"
+#include "cfem_gate.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,6 +16,7 @@ extern "C" {
 #define CFEM_ESTIMATE_OUTLIERS 2u   /* half of the markers do not fit the others */
 #define CFEM_ESTIMATE_ITERATIONS 4u /* the estimate keeps changing: the steps allowed were used up */
 #define CFEM_ESTIMATE_NO_NUMBER 8u  /* a number was lost: the frame counts for nothing */
+#define CFEM_ESTIMATE_REJECTED 32u  /* of a filter: the frame does not fit what was known before it, and is not carried forward */
 
 typedef struct {
     double place[CFEM_ESTIMATE_MARKERS][3]; /* where the markers are seen, in the frame of the scene */
@@ -38,12 +40,14 @@ typedef struct {
     cfem_estimate last;
     double command[CFEM_ESTIMATE_NA];
     int known, told;
+    cfem_gate gate;
 } cfem_filter;
 
 /* One frame alone. Returns the status. */
 unsigned cfem_estimate_frame(const cfem_frame *frame, cfem_estimate *found);
 
-/* Frames one after the other, each with what the ones before have told. An estimate whose status is not 0 is not carried forward. */
+/* Frames one after the other, each with what the ones before have told. An estimate whose status is not 0 is not carried forward;
+ * after CFEM_ESTIMATE_GATE_SAMPLES such frames that agree (cfem_gate.h) everything before is forgotten. */
 void cfem_filter_init(cfem_filter *filter);
 unsigned cfem_filter_tick(cfem_filter *filter, const cfem_frame *frame, cfem_estimate *found);
 

@@ -18,13 +18,12 @@
 #define HELD (!CFEM_SWING_FORCE)
 #define SAG 0.5   /* of the square of a swing over the length of the robot: how far its arc is from a line */
 #define JUMP 0.05 /* of the reach: of an actuator that is not where its command is */
-#define LOST 10   /* frames without an estimate, after which everything before is forgotten */
 #define UNSEEN 0.3
 
 /* Place of an unknown that markers tell (N), in the covariance (NX). */
 static int told(int i) { return i < NQ ? i : i - NQ + NZ; }
 
-void cfem_swing_init(cfem_swing *filter) { memset(filter, 0, sizeof *filter); }
+void cfem_swing_init(cfem_swing *filter) { memset(filter, 0, sizeof *filter), cfem_gate_restart(&filter->gate); }
 
 /* Before the first frame: about where it is told, or where a robot at rest would be. 0, or 1 where nobody said which forces drive it. */
 static int first(cfem_swing *s, const cfem_frame *frame, const double *u) {
@@ -136,19 +135,29 @@ static void correct(cfem_swing *s, double root[N][N], const double *mean, const 
 
 typedef struct {
     cfem_estimate_evaluated here;
-    double root[N][N], P[N][N];
+    double root[N][N], P[N][N], square; /* of the innovation, of `numbers`, as a gate is told it */
     unsigned status;
-    int kept[MARKERS], iterations, good;
+    int kept[MARKERS], iterations, good, numbers;
 } fit;
+
+/* Whether the gate would hear a frame. */
+static int likely(const cfem_swing *s, const fit *of) {
+    return of->numbers < 1 || cfem_gate_deviate(&s->gate, of->square, of->numbers) <= cfem_estimate_gate_sigmas;
+}
 
 static void solve(cfem_estimate_problem *asked, double covariance[NX][NX], fit *found) {
     found->good = 0, found->status = CFEM_ESTIMATE_NO_NUMBER, found->iterations = 0;
+    found->square = HUGE_VAL, found->numbers = 1;
     memcpy(found->kept, asked->there, sizeof found->kept), memset(&found->here, 0, sizeof found->here);
     if (!root_of(covariance, found->root)) return;
     memcpy(asked->root, found->root, sizeof asked->root);
     found->status = cfem_estimate_minimise(asked, asked->mean, &found->here, found->kept, &found->iterations);
     found->good = found->status == 0u && covariance_of(found->here.normal, found->P);
     if (!found->good && found->status == 0u) found->status = CFEM_ESTIMATE_NO_NUMBER;
+    if (found->status & CFEM_ESTIMATE_TOO_FEW) found->numbers = 0;
+    if (!found->good) return;
+    found->square = found->here.cost, found->numbers = 3 * cfem_estimate_count(found->kept);
+    for (int a = 0; a < NA; a++) found->numbers += cfem_finite(asked->frame->displacement[a]) != 0;
 }
 
 static void ask(const cfem_swing *s, const cfem_frame *frame, cfem_estimate_problem *asked) {
@@ -189,23 +198,34 @@ unsigned cfem_swing_frame(cfem_swing *s, const cfem_frame *frame, cfem_swing_fou
     const double *u = frame->command;
     for (int a = 0; a < NA; a++) seen.force[a] = NAN, u = u && cfem_finite(frame->command[a]) ? u : NULL;
     if (s->known) cfem_swing_advance(s, u ? u : s->u);
-    if (!s->known && first(s, &seen, u)) {
-        memset(found, 0, sizeof *found);
-        return found->status = CFEM_SWING_NO_COMMAND;
-    }
-    ask(s, &seen, &asked);
-    solve(&asked, s->covariance, &one);
-    if (!one.good || cfem_estimate_count(one.kept) < cfem_estimate_count(asked.there)) {
-        jump(s, wider);
-        solve(&asked, wider, &other);
-        if (other.good && (!one.good || cfem_estimate_count(other.kept) > cfem_estimate_count(one.kept))) {
-            best = &other;
-            memcpy(s->covariance, wider, sizeof wider);
+    for (int again = 0; again < 2; again++) {
+        const int begins = !s->known;
+        int wide = 0;
+        best = &one;
+        if (begins && first(s, &seen, u)) {
+            memset(found, 0, sizeof *found);
+            return found->status = CFEM_SWING_NO_COMMAND;
         }
+        ask(s, &seen, &asked);
+        solve(&asked, s->covariance, &one);
+        if (!one.good || cfem_estimate_count(one.kept) < cfem_estimate_count(asked.there) || !likely(s, &one)) {
+            jump(s, wider);
+            solve(&asked, wider, &other);
+            const int better = cfem_estimate_count(other.kept) > cfem_estimate_count(one.kept) || (likely(s, &other) && !likely(s, &one));
+            wide = other.good && (!one.good || better);
+            if (wide) best = &other;
+        }
+        const int verdict = begins ? CFEM_GATE_ACCEPTED
+                                   : cfem_gate_judge(&s->gate, best->square, best->numbers, cfem_estimate_gate_sigmas, CFEM_ESTIMATE_GATE_SAMPLES);
+        if (verdict == CFEM_GATE_RESTART) {
+            s->known = 0;
+            continue;
+        }
+        if (best->good && verdict == CFEM_GATE_REJECTED) best->good = 0, best->status = CFEM_ESTIMATE_REJECTED;
+        if (best->good && wide) memcpy(s->covariance, wider, sizeof wider);
+        break;
     }
-    s->missed = best->good ? 0 : s->missed + 1;
     if (best->good) correct(s, best->root, asked.mean, best->here.x, best->P);
     answer(s, best, &asked, found);
-    if (s->missed >= LOST) s->known = 0;
     return found->status;
 }

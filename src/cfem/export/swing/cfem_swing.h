@@ -33,13 +33,15 @@ typedef struct {
     double load[CFEM_SWING_LOADS], stiffness;                        /* N; the logarithm */
     double covariance[CFEM_SWING_NX][CFEM_SWING_NX];                 /* of z, load and stiffness */
     double by_slip[CFEM_SWING_NZ][CFEM_ESTIMATE_NA]; /* what the last command would have done, had it been another */
-    int known, missed;
+    cfem_gate gate;
+    int known;
 } cfem_swing;
 
 void cfem_swing_init(cfem_swing *filter);
 
 /* A frame, one period behind the last. Its command, of displacements or forces as exported, is reached now, evenly from the one before;
- * where it is not finite, the one before goes on. Returns the status. After ten frames without an estimate everything is forgotten. */
+ * where it is not finite, the one before goes on. Returns the status. After
+ * CFEM_ESTIMATE_GATE_SAMPLES frames that were rejected or have no estimate everything is forgotten. */
 unsigned cfem_swing_frame(cfem_swing *filter, const cfem_frame *frame, cfem_swing_found *found);
 
 /* Modes of the surface at x: its nodes are at rest + modes . cfem_skin_modes (cfem_skin.h). */

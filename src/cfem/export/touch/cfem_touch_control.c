@@ -100,10 +100,11 @@ static unsigned go(cfem_touch_controller *c, const double *delta_a) {
     return 0;
 }
 
-/* As cfem_model, of the robot that obstacles touch: derivatives are central differences of contact states. */
+/* As cfem_model, of the robot that obstacles touch: derivatives are central differences of contact states, of one side where the other has
+ * none. */
 static unsigned touched_model(void *with, const double *s, cfem_condensed *m) {
     cfem_touch_controller *const c = with;
-    const cfem_touched *const here = own(&c->here), *const ahead = own(&c->ahead), *const behind = own(&c->behind);
+    const cfem_touched *const here = own(&c->here);
     double J[NE][NA], K[NA][NA], to[ALL_NA];
     if (cfem_model(s, m) || go(c, s)) return CFEM_NO_MODEL;
     again(&c->here, &c->near);
@@ -111,11 +112,14 @@ static unsigned touched_model(void *with, const double *s, cfem_condensed *m) {
         const double h = STEP * cfem_patch_reach[j];
         with_others(c, s, to);
         to[j] = s[j] + h;
-        if (step(c, to, &c->here, &c->ahead)) return CFEM_NO_MODEL;
+        const int before = !step(c, to, &c->here, &c->ahead);
         to[j] = s[j] - h;
-        if (step(c, to, &c->here, &c->behind)) return CFEM_NO_MODEL;
-        for (int e = 0; e < NE; e++) J[e][j] = (ahead->delta_e[e] - behind->delta_e[e]) / (2.0 * h);
-        for (int i = 0; i < NA; i++) K[i][j] = (ahead->lambda_a[i] - behind->lambda_a[i]) / (2.0 * h);
+        const int after = !step(c, to, &c->here, &c->behind);
+        if (!before && !after) return CFEM_NO_MODEL;
+        const cfem_touched *const ahead = before ? own(&c->ahead) : here, *const behind = after ? own(&c->behind) : here;
+        const double width = (before + after) * h;
+        for (int e = 0; e < NE; e++) J[e][j] = (ahead->delta_e[e] - behind->delta_e[e]) / width;
+        for (int i = 0; i < NA; i++) K[i][j] = (ahead->lambda_a[i] - behind->lambda_a[i]) / width;
     }
     for (int i = 0; i < NA; i++)
         for (int j = 0; j < NA; j++) m->W_aa[i][j] = (K[i][j] + K[j][i]) / 2.0;
@@ -138,10 +142,25 @@ static unsigned settle(cfem_touch_controller *c) {
     return status;
 }
 
+/* Away from where no plan is found: the actuators go a step of a way towards home, as far as one tick may, and friction is forgotten. */
+static void retreat(cfem_touch_controller *c, cfem_output *output) {
+    double to[ALL_NA];
+    for (int i = 0; i < NA; i++) {
+        const double most = fmin(SHARE * cfem_patch_reach[i], cfem_delta_rate[i]), way = cfem_home[i] - c->controller.delta_a[i];
+        c->controller.delta_a[i] += fmin(fmax(way, -most), most);
+        c->controller.delta_a[i] = fmin(fmax(c->controller.delta_a[i], cfem_delta_low[i]), cfem_delta_high[i]);
+        output->delta_a[i] = (cfem_real)c->controller.delta_a[i];
+    }
+    with_others(c, c->controller.delta_a, to);
+    if (step(c, to, 0, &c->here)) return;
+    c->at = c->here;
+    memcpy(c->delta_a, to, sizeof to);
+}
+
 unsigned cfem_touch_control_init(cfem_touch_controller *c, const cfem_obstacle *obstacles, int count, double mu) {
     cfem_init(&c->controller);
     c->controller.ask = touched_model, c->controller.with = c;
-    c->obstacles = obstacles, c->count = count, c->mu = mu;
+    c->obstacles = obstacles, c->count = count, c->mu = mu, c->failed = 0;
 #if CFEM_CONTACT == 2
     memcpy(c->robots, cfem_robots, sizeof c->robots);
     memset(c->robots[0].unilateral, 0, sizeof c->robots[0].unilateral);
@@ -155,8 +174,14 @@ unsigned cfem_touch_control(cfem_touch_controller *c, const cfem_input *input, c
 #if CFEM_MOST_HALVINGS
     c->controller.stands = 0; /* obstacles may have moved, and friction counts from here on */
 #endif
-    const unsigned status = cfem_step(&c->controller, input, output);
-    return output->status = status | (settle(c) ? CFEM_NO_MODEL : known(&c->at) ? 0u : CFEM_OUTSIDE);
+    unsigned status = cfem_step(&c->controller, input, output);
+    if (settle(c)) status |= CFEM_NO_MODEL;
+    c->failed = status & CFEM_NO_MODEL ? c->failed + 1 : 0;
+    if (c->failed >= CFEM_TOUCH_HELD) {
+        retreat(c, output);
+        status = CFEM_NO_MODEL | CFEM_RESTARTED;
+    }
+    return output->status = status | (known(&c->at) ? 0u : CFEM_OUTSIDE);
 }
 #else
 typedef int cfem_touch_control_is_not_there; /* ISO C wants a declaration */

@@ -23,12 +23,13 @@ typedef cfem_touched cfem_contact_state;
 typedef cfem_touch_room cfem_contact_room;
 #define CFEM_CONTACT_NA CFEM_NA
 #endif
+#define CFEM_TOUCH_HELD 5 /* ticks in a row without a contact state, after which the actuators retreat */
 
 /* A robot's state. The caller owns it, and does not move it: the controller in it points to it. */
 typedef struct {
     cfem_controller controller;
     const cfem_obstacle *obstacles; /* may move between ticks */
-    int count;
+    int count, failed; /* failed: ticks in a row without a contact state */
     double mu, delta_a[CFEM_CONTACT_NA]; /* mm: of the state `at` */
 #if CFEM_CONTACT == 2
     cfem_placed robots[CFEM_MEET_ROBOTS];         /* the first one is controlled */
@@ -45,7 +46,9 @@ unsigned cfem_touch_control_init(cfem_touch_controller *c, const cfem_obstacle *
 
 /* One tick, as cfem_step. CFEM_OUTSIDE also where contact bends a robot further than the model knows (CFEM_TOUCH_TRUSTED).
  * CFEM_NO_MODEL where no contact state was found: where to plan, with CFEM_HELD, or else where the command leads, and `at` is then the
- * state before. */
+ * state before. Where a plan fails at one tick it mostly fails at the next, as nothing has moved: after CFEM_TOUCH_HELD such ticks the
+ * actuators go towards home, a step at each tick within their bounds and rate, until there is a plan again, and friction is forgotten:
+ * CFEM_NO_MODEL with CFEM_RESTARTED, without CFEM_HELD. */
 unsigned cfem_touch_control(cfem_touch_controller *c, const cfem_input *input, cfem_output *output);
 #endif
 
