@@ -24,15 +24,16 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed.model import under_force
+from cfem.condensed.strokes import ridge_of
 from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.camera_frame import CameraFrame
 from cfem.control.controller import Controller
-from cfem.control.gains import Gains, integral_for
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
+from cfem.plant.gains import Gains, integral_for
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.load import load_model

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.tick import Belief, Pilot, drive
 from cfem.predict.load import load_model
 

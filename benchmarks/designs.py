@@ -30,10 +30,11 @@ import pyarrow.parquet as pq
 
 from cfem.condensed import entries
 from cfem.condensed.parameters import shares
+from cfem.condensed.strokes import ridge_of
 from cfem.control.controller import Controller
 from cfem.control.design import designed
 from cfem.control.experiment import follow
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.control.trajectory import arc

@@ -35,15 +35,16 @@ CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 
 def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop import Pace, run_loop
     from cfem.control.controller import Controller
-    from cfem.control.gains import Gains
-    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.inverse import Limits
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import loop_of_shares
     from cfem.export.compiled import CompiledController
     from cfem.plant.fem_plant import FemPlant
+    from cfem.plant.gains import Gains
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
@@ -75,11 +76,11 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     pace, gains = Pace(0.0, 1, ticks_a_goal=ticks), Gains(0.01, 0.002, 10.0)
     moments = run_loop(goals, pilot, plants["python"], robot.rest_e, pace, gains)
     compiled.reset()
-    error, mine = None, []
+    sample, mine = (), []
     for moment in moments:
-        command = compiled.step(moment.goal, error)
+        command = compiled.step(moment.goal, *sample)
         x_e = plants["c"].step(command.delta_a).x_e
-        error = command.reference - x_e
+        sample = x_e, command.tick
         mine.append(np.linalg.norm(x_e - moment.goal))
     last = slice(ticks - 1, None, ticks)
     after_the_first = slice(4 * ticks + ticks - 1, None, ticks)  # the way from rest to the curve takes a few goals
@@ -101,8 +102,9 @@ def _errors(values) -> dict[str, float]:
 def arc(ticks: int = 5) -> dict:
     """The paper's quarter circle, mostly out of reach: mm by which C ends farther from each goal than Python's search,
     by the model."""
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.inverse import Limits
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import arc
@@ -128,15 +130,16 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     """Errors in mm at the end of each goal of the circle: open loop into the robot of the model, by growths and by
     pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop import Pace, run_loop
     from cfem.control.controller import Controller
-    from cfem.control.gains import Gains
-    from cfem.control.inverse import Limits, ridge_of
+    from cfem.control.inverse import Limits
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
     from cfem.control.trajectory import arc
     from cfem.core.spec import load_spec
     from cfem.plant.fem_plant import FemPlant
+    from cfem.plant.gains import Gains
     from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
     from cfem.predict.load import load_model
     from cfem.robot.build import build_robot
@@ -186,14 +189,10 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
             gain = gain or Gains(0.0, 0.0)
             options = f"c.controller.K_P={gain.proportional}", f"c.controller.K_I={gain.integral}"
             with _compiled(name, *options) as compiled:
-                errors, indices, told, measured, heard = [], [], {}, None, 0
-                for tick, index in enumerate((one.index for one in moments), 1):
-                    error = None
-                    if measured is not None and measured.t > heard:
-                        heard = measured.t
-                        error = told[heard].reference - measured.x_e
-                    told[tick] = compiled.step(goals[index], error)
-                    measured = plant.step(told[tick].lambda_a, "force")
+                errors, indices, sample = [], [], ()
+                for index in (one.index for one in moments):
+                    measured = plant.step(compiled.step(goals[index], *sample).lambda_a, "force")
+                    sample = measured.x_e, measured.t
                     errors.append(float(np.linalg.norm(plant.actual.x_e - goals[index])))
                     indices.append(index)
             found[f"c, {label}"] = _at_the_end(indices, errors)

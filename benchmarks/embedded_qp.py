@@ -12,7 +12,8 @@ import numpy as np
 import osqp
 from scipy.sparse import csc_matrix, triu
 
-from cfem.control.inverse import Limits, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Limits
 from cfem.predict.load import load_model
 
 ROOT = Path(__file__).parents[1]

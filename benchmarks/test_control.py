@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.loop import Iterate, Settings, reach
 
 NOW = ArcRobot().at_displacement(np.array([6.0, 5.0]))

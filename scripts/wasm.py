@@ -18,7 +18,7 @@ CODE, RECORD = EXPORT / "web/cfem.wasm", EXPORT / "web/cfem.json"
 SOURCES = (
     "web/cfem_page.c",
     "web/cfem_page_motion.c",
-    *(f"c/cfem_{name}.c" for name in ("controller", "condense", "serial", "spectral", "qp")),
+    *(f"c/cfem_{name}.c" for name in ("controller", "feedback", "condense", "serial", "spectral", "qp")),
     *(f"mpc/cfem_{name}.c" for name in ("mpc", "plan", "program", "tick")),
     *(f"motion/cfem_{name}.c" for name in ("inertia", "series")),
 )

@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 BAR = "pipelines/bar/scene.yaml"
 QUICK = {
+    "antagonists.py": ["--quick"],
     "arm_baselines.py": [],
     "cable_reach.py": ["--quick"],
     "convergence.py": ["--quick"],

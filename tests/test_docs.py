@@ -27,7 +27,7 @@ def test_every_message_that_troubleshooting_explains_is_one_of_the_code():
 
 
 def test_the_map_of_the_tree_names_every_package_and_no_other():
-    text = (ROOT / "CONTRIBUTING.md").read_text().split("## Where things are")[1].split("## Tests")[0]
+    text = (ROOT / "docs" / "architecture.md").read_text().split("## Packages")[1].split("## The way")[0]
     named = re.findall(r"`(\w+)`", "".join(row.split("|")[1] for row in text.splitlines() if row.startswith("| `")))
     packages = [path.parent.name for path in (ROOT / "src" / "cfem").glob("*/__init__.py")]
     assert sorted(named) == sorted(packages)
@@ -59,3 +59,11 @@ def test_the_front_page_has_a_place_for_the_live_robot():
     pages = script("docs_pages")
     assert len(pages.PICTURE.findall((ROOT / "docs" / "index.md").read_text())) == 1
     assert 'src="robots/soft-finger.html"' in pages.LIVE
+
+
+def test_the_architecture_names_files_that_are_there():
+    text = (ROOT / "docs" / "architecture.md").read_text().split("## The way of one value")[1]
+    named = set(re.findall(r"`([a-z_0-9]+(?:/[a-z_0-9]+)+(?:\.(?:py|c)|/))`", text))
+    assert len(named) > 20
+    for name in named:
+        assert (ROOT / "src" / "cfem" / name).exists(), name

@@ -95,3 +95,39 @@ def test_a_goal_of_another_robot_is_refused(model, wrong):
         cfem.inverse_step(model, model.at_displacement([0.0]), wrong)
     with pytest.raises(cfem.SpecError, match="goal: expected 3 finite numbers"):
         cfem.make_controller(model).tick(wrong)
+
+
+def test_the_words_of_a_search_agree_with_its_goal(model, goal):
+    assert cfem.find_actuation(model, goal).verdict().value == "reached"
+    away = cfem.find_actuation(model, model.rest_e + [-100.0, 0.0, 100.0])
+    assert away.verdict().value == "out of reach"
+    assert cfem.find_actuation(model, goal, regularisation=1e3).verdict().value == "not converged"
+
+
+def test_ticks_say_tracking_while_nothing_is_wrong(model, goal):
+    controller = cfem.make_controller(model)
+    said = [controller.tick(goal).status for _ in range(8)]
+    assert said[0] == "tracking" and said[-1] == "converged"
+
+
+@pytest.mark.parametrize(
+    ("of", "words"),
+    [
+        (lambda goal: 1e-3 * goal, "would be near the robot if it were in metres: goals are in mm"),
+        (lambda goal: 1e3 * goal, "times the robot's length: goals are in mm"),
+    ],
+)
+def test_a_goal_in_another_unit_is_refused_and_the_command_stays(model, goal, of, words):
+    controller = cfem.make_controller(model)
+    before = controller.tick(goal).u
+    with pytest.raises(cfem.InputError, match=words):
+        controller.tick(of(goal))
+    assert controller.belief.u is before
+
+
+@pytest.mark.parametrize("weights", [[0, 0, 0], [1, -1, 0]])
+def test_weights_under_which_nothing_counts_are_refused(model, goal, weights):
+    with pytest.raises(cfem.SpecError, match="one is positive"):
+        cfem.make_controller(model, weights=weights)
+    with pytest.raises(cfem.SpecError, match="one is positive"):
+        cfem.find_actuation(model, goal, weights=weights)

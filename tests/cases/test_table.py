@@ -38,6 +38,10 @@ def test_a_force_may_stand_in_the_first_row_of_a_case_alone(tmp_path):
     assert read(tmp_path, rows).forces.tolist() == [[1.5], [2.0], [3.0]]
 
 
+def test_rows_of_separators_alone_end_no_table(tmp_path):
+    assert len(read(tmp_path, [*ROWS, ",,,,,,", "", ",,,,,,"])) == 3
+
+
 def test_markers_that_nobody_names_are_ignored(tmp_path):
     assert len(read(tmp_path, [*ROWS, *(f"{case},{f},other,1,1,1,0" for case, f in (("a", 1.5), ("b", 2), ("c", 3)))]))
 

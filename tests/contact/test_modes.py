@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles
+from cfem.contact.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles, with_angles
 from cfem.contact.problem import ContactProblem
 
 
@@ -43,6 +43,19 @@ def test_starts_are_spread_over_the_circles(count):
     assert angles.shape[1] == count and len(angles) >= 12
     mean = np.exp(1j * angles).mean(axis=0)
     assert np.abs(mean).max() < 0.1
+
+
+def test_starts_solve_the_equations_as_well_as_their_angles_allow():
+    """The equations are linear in all but the angles: what is left of them is square on every other column."""
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(6, 6))
+    problem = ContactProblem(root @ root.T, rng.normal(size=6), mu=0.5)
+    modes, angles = (Mode.SLIP, Mode.STICK), start_angles(1, quick=True)
+    y = with_angles(problem, modes, angles)
+    F, J, _ = slip_equations(problem, modes, y)
+    np.testing.assert_array_equal(y[:, 6:7], angles)
+    fixed = np.delete(J, 6, axis=2)
+    np.testing.assert_allclose(np.einsum("bij,bi->bj", fixed, F), 0.0, atol=1e-9)
 
 
 def test_a_singular_jacobian_takes_the_step_of_least_norm_to_the_same_solutions(monkeypatch):

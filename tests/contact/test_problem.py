@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.contact.problem import ContactProblem
+from cfem.core.errors import SpecError
 
 
 def problem(compliance=2.0):
@@ -36,6 +37,31 @@ def test_the_work_of_the_load_is_that_of_the_contact_forces():
 def test_without_compliance_the_gaps_are_the_unit_of_length():
     rigid = ContactProblem(np.zeros((3, 3)), np.array([0.5, -2.0, 0.1]))
     assert rigid.units.length == 2.0 and np.isfinite(rigid.units.force)
+
+
+EYE, ONES = np.eye(6), np.ones(6)
+REFUSED = {
+    "no point": ((np.zeros((0, 0)), np.zeros(0)), {}, "three rows for every point"),
+    "two rows": ((np.eye(2), np.ones(2)), {}, "three rows for every point"),
+    "another W": ((np.eye(3), ONES), {}, "three rows for every point"),
+    "G alone": ((EYE, ONES, np.ones((6, 2))), {}, "both G and wrench are needed"),
+    "wrench alone": ((EYE, ONES, None, np.ones(2)), {}, "both G and wrench are needed"),
+    "rows of G": ((EYE, ONES, np.ones((3, 2)), np.ones(2)), {}, r"G is \(3, 2\), 6 rows"),
+    "columns of G": ((EYE, ONES, np.ones((6, 3)), np.ones(2)), {}, r"G is \(6, 3\), 6 rows and wrench \(2,\)"),
+    "nan in W": ((EYE * np.nan, ONES), {}, "not finite"),
+    "inf in free": ((EYE, ONES * np.inf), {}, "not finite"),
+    "nan in G": ((EYE, ONES, np.full((6, 2), np.nan), np.ones(2)), {}, "not finite"),
+    "nan in wrench": ((EYE, ONES, np.ones((6, 2)), np.array([np.nan, 1.0])), {}, "not finite"),
+    "friction": ((EYE, ONES), {"mu": -0.1}, "friction"),
+    "two sides": ((EYE, ONES), {"sides": 2}, "a cone of 2 sides"),
+    "five sides": ((EYE, ONES), {"sides": 5}, "a cone of 5 sides"),
+}
+
+
+@pytest.mark.parametrize("arrays, options, message", REFUSED.values(), ids=REFUSED.keys())
+def test_what_is_no_problem_is_refused(arrays, options, message):
+    with pytest.raises(SpecError, match=message):
+        ContactProblem(*arrays, **options)
 
 
 def test_it_counts_its_points_and_the_motions_of_its_object():

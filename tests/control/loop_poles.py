@@ -1,4 +1,4 @@
-"""Stability of the closed loop of cfem.control.gains, from its polynomial."""
+"""Stability of the closed loop of cfem.plant.gains, from its polynomial."""
 
 import numpy as np
 

@@ -9,11 +9,12 @@ from support import arc_robot, linear_robot
 from support.arc_robot import ArcRobot, tip
 from support.linear_robot import LinearRobot
 
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.gains import Gains, integral_for
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
+from cfem.plant.gains import Gains, integral_for
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
 

@@ -11,15 +11,16 @@ import pytest
 from support.blocks import bar
 from surrogate.stored import train_folder
 
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop_stage import run_controllers
-from cfem.control.gains import integral_for
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.plant.fem_plant import FemPlant, pushed
+from cfem.plant.gains import integral_for
 from cfem.predict.load import load_model
 
 SPEC = """

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from support.arc_robot import LENGTH, REACH, REST_E, ArcRobot, tip
 
+from cfem.condensed.strokes import ridge_of
 from cfem.control.controller import Controller
 from cfem.control.experiment import follow
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.summary import record, summarise
 from cfem.control.tick import Pilot

@@ -5,13 +5,14 @@ import pytest
 from support import linear_robot
 from support.linear_robot import LinearRobot
 
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop import Pace, run_loop
 from cfem.control.feedback import WINDOW, Feedback
-from cfem.control.gains import Gains, integral_for
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError
+from cfem.plant.gains import Gains, integral_for
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.model_plant import ModelPlant
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from cfem.control.goals import demand_near, goals_of
+from cfem.condensed import Rows
+from cfem.control.goals import demand_fits, demand_near, goals_of
 from cfem.control.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 
@@ -63,6 +64,25 @@ def test_what_does_not_fit_the_robot_is_named(spec, words):
         goals(robot, **spec)
 
 
+def test_one_share_is_that_of_all_actuators():
+    one = goals(kind="image", centre=0.4, radii=[0.1, 0.2], goals=8)
+    np.testing.assert_array_equal(one, goals(kind="image", centre=[0.4, 0.4], radii=[0.1, 0.2], goals=8))
+    with pytest.raises(ValueError, match="leaves the range"):
+        TRAJECTORY.validate_python({"kind": "image", "centre": 0.4, "radii": [0.1, 0.5], "goals": 8})
+
+
+def test_a_curve_is_compared_with_the_robot_before_anything_is_solved():
+    image = TRAJECTORY.validate_python({"kind": "image", "centre": [0.4] * 3, "radii": 0.1, "goals": 8})
+    demand_fits("curve", image, 3, 3, 3)
+    with pytest.raises(SpecError, match="centre has 3 numbers, the robot 4 actuators") as error:
+        demand_fits("curve", image, 4, 3, 3)
+    assert error.value.where == "trajectories.curve"
+    points = TRAJECTORY.validate_python({"kind": "goals", "points": {"mm": [[0, 1, 2]]}})
+    demand_fits("curve", points, 4, 6, 3)
+    with pytest.raises(SpecError, match="a goal has 3 numbers, the robot 6"):
+        demand_fits("curve", points, 4, 6, 6)
+
+
 def test_no_goal_is_set_for_a_centre_of_mass():
     """Its rows are at rest in every goal, and have no weight."""
     aims = np.array([True, True, True, False, False, False])
@@ -72,8 +92,19 @@ def test_no_goal_is_set_for_a_centre_of_mass():
     assert found.tolist() == [[1, 2, 3, 3, 4, 5], [4, 5, 6, 3, 4, 5]]
 
 
-def test_goals_in_metres_that_were_meant_in_millimetres_are_refused():
-    rest, near = np.array([0.0, 10.0, -120.0]), np.array([[0.0, 30.0, -110.0], [0.0, 300.0, -110.0]])
-    demand_near("curve", near, rest, 120.0)
-    with pytest.raises(SpecError, match=r"goal 1 is 3e\+05 mm from where the robot rests, 2499 times its length.*unit"):
-        demand_near("curve", np.array([[0, 10, -120.0], [0, 3e5 - 110, 0]]), rest, 120.0)
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ([0, 3e5 - 110, 0], r"goal 1 is 3e\+05 mm from where the effector rests, 2.5e\+03 times the robot's length"),
+        (
+            [0, 260, -120],
+            "goal 1 is 250 mm from where the effector rests, 2.08 times the robot's length: goals are in mm",
+        ),
+        ([0, 0.03, -0.11], "goal 1 would be near the robot if it were in metres: goals are in mm"),
+    ],
+)
+def test_goals_of_another_unit_are_refused(goal, words):
+    robot = SimpleNamespace(rows=Rows(("tip.x", "tip.y", "tip.z"), ("a",)), rest_e=ROBOT.rest_e, length=120.0)
+    demand_near("curve", np.array([[0.0, 30.0, -110.0], [0.0, 240.0, -110.0], [0, 0, -10], [0, 1, -61]]), robot)
+    with pytest.raises(SpecError, match=words):
+        demand_near("curve", np.array([[0, 10, -120.0], goal]), robot)

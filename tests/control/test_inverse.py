@@ -3,7 +3,8 @@ import pytest
 from support.arc_robot import LENGTH, REACH, ArcRobot
 
 from cfem.condensed import Condensed, Rows
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Aim, Limits, inverse_step
 
 RIDGE = ridge_of(1e-9, REACH, LENGTH)
 PULLING = Limits.of(REACH, np.array([True, True]))

@@ -4,7 +4,8 @@ from scipy.optimize import minimize
 from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
 from cfem.condensed import Condensed, Rows
-from cfem.control.inverse import Aim, Limits, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Aim, Limits
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 
 RIDGE = ridge_of(1e-10, REACH, LENGTH)

@@ -6,7 +6,7 @@ import pytest
 from cfem.condensed import Condensed, Rows
 from cfem.control.inverse import Aim, Limits
 from cfem.control.loop import Iterate, Settings, by_displacement, reach
-from cfem.control.multistart import multistart
+from cfem.control.multistart import around, multistart
 from cfem.core.errors import NumericalError
 
 ROWS = Rows(("e.x", "e.y"), ("left", "right"))
@@ -41,7 +41,7 @@ def searched(model, goal, start):
     aim = Aim(np.asarray(goal, float), np.ones(2), np.full(2, 1e-6))
     settings = Settings(tolerance=1e-9)
     first = reach(model, aim, LIMITS, Iterate.at(model.at_displacement(np.asarray(start, float))), settings)
-    return first, multistart(model, aim, LIMITS, first, settings, by_displacement)
+    return first, multistart(model, aim, LIMITS, first, settings, by_displacement, around(first, LIMITS))
 
 
 def test_what_is_held_is_passed():
@@ -56,10 +56,8 @@ def test_a_goal_that_was_met_costs_nothing_more():
     first, found = searched(model, [2.0, 2.0], [2.0, 4.5])
     asked = model.asked
     assert found is first
-    assert (
-        multistart(model, Aim(first.delta_e, np.ones(2), np.zeros(2)), LIMITS, first, Settings(), by_displacement)
-        is first
-    )
+    aim, starts = Aim(first.delta_e, np.ones(2), np.zeros(2)), around(first, LIMITS)
+    assert multistart(model, aim, LIMITS, first, Settings(), by_displacement, starts) is first
     assert model.asked == asked
 
 

@@ -43,6 +43,7 @@ def test_an_orientation_is_controlled_where_a_goal_states_it_or_a_weight_asks_fo
         ("search.step=5", "such as '1 mm'; got the bare number 5 .of a chamber: in mm.3"),
         ("plant=model", "fe_based: needs plant: fem"),
         ("search.itterations=3", "iterations"),
+        ("search.weights=[0, 0, 0]", "weights are all 0, so that nothing would be controlled"),
     ],
 )
 def test_mistakes_are_named(override, words):

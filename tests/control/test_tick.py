@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from support.analytic_robot import ARMS, AnalyticRobot
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.strokes import ridge_of, stroke
 from cfem.control.inverse import Limits
-from cfem.control.tick import Belief, Pilot, drive
+from cfem.control.loop import Settings
+from cfem.control.tick import STOPPED, Belief, Pilot, drive
 
 ROWS = Rows(("tip.x",), ("one", "other"))
 FREE = np.full((2, 2), np.inf) * [-1, 1]
@@ -45,3 +48,34 @@ def test_damping_decides_whether_the_published_step_comes_to_rest(share):
 def test_without_damping_it_jumps_between_two_states_and_with_it_rests():
     jumping, resting = other_actuator(0.0, 400), other_actuator(10 * RIDGE[0], 400)
     assert abs(jumping[-1] - jumping[-2]) > 1 and abs(resting[-1]) < 1e-6
+
+
+ARM = AnalyticRobot(ARMS["cables"], [20.0, 3000.0, 0.5])
+PATH = ARM.length * ARM.arm.effector(np.linspace([0.1, 0.0, 0.1], [0.7, 0.1, 0.5], 20))
+
+
+def statuses(goals, regularisation=1e-10, command="displacement", **more):
+    limits = Limits.of(ARM.reach, ARM.unilateral)
+    ridge, settings = ridge_of(regularisation, ARM.reach, ARM.length), Settings.of(ARM.reach, 1)
+    pilot = Pilot(ARM, command, "equilibrium", limits, np.ones(3), ridge, settings, **more)
+    belief, found = Belief.at(pilot, np.zeros(3)), []
+    for goal in goals:
+        belief = drive(pilot, belief, goal)
+        found.append(belief.status)
+    return found
+
+
+@pytest.mark.parametrize("command", ["displacement", "force"])
+def test_a_tick_tells_where_it_is_with_its_goal(command):
+    assert statuses(PATH, command=command) == ["tracking"] * len(PATH)
+    assert statuses([PATH[-1]] * 30, command=command)[-1] == "converged"
+    assert statuses([1.5 * PATH[-1] + [0, 0, 30]] * 60, command=command)[-1] == "out of reach"
+
+
+def test_what_one_tick_may_change_is_no_bound_of_the_reach():
+    found = statuses([PATH[-1]] * 5, rate=1e-9 * stroke(ARM.reach))
+    assert found == ["tracking"] * 5
+
+
+def test_regularisation_that_keeps_a_robot_away_is_trouble():
+    assert statuses([PATH[-1]] * 40, regularisation=1e3)[-1] == STOPPED

@@ -97,6 +97,12 @@ def test_commas_that_are_decimal_for_certain_make_the_others_so(tmp_path):
     )
 
 
+def test_a_row_of_gaps_is_a_row_and_an_empty_line_is_none(tmp_path):
+    found = table(tmp_path, "a,b\n1,2\n,\n\n  \n3,4\n")
+    np.testing.assert_array_equal(found.numbers([0, 1]), [[1, 2], [np.nan, np.nan], [3, 4]])
+    assert [row.line for row in found.rows] == [2, 3, 6]
+
+
 def test_cells_of_text_keep_their_commas_and_gaps_are_nan(tmp_path):
     found = table(tmp_path, 'name,b\n"tip, left",\n1.2.3,NaN\n')
     assert found.texts("name") == ["tip, left", "1.2.3"] and np.isnan(found.numbers([1])).all()

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfem.core.units import parse_array, parse_quantity
+from cfem.core.units import parse_array, parse_number, parse_quantity
 
 
 @pytest.mark.parametrize(
@@ -108,3 +108,10 @@ def test_a_quantity_is_the_same_with_and_without_a_blank_for_editors():
 def test_a_number_that_is_none_is_named():
     with pytest.raises(ValueError, match="expected finite numbers under 'N', got nan"):
         parse_array({"N": [0.0, float("nan"), 1.0]}, "N", 1, 3)
+
+
+def test_a_plain_number_is_digits_with_a_point():
+    assert [parse_number(text) for text in ("1", " -1.5e3 ", ".5", "+2.")] == [1.0, -1500.0, 0.5, 2.0]
+    for text in ("1_0", "inf", "nan", "1e999", "0x1", "1,5", "", "١", "1 mm"):
+        with pytest.raises(ValueError, match=r"is not a number|too large"):
+            parse_number(text)

@@ -195,7 +195,7 @@ def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
         "cad=true",
         "grid=[3, 3]",
     )
-    asked += ("controller={controller: {K_P: 0.1}}",)
+    asked += ("controller={controller: {K_I: 0.1}}",)
     made = run(folder / "design.yaml", asked, folder / "with-cad", QUIET)
     entry = made["results"]["designs"]["dexterity"]
     volume, _ = measure(File(str(folder / "with-cad" / "dexterity.step")))

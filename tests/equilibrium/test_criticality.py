@@ -27,7 +27,9 @@ def test_the_softest_mode_is_that_of_the_motions_left_free(actuation):
     held = at.H @ actuation.C.T
     free = null_space(held.T) if held.shape[1] else np.eye(len(A))
     value, mode, reactions = softest_mode(
-        problem, NewtonResult(Status.CONVERGED, at, none, tangent, 0.0, 0.0, 0), actuation
+        problem,
+        NewtonResult(Status.CONVERGED, at, none, tangent, 0.0, 0.0, 0, np.ones(len(actuation.C), dtype=bool)),
+        actuation,
     )
     assert value == pytest.approx(np.linalg.eigvalsh(free.T @ A @ free)[0], rel=1e-5)
     assert np.linalg.norm(mode) == pytest.approx(1.0) and np.abs(held.T @ mode).max(initial=0.0) < 1e-10

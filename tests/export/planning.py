@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.export.compiled import STANDARD, CompiledController, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
 

@@ -5,18 +5,23 @@ import pytest
 from export.embedded import export, needs_compiler, spectral
 
 from cfem.condensed.model import under_force
+from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.gains import Gains
-from cfem.control.inverse import Aim, Limits, inverse_step, ridge_of
+from cfem.control.feedback import Feedback
+from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.loop import Settings
+from cfem.control.optimality import Optimality, arrived
 from cfem.control.tick import Belief, Pilot, drive
 from cfem.core.errors import SpecError
 from cfem.export.compiled import CompiledController
+from cfem.plant.gains import Gains
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import build
 
 pytestmark = needs_compiler
-LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT = 1, 2, 4, 8, 16, 32
+LIMITED, SOFTENED, OUTSIDE, NOT_FOUND, HELD, BAD_INPUT, REJECTED = 1, 2, 4, 8, 16, 32, 256
+OUT_OF_REACH, FAR = 1024, 2048
 MEASURED_AT = np.array([6.0, 4.0])
 
 
@@ -86,23 +91,23 @@ def test_the_outer_loop_is_that_of_python(tmp_path):
     goals = curve(model, 5, beyond=1.5)
     plant = ModelPlant(model, model.rest_e, push=push)
     moments = run_loop(goals, pilot, plant, model.rest_e, Pace(0.0, 1, ticks_a_goal=12), Gains(0.3, 0.2, 6.0))
-    plant, error = ModelPlant(model, model.rest_e, push=push), None
+    plant, sample = ModelPlant(model, model.rest_e, push=push), ()
     for moment in moments:
-        command = controller.step(moment.goal, error)
+        command = controller.step(moment.goal, *sample)
         assert command.lambda_a == pytest.approx(moment.belief.u, rel=1e-3, abs=1e-3)
-        error = command.reference - plant.step(command.lambda_a, "force").x_e
+        sample = plant.step(command.lambda_a, "force").x_e, command.tick
     assert command.lambda_a == pytest.approx(moment.belief.u, rel=1e-5, abs=1e-5)
 
 
 def test_the_integral_removes_what_the_model_does_not_know(tmp_path):
     model = build(*spectral())
     controller = compiled(tmp_path, command="force", observer="equilibrium", K_P=0.1, K_I=0.2)
-    plant, error = ModelPlant(model, model.rest_e, push=np.array([0.0, 0.3, 0.0])), None
+    plant, sample = ModelPlant(model, model.rest_e, push=np.array([0.0, 0.3, 0.0])), ()
     goal, errors = model.rest_e + model.at_displacement(np.array([9.0, 8.6])).delta_e, []
     for _ in range(100):
-        command = controller.step(goal, error)
+        command = controller.step(goal, *sample)
         x_e = plant.step(command.lambda_a, "force").x_e
-        error = command.reference - x_e
+        sample = x_e, command.tick
         errors.append(goal - x_e)
     W_ea = model.at_force(command.lambda_a).W_ea  # what is left, two cables cannot move
     correctable = [np.linalg.norm(W_ea @ np.linalg.lstsq(W_ea, one, rcond=None)[0]) for one in errors]
@@ -258,3 +263,106 @@ def test_the_bound_on_operations_holds_every_query(tmp_path):
     assert queries(halvings=0) == 1 and queries(halvings=0, iterations=3) == 3
     assert queries(halvings=0, observer="equilibrium", command="force") == 21
     assert queries(halvings=8, iterations=2) == 17
+
+
+def ended(controller, goal, ticks: int = 60):
+    for _ in range(ticks):
+        command = controller.step(goal)
+    return command
+
+
+@pytest.mark.parametrize("halvings", [0, 8])
+@pytest.mark.parametrize("command", ["displacement", "force"])
+def test_out_of_reach_is_said_where_the_optimality_conditions_show_it(tmp_path, command, halvings):
+    """As Python's `Optimality` has it at the state where the robot stands, and never on the way."""
+    model = build(*spectral())
+    controller = compiled(tmp_path, command=command, observer="equilibrium", halvings=halvings)
+    goal, shown = model.rest_e + model.at_displacement(np.array([12.0, 11.0])).delta_e, []
+    for beyond in (1.0, 1.6):
+        there = model.rest_e + beyond * (goal - model.rest_e)
+        first, command = controller.step(there), ended(controller, there)
+        assert not first.status & OUT_OF_REACH
+        shown.append(bool(command.status & OUT_OF_REACH))
+        aim = Aim(there - model.rest_e, np.ones(3), ridge_of(1e-10, model.reach, model.length))
+        state = model.at_displacement(command.delta_a)
+        known = Optimality.of(state, aim, limits_of(model))
+        assert shown[-1] == (known.holds and not arrived(state, aim, limits_of(model)))
+    assert shown == [False, True]
+
+
+def test_regularisation_that_keeps_the_robot_away_is_not_the_reach(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, observer="equilibrium", regularisation=1e3)
+    goal = model.rest_e + model.at_displacement(np.array([12.0, 11.0])).delta_e
+    assert not ended(controller, goal).status & OUT_OF_REACH
+
+
+def test_a_goal_two_lengths_away_holds_the_command(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path)
+    before = controller.step(model.rest_e + [0.0, 5.0, 3.0])
+    after = controller.step(model.rest_e + [0.0, 2.01 * model.length, 0.0])
+    assert after.status == HELD | BAD_INPUT | FAR and after.delta_a == pytest.approx(before.delta_a, abs=0)
+    assert not controller.step(model.rest_e + [0.0, 1.99 * model.length, 0.0]).status & HELD
+
+
+def test_samples_correct_as_in_python_tick_by_tick(tmp_path):
+    """Late, rare, lost, repeated, old and not finite ones, with a delay that grows and falls: the same corrections and
+    gains as Python's rule on the same references."""
+    model, random = build(*spectral()), np.random.default_rng(7)
+    controller = compiled(tmp_path, command="force", observer="equilibrium", late=12)
+    python = Feedback(Gains(), np.ones(3, bool), history=12)
+    plant, samples, heard = ModelPlant(model, model.rest_e, push=np.array([0.0, 0.3, 0.1])), {}, set()
+    for k, goal in enumerate(np.repeat(curve(model, 20), 30, axis=0)):
+        most = 1 + (k // 40) % 15
+        tick = max(0, k - int(random.integers(0, most)))
+        x_e = samples.get(tick, np.zeros(3)) * (np.nan if random.random() < 0.1 else 1.0)
+        corrects = python.hear(tick, x_e)
+        command = controller.step(goal, x_e, tick)
+        assert controller.moved == pytest.approx(python.moved, rel=1e-12, abs=1e-12)
+        assert controller.integral == python.integral and command.tick == k + 1
+        assert bool(command.status & REJECTED) == (tick not in heard and tick > max(heard, default=0) and not corrects)
+        heard.add(tick)
+        python.commanded(command.reference + python.moved)
+        samples[k + 1] = plant.step(command.lambda_a, "force").x_e
+    assert python.late > 2
+
+
+def test_a_sample_of_a_command_not_given_yet_is_not_heard(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="force", observer="equilibrium")
+    goal = curve(model, 3)[0]
+    for tick in (1, 7, 2**31 - 1):
+        controller.reset()
+        assert controller.step(goal, model.rest_e, tick).status & REJECTED and not controller.moved.any()
+
+
+@pytest.fixture(scope="module")
+def default_controller(tmp_path_factory):
+    options = {"command": "force", "observer": "equilibrium", "late": 50, "iterations": 8}
+    return compiled(tmp_path_factory.mktemp("default"), **options)
+
+
+@pytest.mark.parametrize(("interval", "delay"), [(1, 0), (1, 5), (10, 0), (3, 20), (20, 20)])
+@pytest.mark.parametrize("robot", ["exact", "stiffer", "loaded"])
+def test_the_default_gains_settle_with_late_and_rare_samples(default_controller, interval, delay, robot):
+    """As Python's: a tenth of the open loop's error after (3 + 1) (delay + interval) ticks, a hundredth after
+    (6 + 1) of them."""
+    model, controller = build(*spectral()), default_controller
+    controller.reset()
+    real, push = {"exact": (1.0, None), "stiffer": (1.1, None), "loaded": (1.0, np.array([0.2, 0.0, 0.0]))}[robot]
+    sensor = Imperfection(samples_a_tick=1 / interval, delay=delay)
+    plant = ImperfectPlant(ModelPlant(Stiffer(model, real), model.rest_e, push), sensor, 0)
+    goal, errors, sample = model.rest_e + model.at_displacement(np.array([9.0, 8.0])).delta_e, [], ()
+    for _ in range(8 * (delay + interval)):
+        command = controller.step(goal, *sample)
+        measured = plant.step(command.lambda_a, "force")
+        sample = np.nan_to_num(measured.x_e), measured.t
+        error, W_ea = goal - plant.actual.x_e, model.at_force(command.lambda_a).W_ea  # what two cables can move
+        errors.append(np.linalg.norm(W_ea @ np.linalg.lstsq(W_ea, error, rcond=None)[0]))
+    if robot == "exact":
+        assert max(errors[2:]) < 0.01
+        return
+    first = max(errors[:2])
+    for folds in (1, 2):
+        assert max(errors[(3 * folds + 1) * (delay + interval) :]) <= 0.1**folds * first + 1e-3, folds

@@ -9,7 +9,8 @@ import pytest
 from gym.moving import moving
 from surrogate.stored import train_folder
 
-from cfem.control.inverse import Limits, ridge_of
+from cfem.condensed.strokes import ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.policy import MovingPolicyController, PolicyController
 from cfem.control.tick import Pilot
 from cfem.core.errors import InputError

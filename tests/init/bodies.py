@@ -50,6 +50,32 @@ def tee(bar=72.0, stem=60.0, side=10.0, n=12) -> Shape:
     return _part(mesh, (y < side) | (np.abs(x - bar / 2) < 1.2 * side / 2), 5.0)
 
 
+def discs(side=20.0, neck=8.0, thick=4.0, count=5, pitch=16.0) -> Shape:
+    """Square discs on a square backbone along z."""
+    height = (count - 1) * pitch + thick
+    mesh = block((side, side, height), (10, 10, int(height / 2)))
+    x, y, z = mesh.X[mesh.cells].mean(axis=1).T
+    on_backbone = (np.abs(np.stack([x, y]) - side / 2) < neck / 2).all(axis=0)
+    return _part(mesh, on_backbone | (z % pitch < thick), 4.0)
+
+
+def holed(length=60.0, side=12.0, hole=2.0, gaps=()) -> Shape:
+    """A bar along x with a square channel near its upper side, and gaps (start, end) down to half its height."""
+    mesh = block((length, side, side), (30, 12, 12))
+    x, y, z = mesh.X[mesh.cells].mean(axis=1).T
+    channel = (np.abs(y - side / 2) < hole / 2) & (np.abs(z - 0.75 * side) < hole / 2)
+    gap = np.any([(x > a) & (x < b) & (z > side / 2) for a, b in gaps], axis=0) if gaps else np.zeros(len(x), bool)
+    return _part(mesh, ~channel & ~gap, 2.0)
+
+
+def chambered(size=(40.0, 12.0, 12.0), rooms=((4.0, 16.0), (22.0, 36.0))) -> Shape:
+    """A box along x with closed rooms from x to x, walls of 3."""
+    mesh = block(size, (40, 12, 12))
+    x, y, z = mesh.X[mesh.cells].mean(axis=1).T
+    middle = (np.abs(y - size[1] / 2) < size[1] / 2 - 3) & (np.abs(z - size[2] / 2) < size[2] / 2 - 3)
+    return _part(mesh, ~(middle & np.any([(x > a) & (x < b) for a, b in rooms], axis=0)), 3.0)
+
+
 def _part(mesh: Mesh, kept: np.ndarray, size: float) -> Shape:
     used, cells = np.unique(mesh.cells[kept], return_inverse=True)
     cells = cells.reshape(-1, 4)

@@ -7,14 +7,16 @@ from scipy.spatial import cKDTree
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
-from cfem.init.cables import CableLine, attachment_radius, guess_reach, place_cables, read_cable, sections_along
+from cfem.init.cables import attachment_radius, place_cables, read_cable, sections_along
 from cfem.init.hold import guess_hold, read_hold, run_from
+from cfem.init.way import straight
 
 
 def placed(shape, count, hold=None):
     run = run_from(read_hold(hold, shape) if hold else guess_hold(shape)[0], shape)
-    sections = sections_along(shape.interior, run)
-    return *place_cables(shape.interior, run, sections, count, attachment_radius(sections, run)), run
+    way = straight(run)
+    sections = sections_along(shape, way)
+    return *place_cables(shape, run, way, sections, count, attachment_radius(sections, run)), run
 
 
 def to_surface(mesh, points):
@@ -83,16 +85,7 @@ def test_no_room_is_said():
     shape = box_shape((60.0, 10.0, 10.0))
     run = run_from(guess_hold(shape)[0], shape)
     with pytest.raises(SpecError, match=r"no room for 3 cables along x.*--cable"):
-        place_cables(shape.interior, run, sections_along(shape.interior, run), 3, 40.0)
-
-
-def test_reach_is_a_tenth_of_the_length_or_a_quarter_turn():
-    def cable(length, offset):
-        return CableLine("c", np.zeros(3), np.array([[length / 2, 0, 0], [length, 0, 0]]), offset)
-
-    assert guess_reach((cable(100.0, 20.0), cable(80.0, 20.0)))[0] == pytest.approx(8.0)
-    assert guess_reach((cable(100.0, 2.0),))[0] == pytest.approx(3.0)
-    assert guess_reach((cable(100.0, None),))[0] == pytest.approx(10.0)
+        place_cables(shape, run, straight(run), sections_along(shape, straight(run)), 3, 40.0)
 
 
 def test_a_cable_on_one_line():

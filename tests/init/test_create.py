@@ -8,14 +8,16 @@ import sys
 from pathlib import Path
 
 import jsonschema
+import meshio
 import numpy as np
 import pytest
-from init.bodies import write_cells, write_stl
+from init.bodies import chambered, write_cells, write_stl
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.cli.init import is_terminal
 from cfem.cli.schemas import schema_of
+from cfem.core.errors import SpecError
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
@@ -63,14 +65,14 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     own = tmp_path / "pipelines" / "own"
     assert (own / "own.step").read_bytes() == STEP.read_bytes()
     found = dict(specs(tmp_path))
-    assert [found["control"].trajectories["closed-curve"].radii, found["train"].model.kind] == [[0.3] * 3, "spectral"]
+    assert [found["control"].trajectories["closed-curve"].radii, found["train"].model.kind] == [0.3, "spectral"]
     assert found["report"].page.resolve() == found["export-page"].out.resolve()
     assert {found[stage].scene.name for stage in ("sample", "control", "report")} == {"scene.yaml"}
     scene, robot = built(tmp_path)
     assert robot.rows.n_a == 3 and scene.length == 120 and (robot.reach[:, 0] == 0).all()
     np.testing.assert_array_equal(robot.fixed, np.flatnonzero(robot.body.mesh.X[:, 2] == 0))
     np.testing.assert_allclose(robot.rest_e, [0, 0, 120], atol=0.5)
-    for flag in ("cells", "fixed", "young", "poisson", "cables", "reach", "effector"):
+    for flag in ("cells", "fixed", "young", "poisson", "cables", "through-air", "reach", "effector"):
         assert f'--{flag} "' in done.stderr, flag
     text = (own / "scene.yaml").read_text()
     assert text.count("guessed: ") == 7
@@ -79,7 +81,7 @@ def test_a_step_file_becomes_a_scene(tmp_path):
 
 
 def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
-    assert init(tmp_path, STEP, "--cables", "9").exit_code == 0
+    assert init(tmp_path, STEP, "--cables", "9", "--reach", "3 mm").exit_code == 0
     own = tmp_path / "pipelines" / "own"
     assert not (own / "export-page.yaml").exists() and "page" not in read_yaml(own / "report.yaml")[0]
     assert ROOM["CFEM_NA"][0] == ON_PAGE
@@ -87,7 +89,20 @@ def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
 
 def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
     write_stl(tmp_path / "Body.STL", (6.0, 1.0, 1.0))
-    answers = ["--unit", "cm", "--cells", "600", "--fixed", "x >= 58 mm", "--young", "1 MPa", "--poisson", "0.3"]
+    answers = [
+        "--through-air",
+        "no",
+        "--unit",
+        "cm",
+        "--cells",
+        "600",
+        "--fixed",
+        "x >= 58 mm",
+        "--young",
+        "1 MPa",
+        "--poisson",
+        "0.3",
+    ]
     cables = ["--cable", "up: 60, 5, 8; 40, 5, 8; 10, 5, 8", "--cable", "down: 60, 5, 2; 40, 5, 2; 10, 5, 2"]
     done = init(tmp_path, tmp_path / "Body.STL", *answers, *cables, "--reach", "4 mm", "--effector", "0, 5, 5")
     assert done.exit_code == 0 and done.stderr == ""
@@ -112,28 +127,89 @@ gmsh.write("l.step")
 
 def test_an_l_is_held_at_the_end_of_a_leg_and_says_why(tmp_path):
     subprocess.run([sys.executable, "-c", L], cwd=tmp_path, check=True, capture_output=True)
-    done = init(tmp_path, tmp_path / "l.step", "--cells", "1000", "--cables", "1")
+    done = init(tmp_path, tmp_path / "l.step", "--cells", "1000", "--cables", "1", "--reach", "3 mm")
     assert done.exit_code == 0, done.stderr
     said = next(line for line in done.stderr.splitlines() if line.startswith("--fixed"))
-    assert re.fullmatch(
-        r'--fixed "[xy] >= 60 mm"    # guessed: cables from here stay inside the body, and those from [xy] <= 0 mm '
-        r"would leave it",
-        said,
-    )
+    assert re.fullmatch(r'--fixed "[xy] >= 60 mm"    # guessed: the longest way through the body begins here', said)
     text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
-    assert "within it, up to where the body turns" in text
+    assert "within it, along the middle of the body" in text
     robot = built(tmp_path)[1]
     axis = "xy".index(said[9])
     assert (robot.body.mesh.X[robot.fixed][:, axis] > 60 - 1e-6).all() and robot.rows.n_a == 1
-    # who says what to hold gets that or an error
-    other = init(tmp_path, tmp_path / "l.step", "--cells", "1000", "--fixed", "left", "--force", "--quiet")
-    assert other.exit_code == 2 and "cables along x would leave the body near" in other.stderr
+
+
+def test_a_body_with_closed_inner_surfaces_is_driven_by_chambers(tmp_path):
+    shape = chambered()
+    meshio.write(tmp_path / "rooms.vtu", meshio.Mesh(shape.mesh.X, [("tetra", shape.mesh.cells)]))
+    done = init(tmp_path, tmp_path / "rooms.vtu", "--unit", "mm", "--growth", "50 mm^3", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["chambers"] == ["chamber-1", "chamber-2"]
+    assert '--chambers "all"    # guessed: the 2 closed inner surfaces of the body' in done.stderr
+    robot = built(tmp_path)[1]
+    np.testing.assert_array_equal(robot.reach, [[0, 50], [0, 50]])
+    assert sorted(actuator.rest_volume for actuator in robot.actuators) == pytest.approx([12 * 36, 14 * 36])
+    none = init(
+        tmp_path,
+        tmp_path / "rooms.vtu",
+        "--unit",
+        "mm",
+        "--chambers",
+        "none",
+        "--cables",
+        "2",
+        "--reach",
+        "1 mm",
+        "--force",
+    )
+    assert none.exit_code == 0 and [item.kind for item in built(tmp_path)[0].actuators] == ["cable", "cable"]
+    own = ["--chamber", "left: 10, 6, 6", "--growth", "20 mm^3"]
+    assert init(tmp_path, tmp_path / "rooms.vtu", "--unit", "mm", *own, "--force").exit_code == 0
+    assert built(tmp_path)[1].rows.actuators == ("left",)
+
+
+def test_what_cannot_be_suggested_is_left_open_in_a_scene_that_meshes(tmp_path, mesh_file, monkeypatch):
+    def refuse(*arguments):
+        raise SpecError("the body is in the way")
+
+    monkeypatch.setattr("cfem.init.drive.place", refuse)
+    done = init(tmp_path, mesh_file, "--unit", "mm", "--fixed", "left", "--quiet")
+    assert done.exit_code == 0 and "open: what drives the robot? the body is in the way" in done.stdout
+    text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+    assert "# OPEN: what drives the robot? the body is in the way." in text and "\nactuators: []\n" in text
+    meshed = CliRunner().invoke(app, ["mesh", str(tmp_path / "pipelines" / "own" / "scene.yaml"), "--quiet"])
+    assert meshed.exit_code == 0, meshed.stderr
+    ran = CliRunner().invoke(app, ["run", str(tmp_path / "pipelines" / "own"), "--quiet"])
+    assert ran.exit_code == 2 and "actuators: nothing drives the robot yet" in ran.stderr
+    # the comment is an answer but for its numbers
+    answer = text.replace("actuators: []\n", "").replace("# actuators:", "actuators:").replace("#   ", "  ")
+    (tmp_path / "pipelines" / "own" / "scene.yaml").write_text(answer)
+    assert [item.kind for item in load_spec(tmp_path / "pipelines" / "own" / "scene.yaml", SceneSpec).actuators] == [
+        "cable",
+        "cavity",
+    ]
+
+
+def test_a_poor_surface_is_mended_and_that_is_said(tmp_path):
+    write_stl(tmp_path / "body.stl", (60.0, 10.0, 10.0), facets=slice(1, None))
+    cables = ["--cable", "a: 0, 5, 8; 20, 5, 8; 50, 5, 8", "--reach", "2 mm", "--through-air", "no"]
+    done = init(tmp_path, tmp_path / "body.stl", "--unit", "mm", "--cells", "600", *cables)
+    assert done.exit_code == 0, done.stderr
+    assert "mended body.stl: closed a hole" in done.stdout
+    assert "# own.stl was mended: closed a hole" in (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+
+
+def test_the_inside_of_a_mesh_file_is_meshed_anew_where_asked(tmp_path, mesh_file):
+    words = ["--unit", "mm", "--remesh", "yes", "--cells", "600", "--fixed", "left", "--cables", "1", "--reach", "2 mm"]
+    assert init(tmp_path, mesh_file, *words).exit_code == 0
+    scene, robot = built(tmp_path)
+    assert scene.geometry.remesh and scene.mesh.cells == 600
+    assert robot.body.mesh.volumes.sum() == pytest.approx(6000, rel=1e-6)
 
 
 @pytest.mark.parametrize("element, expected", [("tet4", "tet10p0"), ("hex8", "hex8")])
 def test_a_mesh_file_keeps_its_cells_and_sets(tmp_path, element, expected):
     write_cells(tmp_path / "own.vtu", element)
-    done = init(tmp_path, tmp_path / "own.vtu", "--fixed", "wall", "--cables", "2", "--json")
+    done = init(tmp_path, tmp_path / "own.vtu", "--fixed", "wall", "--cables", "2", "--reach", "3 mm", "--json")
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["cables"] == ["cable-1", "cable-2"]
     scene, robot = built(tmp_path)
@@ -143,14 +219,14 @@ def test_a_mesh_file_keeps_its_cells_and_sets(tmp_path, element, expected):
 
 def test_a_scene_that_is_there_stays_unless_forced(tmp_path):
     write_cells(tmp_path / "own.vtu")
-    assert init(tmp_path, tmp_path / "own.vtu").exit_code == 0
+    assert init(tmp_path, tmp_path / "own.vtu", "--reach", "3 mm").exit_code == 0
     own = tmp_path / "pipelines" / "own"
     (own / "scene.yaml").write_text("mine")
     (own / "sample-large.yaml").write_text("mine too")
     again = init(tmp_path, tmp_path / "own.vtu")
     assert again.exit_code == 6 and "--force" in again.stderr and (own / "scene.yaml").read_text() == "mine"
     # the shape may lie where its copy would
-    assert init(tmp_path, own / "own.vtu", "--force").exit_code == 0
+    assert init(tmp_path, own / "own.vtu", "--force", "--reach", "3 mm").exit_code == 0
     assert (own / "scene.yaml").read_text() != "mine" and (own / "sample-large.yaml").read_text() == "mine too"
 
 
@@ -158,7 +234,7 @@ def test_a_shape_that_waits_in_its_folder_is_no_scene(tmp_path):
     own = tmp_path / "pipelines" / "own"
     own.mkdir(parents=True)
     write_cells(own / "own.vtu")
-    assert init(tmp_path, own / "own.vtu").exit_code == 0
+    assert init(tmp_path, own / "own.vtu", "--reach", "3 mm").exit_code == 0
 
 
 @pytest.fixture
@@ -228,7 +304,7 @@ class TestAtATerminal:
         monkeypatch.setattr("cfem.cli.init.is_terminal", lambda: True)
 
     def test_questions_show_defaults_take_answers_and_ask_again(self, tmp_path, mesh_file):
-        typed = ["", "here", "right", "2 MPa", "", "2", "-1 mm", "5 mm", ""]
+        typed = ["", "", "here", "right", "2 MPa", "", "2", "", "", "-1 mm", "5 mm"]
         done = init(tmp_path, mesh_file, typed="\n".join(typed) + "\n")
         assert done.exit_code == 0, done.stderr
         assert "[1 mm: " in done.stderr and "cannot make sense of 'here'" in done.stderr
@@ -241,19 +317,22 @@ class TestAtATerminal:
 
     def test_what_an_option_says_is_not_asked(self, tmp_path, mesh_file):
         words = ["--unit", "mm", "--fixed", "left", "--young", "1 MPa", "--poisson", "0.3", "--cables", "1"]
+        words += ["--remesh", "no", "--through-air", "auto"]
         done = init(tmp_path, mesh_file, *words, "--reach", "3 mm", "--effector", "60, 5, 5")
         assert done.exit_code == 0 and done.stderr == ""
 
-    def test_the_end_of_input_is_an_interruption(self, tmp_path, mesh_file):
-        assert init(tmp_path, mesh_file, typed="\n").exit_code == 130
+    def test_the_end_of_input_is_an_interruption_and_what_was_typed_is_not_lost(self, tmp_path, mesh_file):
+        done = init(tmp_path, mesh_file, typed="\ncm\n\n3 MPa\n")
+        assert done.exit_code == 130
+        assert 'your answers, to go on with: --unit "cm" --young "3 MPa"' in done.stderr
         assert not (tmp_path / "pipelines").exists()
 
 
 def test_a_forced_scene_takes_the_new_shape(tmp_path, mesh_file):
-    assert init(tmp_path, mesh_file).exit_code == 0
+    assert init(tmp_path, mesh_file, "--reach", "3 mm").exit_code == 0
     other = tmp_path / "other.vtu"
     write_cells(other, size=(80.0, 10.0, 10.0))
-    assert init(tmp_path, other, "--force").exit_code == 0
+    assert init(tmp_path, other, "--force", "--reach", "3 mm").exit_code == 0
     assert built(tmp_path)[0].length == 80
 
 

@@ -1,8 +1,8 @@
-"""Which end of a body is proposed to be held: one from which straight cables stay inside."""
+"""How cables are suggested, and which end of a body is proposed to be held: one from which they stay inside."""
 
 import numpy as np
 import pytest
-from init.bodies import box_shape, corner, frame, tapered, tee
+from init.bodies import box_shape, corner, discs, frame, tapered, tee
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
@@ -12,38 +12,63 @@ from cfem.init.shape import Shape
 from cfem.mechanics.mesh import Mesh
 
 
+def inside(shape, cables) -> bool:
+    """Whether all cables are, between their points too."""
+    for cable in cables:
+        ends = np.vstack([cable.pull, cable.points])
+        along = np.concatenate([ends[:-1] + share * np.diff(ends, axis=0) for share in np.linspace(0, 1, 9)])
+        if not (locate(shape.mesh, along, within=1e-6)[0] >= 0).all():
+            return False
+    return True
+
+
 @pytest.mark.parametrize("shape", [box_shape(), tapered()], ids=["box", "tapered"])
 def test_the_guess_stays_where_cables_from_it_stay_inside(shape):
     found = propose(shape, 3)
     assert (found.hold, found.why) == guess_hold(shape)
-    assert len(found.placement.cables) == found.count == 3 and found.placement.whole
+    assert len(found.placement.cables) == found.count == 3 and not found.placement.through_air
 
 
-def test_an_l_is_held_at_the_end_of_a_leg_and_its_cables_end_before_the_corner():
+def test_an_l_is_held_at_the_end_of_a_leg_and_its_cables_follow_it_around_the_corner():
     shape = corner()
     found = propose(shape, 3)
-    assert str(guess_hold(shape)[0]) == "x <= 0 mm" and str(found.hold) == "x >= 60 mm"
-    assert found.why == "cables from here stay inside the body, and those from x <= 0 mm would leave it"
-    assert not found.placement.whole
+    assert str(guess_hold(shape)[0]) == "x <= 0 mm" and str(found.hold) in ("x >= 60 mm", "y >= 60 mm")
+    assert found.why == "the longest way through the body begins here"
+    along, across = (0, 1) if found.hold.axis == 0 else (1, 0)
     for cable in found.placement.cables:
-        assert cable.pull[0] == 60 and 10 < cable.points[-1, 0] < 30
-        ends = np.vstack([cable.pull, cable.points])
-        along = np.concatenate([ends[:-1] + share * np.diff(ends, axis=0) for share in np.linspace(0, 1, 9)])
-        assert (locate(shape.mesh, along, within=1e-9)[0] >= 0).all()
+        assert cable.pull[along] == 60 and cable.points[-1, across] > 45
+    assert inside(shape, found.placement.cables) and "along the middle of the body" in found.placement.how
 
 
-def test_ends_of_the_other_axis_come_after_those_of_the_longest():
-    """A T: no straight cable passes the stem along the bar; one from the bar into the stem does."""
+def test_a_t_has_cables_that_stay_inside():
+    """No straight cable passes the stem along the bar."""
     shape = tee()
-    assert guess_hold(shape)[0].axis == 0 and str(propose(shape, 1).hold) == "y <= 0 mm"
+    assert inside(shape, propose(shape, 1).placement.cables)
 
 
-def test_where_no_end_will_do_the_guess_is_kept_and_its_cables_are_refused():
+def test_a_ring_has_a_cable_in_each_half():
     shape = frame()
-    found = propose(shape, 1)
-    assert (found.hold, found.why, found.placement) == (*guess_hold(shape), None)
-    with pytest.raises(SpecError, match=r"would leave the body|no room"):
-        place(shape, run_from(found.hold, shape), 1)
+    found = place(shape, run_from(guess_hold(shape)[0], shape), 1)
+    assert len(found.cables) == 2 and "one along each of 2 legs" in found.how and inside(shape, found.cables)
+    sides = np.sign([cable.points[:2, 1].mean() - 30 for cable in found.cables])
+    assert sorted(sides) == [-1, 1]
+
+
+def test_a_backbone_with_discs_has_cables_through_the_air_unless_that_is_not_wanted():
+    shape = discs()
+    run = run_from(read_hold("z <= 0 mm", shape), shape)
+    found, within = place(shape, run, 4), place(shape, run, 4, air=False)
+    assert found.through_air and len(found.cables) == 4 and not inside(shape, found.cables)
+    assert not within.through_air and inside(shape, within.cables)
+    for cable in found.cables:
+        assert (locate(shape.mesh, cable.points, within=1e-6)[0] >= 0).all()
+        assert np.linalg.norm(cable.points[:, :2] - 10, axis=1).min() > 4 * 1.2
+
+
+def test_where_there_is_no_way_at_all_the_reason_is_that_of_straight_cables():
+    shape = box_shape((60.0, 10.0, 10.0))
+    with pytest.raises(SpecError, match=r"passes 3 parts of the body.*--fixed"):
+        place(shape, run_from(read_hold("x <= 0 mm", shape), shape), 2, air=True)
 
 
 def test_a_part_that_the_mesh_names_is_kept():
@@ -53,8 +78,3 @@ def test_a_part_that_the_mesh_names_is_kept():
     )
     found = propose(Shape(named, 5.0), 3)
     assert found.hold.name == "fixed" and found.placement is None
-
-
-def test_cables_end_early_from_a_part_that_the_user_chose():
-    shape = corner()
-    assert not place(shape, run_from(read_hold("y >= 60 mm", shape), shape), 2).whole

@@ -22,11 +22,18 @@ def test_inside_and_outside(element):
     assert 20 < found.sum() < 200
 
 
-def test_only_what_is_near_a_plane():
+def test_only_what_is_near():
     mesh = box((3.0, 2.0, 1.0), (3, 2, 2), "tet4")
     body = interior(mesh)
     low, high = (extreme(mesh.X[mesh.cells][:, :, 0], axis=1) for extreme in (np.min, np.max))
-    np.testing.assert_array_equal(body.near(0, 1.5, 0.1), np.flatnonzero((low < 1.6) & (high > 1.4)))
+    x = np.array([1.0, 0, 0])
+    np.testing.assert_array_equal(body.near_plane(1.5 * x, x), np.flatnonzero((low < 1.5) & (high > 1.5)))
     point = np.array([[2.5, 0.5, 0.5]])
-    assert body.contains(point, body.near(0, 2.5)).all()
-    assert not body.contains(point, body.near(0, 0.5)).any() and not body.contains(point, body.near(0, 9.0)).any()
+    assert (
+        body.contains(point, body.near_plane(2.5 * x, x)).all()
+        and body.contains(point, body.near_points(point, 0.1)).all()
+    )
+    assert not body.contains(point, body.near_plane(0.5 * x, x)).any()
+    assert not body.contains(point, body.near_plane(9.0 * x, x)).any()
+    aslant = np.array([0.6, 0.8, 0.0])
+    assert body.contains(point, body.near_plane(point[0], aslant)).all()

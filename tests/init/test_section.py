@@ -34,6 +34,6 @@ def test_balls_that_fit_and_balls_that_do_not():
     body = box_shape((60.0, 10.0, 10.0)).interior
     y = np.array([1.9, 2.3, 5.0, 7.7, 8.1])
     points = np.column_stack([np.full(5, 30.0), y, np.full(5, 5.0)])
-    np.testing.assert_array_equal(clear(body, points, 2.0, 0), [False, True, True, True, False])
+    np.testing.assert_array_equal(clear(body, points, 2.0), [False, True, True, True, False])
     # in a corner the nearest wall lies off all 26 directions
-    assert not clear(body, np.array([[1.99, 5.0, 5.0]]), 2.0, 0).any()
+    assert not clear(body, np.array([[1.99, 5.0, 5.0]]), 2.0).any()

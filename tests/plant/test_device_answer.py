@@ -64,7 +64,7 @@ def test_any_object_is_a_measurement_or_a_sentence(value, markers):
 
 
 @pytest.mark.slow
-@settings(max_examples=100_000, deadline=None)
+@settings(max_examples=20_000, deadline=None)
 @given(value=OBJECTS, markers=st.sampled_from([(), ("top", "side")]))
 def test_any_of_many_objects_is_a_measurement_or_a_sentence(value, markers):
     judged(json.dumps(value), markers)

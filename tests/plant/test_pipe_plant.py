@@ -260,7 +260,7 @@ def test_any_bytes_over_the_pipe_end_in_a_sentence(said, then):
 
 
 @pytest.mark.slow
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(said=SAID, then=THEN)
 def test_any_of_many_bytes_over_the_pipe_end_in_a_sentence(said, then):
     judged_over_the_pipe(said, then)

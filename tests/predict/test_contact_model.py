@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cfem.condensed.strokes import ridge_of
 from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.prescribed_motion import ActuatedRobot, Translation
-from cfem.control.inverse import Aim, Limits, ridge_of
+from cfem.control.inverse import Aim, Limits
 from cfem.control.loop import Iterate, ReachStatus, Settings, reach
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.meet import Skinned

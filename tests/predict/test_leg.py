@@ -98,6 +98,32 @@ def test_a_cable_that_would_push_goes_slack_and_is_pulled_again():
     assert not again.slack.any() and again.lambda_a[1] > 0
 
 
+def test_only_a_cable_that_cannot_push_goes_slack():
+    x = J @ [0.4, 0.1] + [0.1, 0.5, 0.1]
+    for which in (0, 1):
+        found = leg(np.arange(2) == which, third=True).respond(at([0.4, -0.3]), x, None)[0]
+        assert found.converged and found.slack.tolist() == [False, which == 1]
+        assert (found.lambda_a[1] < 0) == (which == 0)
+
+
+def test_a_taut_cable_follows_its_target():
+    one, x = leg(BOTH, third=True), J @ [0.4, 1.5]
+    before = one.respond(at([0.4, 1.5]), x, None)[0]
+    after = one.respond(at([0.5, 1.4]), x, before)[0]
+    assert not before.slack.any() and not after.slack.any() and after.delta_a.tolist() == [0.5, 1.4]
+
+
+def test_a_slack_cable_stays_slack_while_its_target_is_longer():
+    one, x = leg(BOTH, third=True), J @ [0.4, 0.1] + [0.1, 0.5, 0.1]
+    found = one.respond(at([0.4, -0.3]), x, None)[0]
+    for target in (-0.5, -0.3, found.delta_a[1] - 1e-3):
+        again = one.respond(at([0.4, target]), x, found)[0]
+        assert again.slack.tolist() == [False, True]
+        np.testing.assert_allclose(again.delta_a, found.delta_a, atol=1e-9)
+    taut = one.respond(at([0.4, found.delta_a[1] + 1e-3]), x, found)[0]
+    assert not taut.slack.any() and taut.lambda_a[1] > 0
+
+
 @pytest.mark.parametrize("far", [5.0, -5.0])
 def test_places_beyond_what_the_series_knows_are_reached_with_forces_that_are_finite(far):
     """x_0 of the approximant alone ends at 3 one way, and has a pole the other."""

@@ -29,6 +29,7 @@ def result(errors, reachable, step_us, **more):
         "iterations_mean": 2.0,
         "step_us": {"median": step_us, "p99": 2 * step_us},
         "kkt_max": 1e-12,
+        "not_converged": 0,
         **more,
     }
 
@@ -46,6 +47,7 @@ def tracking(errors=(0.01, 0.02, 0.03, 0.04), reachable=(True,) * 4, controllers
         "error": np.tile(errors, k),
         "lambda_a": np.tile([[0.03, 0.2]], (m * k, 1)),
         "reachable": np.tile(reachable, k),
+        "verdict": np.tile(np.where(reachable, "reached", "out of reach").astype(object), k),
         "inside": np.ones(m * k, bool),
         "step_us": np.repeat([50_000.0 if one == "fe-based" else 200.0 for one in controllers], m),
     }
@@ -63,7 +65,7 @@ def cells(table, column):
 def test_the_table_tells_times_in_milliseconds_and_counts_goals_that_the_robot_reached():
     table = tracking_table(tracking(errors=(0.01, 0.02, 0.2, np.nan)))
     assert cells(table, "time per step, median / p99") == ["50 / 100 ms", "200 / 400 µs"]
-    assert cells(table, "goals reached") == ["2 of 4"] * 2 and cells(table, "goals in reach") == ["4"] * 2
+    assert cells(table, "goals reached") == ["2 of 4"] * 2 and cells(table, "goals not out of reach") == ["4"] * 2
 
 
 def test_a_controller_without_reachable_goals_has_a_dash():
@@ -120,10 +122,12 @@ def test_effort_is_drawn_of_three_controllers_and_not_of_two():
 
 def test_the_looser_tolerance_is_explained_only_where_fe_based_control_is_worse():
     found = tracking()
-    assert looser(found) == ""
+    assert looser(found, "mm") == ""
     found.summaries["my-curve"]["fe-based"]["distance_to_reachable_goals"]["mean"] = 0.5
-    assert "1 µm" in looser(found) and "10 nm" in looser(found)
-    assert looser(tracking(controllers=("spectral",))) == ""
+    assert "less than 0.001 mm" in looser(found, "mm") and "at 1e-05 mm" in looser(found, "mm")
+    found.spec["search"]["tolerance"] = None
+    assert "at 5e-05 % of their stroke" in looser(found, "mm")
+    assert looser(tracking(controllers=("spectral",)), "mm") == ""
 
 
 def first(found=None, **more):
@@ -179,3 +183,11 @@ def test_a_coordinate_that_the_search_leaves_free_has_its_goals_where_the_robot_
     spec = {"reached": 0.1, "fe_tolerance": 1e-3, "search": {"tolerance": 1e-5, "weights": [0.0, 1.0, 0.0, 1.0]}}
     free, stated = (trajectory_charts(one, "my-curve", UNITS)[0] for one in (tracking(spec=spec), tracking()))
     assert "No goal states x or z" in free.caption and "No goal" not in stated.caption
+
+
+def test_searches_that_did_not_converge_are_neither_in_reach_nor_out_of_it():
+    found = tracking(errors=(0.01, 0.02, 5.0, 7.0))
+    found.columns["verdict"][found.columns["error"] > 1] = "not converged"
+    summary = first(found)
+    assert "2 of 4 goals that are not shown to be out of reach" in summary.sentence
+    assert "the search for 2 of 4 goals did not converge" in summary.concerns

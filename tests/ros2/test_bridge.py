@@ -77,7 +77,7 @@ def test_no_message_ends_in_more_than_a_refusal(package, model, events, other):
 
 
 @pytest.mark.slow
-@settings(max_examples=5000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=2000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(events=st.lists(st.one_of(POINTS, TICKS, TICKS), max_size=40), other=st.booleans())
 def test_no_message_ends_in_more_than_a_refusal_in_long(package, model, events, other):
     played(package, made(package, model, effector_clock="other" if other else "own"), model, events)

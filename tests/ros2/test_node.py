@@ -136,6 +136,26 @@ def test_late_and_rare_samples_correct_once(start, messages, interval, delay, st
     assert np.linalg.norm(x_e - goal) < 0.05
 
 
+def test_samples_without_a_stamp_are_as_old_as_the_stated_latency(start):
+    """Five ticks late: right with the latency stated; else the present command's, and the gain that of no delay."""
+    ends = {}
+    for latency in (0.25, 0.0):
+        run = start(command="force", latency=latency)
+        plant, goal, waiting = ModelPlant(Stiffer(run.model, 1.1), run.model.rest_e), goal_of(run), [None] * 5
+        for _ in range(120):
+            send(run, "goal", goal)
+            tick(run)
+            waiting.append(plant.step(np.array(run.node.published["command"][-1].effort), "force").x_e)
+            ros.Node.now += 0.02
+            if (x_e := waiting.pop(0)) is not None:
+                send(run, "effector", x_e, age=ros.Node.now)  # a stamp of 0
+            ros.Node.now -= 0.02
+        ends[latency] = np.linalg.norm(
+            plant.step(np.array(run.node.published["command"][-1].effort), "force").x_e - goal
+        )
+    assert ends[0.25] < 0.01 < 0.1 * ends[0.0]
+
+
 def off_by(run, stamps, seconds=2.0, **more):
     """What was said last, the tracker's stamps lying `stamps` s in the past of its clock at each tick."""
     plant = ModelPlant(run.model, run.model.rest_e)
@@ -241,6 +261,7 @@ def test_goals_that_cannot_be_meant_are_refused_and_the_command_stays(start):
     for more, words in [
         ({"place": goal_of(run), "frame": "map"}, "in frame 'map', expected 'robot'"),
         ({"place": 1000 * goal_of(run)}, "are these millimetres"),
+        ({"place": goal_of(run) + [0, 250, 0]}, "times the robot's length"),
         ({"place": goal_of(run), "age": 3.0}, "its stamp is 3.00 s old"),
         ({"place": [0, np.nan, 0]}, "is not finite"),
     ]:

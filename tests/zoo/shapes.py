@@ -66,7 +66,7 @@ def tentacle():
 
 def pneunet():
     """Five bellows on a strip along x; one chamber of five rooms joined by a duct."""
-    outer = union(box(0, 0, 0, 84, 16, 6), *(box(2 + 16 * k, 0, 0, 12, 16, 20) for k in range(5)))
+    outer = union(box(0, 0, 0, 84, 16, 9), *(box(2 + 16 * k, 0, 0, 12, 16, 20) for k in range(5)))
     rooms = [box(4 + 16 * k, 2.5, 4, 8, 11, 13) for k in range(5)]
     return without(outer, union(box(5, 6, 4, 70, 4, 3), *rooms))
 
@@ -167,8 +167,8 @@ def write(body, size, files):
     occ.synchronize()
     for _, tag in gmsh.model.getEntities(3):
         gmsh.model.addPhysicalGroup(3, [tag])
-    for option in ("MeshSizeMax", "MeshSizeMin"):
-        gmsh.option.setNumber(f"Mesh.{option}", size)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 8)  # triangles around a circle
     gmsh.option.setNumber("Mesh.Binary", 1)
     for file in files:
         suffix = file.rpartition(".")[2]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import cfem
+from cfem.condensed.far import doubt, far_of
 from cfem.plant.device_answer import FAR
 from cfem.plant.protocol import Measurement
 from cfem.plant.sample_clock import SampleClock
@@ -109,6 +110,9 @@ class Bridge:
         stamp = self._taken(self._goal_clock, message, now, "goal")
         if timeout and now - stamp > timeout:
             raise self._refuse(f"goal is stale: its stamp is {now - stamp:.2f} s old, at most {timeout:g} s")
+        strange = doubt(place, self.model.rest_e, far_of(self.model.rows, self.model.length))
+        if strange:
+            raise self._refuse(f"goal {strange}, messages in metres")
         self._goal, self._stamp = place, stamp
 
     def on_effector(self, message: Any, now: float) -> None:

@@ -55,13 +55,14 @@ def inverse_step(
         >>> state = model.at_displacement([0.0, 0.0])
         >>> cfem.inverse_step(model, state, model.rest_e + [1.0, 0.0, 0.0]).delta_a
     """
-    from cfem.control.inverse import Aim, ridge_of
+    from cfem.condensed.strokes import ridge_of
+    from cfem.control.inverse import Aim
     from cfem.control.inverse import inverse_step as solve_step
 
     n_e = model.rows.n_e
     aim = Aim(
         vector("goal", goal, n_e) - model.rest_e,
-        np.ones(n_e) if weights is None else vector("weights", weights, n_e),
+        _weights(weights, n_e),
         ridge_of(regularisation, model.reach, model.length),
     )
     limits = _limits(model, unilateral, largest_force).within(state.delta_a, step)
@@ -93,7 +94,8 @@ def find_actuation(
         iterations: inverse steps at most.
 
     Returns:
-        What was found: `delta_a`, `lambda_a` (n_a,), `distance` mm that remains, `status`, which says how it ended.
+        What was found: `delta_a`, `lambda_a` (n_a,), `distance` mm that remains, `status`, which says how it ended, and
+        `verdict()`: reached, out of reach (the optimality conditions show it), or not converged.
 
     Raises:
         SpecError: goal, start or weights have a wrong length or are not finite.
@@ -103,17 +105,21 @@ def find_actuation(
         >>> found = cfem.find_actuation(model, [0.0, 10.0, -115.0])
         >>> found.delta_a, found.distance, found.status
     """
-    from cfem.control.inverse import Aim, ridge_of
-    from cfem.control.loop import Iterate, Settings, reach
+    from cfem.condensed.strokes import ridge_of
+    from cfem.control.inverse import Aim
+    from cfem.control.loop import Iterate, Settings, by_displacement, reach
+    from cfem.control.multistart import RESTARTS, all_over, multistart
 
     n_e, n_a = model.rows.n_e, model.rows.n_a
     aim = Aim(
         vector("goal", goal, n_e) - model.rest_e,
-        np.ones(n_e) if weights is None else vector("weights", weights, n_e),
+        _weights(weights, n_e),
         ridge_of(regularisation, model.reach, model.length),
     )
     first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
-    return reach(model, aim, _limits(model, unilateral, largest_force), Iterate.at(first), Settings(iterations))
+    limits, settings = _limits(model, unilateral, largest_force), Settings.of(model.reach, iterations)
+    found = reach(model, aim, limits, Iterate.at(first), settings)
+    return multistart(model, aim, limits, found, settings, by_displacement, all_over(limits, RESTARTS))
 
 
 @says_what_is_missing
@@ -151,8 +157,10 @@ def make_controller(
 
     Returns:
         The controller. `controller.tick(goal, measured)` returns the belief after the tick: `u` (n_a,) the command, and
-        `status`, 'converged' or how the search ended. `measured` is the latest sample; its `t` is the number of the
-        command that it followed, from 1 on. A sample corrects once. Without samples the loop is open.
+        `status`: 'tracking' on the way, 'converged' at the goal, 'out of reach' at the nearest point to it, or what
+        went wrong. It raises InputError for a goal that is not in mm: two lengths of the robot away, or in metres.
+        `measured` is the latest sample; its `t` is the number of the command that it followed, from 1 on. A sample
+        corrects once. Without samples the loop is open.
 
     Raises:
         SpecError: weights or start have a wrong length or are not finite, or the phase margin is out of range.
@@ -163,11 +171,12 @@ def make_controller(
         >>> measured = plant.step(controller.tick(goal).u)
         >>> measured = plant.step(controller.tick(goal, measured).u)
     """
+    from cfem.condensed.far import far_of
+    from cfem.condensed.strokes import ridge_of
     from cfem.control.controller import Controller
-    from cfem.control.gains import Gains
-    from cfem.control.inverse import ridge_of
     from cfem.control.loop import Settings
     from cfem.control.tick import Pilot
+    from cfem.plant.gains import Gains
 
     if not 0 < phase_margin < 90:
         raise SpecError(f"{phase_margin:g} is not between 0 and 90", where="phase_margin")
@@ -177,14 +186,27 @@ def make_controller(
         command,
         observer,
         _limits(model, unilateral, largest_force),
-        np.ones(n_e) if weights is None else vector("weights", weights, n_e),
+        _weights(weights, n_e),
         ridge_of(regularisation, model.reach, model.length),
-        Settings(iterations=iterations),
+        Settings.of(model.reach, iterations, step=np.inf),
         rate,
     )
     first = None if start is None else vector("start", start, n_a)
     feedback = Gains(phase_margin=np.deg2rad(phase_margin)) if gains is None else Gains(*gains)
-    return Controller(pilot, model.rest_e, feedback, first)
+    return Controller(pilot, model.rest_e, feedback, first, far_of(model.rows, model.length))
+
+
+def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:
+    if weights is None:
+        return np.ones(n_e)
+    found = vector("weights", weights, n_e)
+    if (found < 0).any() or not found.any():
+        raise SpecError(
+            f"expected numbers from 0 on, of which one is positive, got {found.tolist()}",
+            where="weights",
+            do="give rows that do not matter 0, and another one a positive number",
+        )
+    return found
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":

@@ -71,7 +71,7 @@ def read_cases(
 ) -> Cases:
     """units: of each actuator's force; length: mm of the robot; measured: whether places must be there. InputError
     naming the file, the row and the column of what cannot be read, or is hardly meant."""
-    table = titled(path, read_rows(path))
+    table = titled(path, [row for row in read_rows(path) if not row.blank])
     if not table.rows:
         raise InputError("holds no load cases", where=str(path), do="add one row per marker and case")
     lacking = [name for name in actuators if name not in layout.forces]

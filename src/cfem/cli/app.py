@@ -99,9 +99,21 @@ def init(
         typer.Option(help="A cable: 'NAME: pull point; point; ...', each point 'x, y, z' in mm. Repeatable."),
     ] = None,
     cables: Annotated[
-        str | None, typer.Option(help="How many cables to place along the body, at equal angles.")
+        str | None, typer.Option(help="How many cables to place: in channels, or along the body at equal angles.")
     ] = None,
+    through_air: Annotated[
+        str | None, typer.Option(help="Whether cables may cross the air between parts of the body: yes, no, auto.")
+    ] = None,
+    chamber: Annotated[
+        list[str] | None,
+        typer.Option(help="A chamber: 'NAME: x, y, z' inside it in mm, or 'NAME: FILE' of its surface. Repeatable."),
+    ] = None,
+    chambers: Annotated[str | None, typer.Option(help="Which closed inner surfaces are inflated: all or none.")] = None,
     reach: Annotated[str | None, typer.Option(help="Largest shortening of each cable: '10 mm'.")] = None,
+    growth: Annotated[str | None, typer.Option(help="Largest growth of each chamber: '2 ml'.")] = None,
+    remesh: Annotated[
+        str | None, typer.Option(help="Whether to mesh the inside of a mesh file anew: yes or no.")
+    ] = None,
     effector: Annotated[str | None, typer.Option(help="The watched point: 'x, y, z' in mm.")] = None,
     folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
     force: Annotated[bool, typer.Option("--force", help="Replace the files of a scene that is there.")] = False,
@@ -115,13 +127,14 @@ def init(
         from cfem.cli.init import init_robot, init_scene
 
         given = {"unit": unit, "cells": cells, "fixed": fixed, "young": young, "poisson": poisson}
-        given |= {"cables": cables, "reach": reach, "effector": effector}
+        given |= {"cables": cables, "through-air": through_air, "chambers": chambers, "remesh": remesh}
+        given |= {"reach": reach, "growth": growth, "effector": effector}
         if (source is None) == (robot is None):
             raise SpecError("give --from FILE or --robot NAME, one of the two", where="init")
         if robot is not None:
-            stated = [flag for flag, said in (given | {"cable": cable}).items() if said]
+            stated = [flag for flag, said in (given | {"cable": cable, "chamber": chamber}).items() if said]
             return init_robot(name, robot, folder, stated, options.force, json)
-        return init_scene(name, source, folder, given, cable or [], options.force, quiet, json)
+        return init_scene(name, source, folder, given, cable or [], chamber or [], options.force, quiet, json)
 
     run_command(work, force=force, as_json=json, quiet=quiet)
 

@@ -17,19 +17,34 @@ def init_scene(
     folder: Path,
     given: Mapping[str, str | None],
     cables: Sequence[str],
+    chambers: Sequence[str],
     force: bool,
     quiet: bool,
     as_json: bool,
 ) -> dict[str, Any] | str:
     """given: what options say, by name."""
     from cfem.init.create import create
+    from cfem.init.drive import Stated
 
-    if cables and given.get("cables") is not None:
-        raise SpecError("--cable and --cables exclude each other", do="state each cable, or how many to place")
-    stated = [flag for flag, said in given.items() if said is not None]
-    made = create(name, source, folder, cables, _asking(given, quiet), stated, force)
+    for one, several, stated in (("cable", "cables", cables), ("chamber", "chambers", chambers)):
+        if stated and given.get(several) is not None:
+            raise SpecError(f"--{one} and --{several} exclude each other", do=f"state each {one}, or leave --{one} out")
+    flags = [flag for flag, said in given.items() if said is not None]
+    typed: dict[str, str] = {}
+    try:
+        made = create(name, source, folder, _asking(given, quiet, typed), Stated(cables, chambers, flags), force)
+    except BaseException:
+        if typed:  # what a person has typed is not lost
+            words = " ".join(f'--{flag} "{said}"' for flag, said in typed.items())
+            print(printable(f"your answers, to go on with: {words}"), file=sys.stderr)
+        raise
     write_schemas(folder.parent / "schemas", check=False)
-    return made if as_json else _text(made, f"look at {made['folder']}/scene.yaml, then ")
+    if as_json:
+        return made
+    mended = [f"mended {source.name}: {phrase}" for phrase in made["mended"]]
+    questions = [f"open: what drives the robot? {sentence}" for sentence in made["open"]]
+    first = "answer what is marked OPEN in" if questions else "look at"
+    return "\n".join([*mended, _text(made, f"{first} {made['folder']}/scene.yaml, then "), *questions])
 
 
 def init_robot(
@@ -45,13 +60,15 @@ def init_robot(
     return made if as_json else _text(made)
 
 
-def _asking(given: Mapping[str, str | None], quiet: bool) -> Ask:
+def _asking(given: Mapping[str, str | None], quiet: bool, typed: dict[str, str]) -> Ask:
+    """typed: takes what a person answers, by flag."""
+
     def ask(question: Question) -> Answer:
         said = given.get(question.flag)
         if said is not None:
             return answer(question, said)
         if is_terminal():
-            return _from_terminal(question)
+            return _from_terminal(question, typed)
         if not quiet:
             print(printable(f'--{question.flag} "{question.default}"    # guessed: {question.why}'), file=sys.stderr)
         return answer(question, None)
@@ -64,7 +81,7 @@ def is_terminal() -> bool:
     return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
 
 
-def _from_terminal(question: Question) -> Answer:
+def _from_terminal(question: Question, typed: dict[str, str]) -> Answer:
     """Asks until the answer makes sense; nothing typed is the default."""
     while True:
         asked = printable(f"{question.text}\n  [{question.default}: {question.why}] ")
@@ -73,9 +90,13 @@ def _from_terminal(question: Question) -> Answer:
         if not line:
             raise KeyboardInterrupt
         try:
-            return answer(question, line.strip() or None)
+            found = answer(question, line.strip() or None)
         except SpecError as error:
             print(printable(f"  {error}"), file=sys.stderr)
+        else:
+            if line.strip():
+                typed[question.flag] = line.strip()
+            return found
 
 
 def _text(made: dict[str, Any], first: str = "") -> str:

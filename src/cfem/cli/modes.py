@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import SpecError
+from cfem.core.units import parse_number
 
 
 def modes(
@@ -40,7 +41,7 @@ def _given(at: Sequence[str], n_a: int) -> list[np.ndarray]:
     found = []
     for text in at:
         try:
-            delta = np.array([float(part) for part in text.split(",")])
+            delta = np.array([parse_number(part) for part in text.split(",")])
         except ValueError:
             raise SpecError(f"--at {text}: expected numbers between commas") from None
         if len(delta) != n_a or not np.isfinite(delta).all():

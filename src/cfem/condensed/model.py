@@ -24,12 +24,14 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
     """The model under lambda_a (n_a,) N or MPa, searched from the state `near`. NumericalError where it has none."""
     if getattr(model, "form", "displacement") == "force":
         return model.at_force(lambda_a)
-    here = near
+    here, scale = near, np.full(len(lambda_a), np.finfo(float).tiny)  # scale: of each actuator on the way, in its unit
     for _ in range(ITERATIONS):
         missing = lambda_a - here.lambda_a
         delta = here.delta_a
         step = here.W_aa @ missing
-        size = float(np.abs(step).max()) / max(1.0, float(np.abs(delta).max()))
+        strong = np.maximum(np.abs(here.lambda_a), np.abs(lambda_a))
+        scale = np.maximum(scale, np.maximum(np.abs(delta), np.abs(here.W_aa) @ strong))
+        size = float((np.abs(step) / scale).max())
         if size <= EXACT:
             return here
         trial = None

@@ -9,9 +9,10 @@ from cfem.condensed.model import under_force
 from cfem.control.adaptation import Tracker
 from cfem.control.controller import Controller
 from cfem.control.estimated import Estimated
-from cfem.control.gains import Gains
+from cfem.control.feedback import HISTORY
 from cfem.control.tick import Belief, Pilot
 from cfem.core.errors import NumericalError
+from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
 
@@ -44,6 +45,7 @@ class AdaptiveController(Controller):
         belief = super().tick(goal, measured, ahead)
         sent = replace(belief, u=self._within(belief.u + self.tracker.used_b))
         self._sent[self._tick] = sent.u, belief.iterate.condensed
+        self._sent.pop(self._tick - HISTORY, None)
         return sent
 
     def _changed(self) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cfem.control.controller import Controller
-from cfem.control.gains import Gains
 from cfem.control.moving.mpc import Told
 from cfem.control.tick import Belief, Pilot
+from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement, Plant
 
 _FAR = 500  # ticks that a controller is told of ahead

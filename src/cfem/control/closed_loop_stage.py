@@ -12,9 +12,8 @@ import numpy as np
 from cfem.condensed.model import Model
 from cfem.control.closed_loop import Moment, Pace, run_loop
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
-from cfem.control.closed_loop_summary import headline, record, summarise
+from cfem.control.closed_loop_summary import headline, judged, record, summarise
 from cfem.control.estimated_account import EstimateAccount, estimate_results
-from cfem.control.gains import PHASE_MARGIN, Gains
 from cfem.control.inverse import Limits
 from cfem.control.loop_controllers import at_the_end, controller_of, known, parameters_of
 from cfem.control.loop_plants import plants_of, push_of
@@ -24,10 +23,13 @@ from cfem.control.moving.laps import laps
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
 from cfem.control.tick_log import tick_log
+from cfem.control.trajectory_spec import meant_beyond
+from cfem.core.judgement import KEY
 from cfem.core.progress import progress
 from cfem.equilibrium.robot import Robot
 from cfem.motion.load import load_motion
 from cfem.motion.model import MotionModel
+from cfem.plant.gains import PHASE_MARGIN, Gains
 from cfem.predict.protocol import Predictor
 
 
@@ -94,7 +96,10 @@ def run_controllers(
                     **_estimates(records, trajectory, name, account),
                 }
         _write(folder / "loop.parquet", records, robot, loop)
-    return {"headline": headline(results), "plant": spec.plant, "loop": results, "length": robot.length}
+    # Laps run on whether a goal is reached or not.
+    counted = {} if loop.laps else {name: results[name] for name in goals if not meant_beyond(spec.trajectories[name])}
+    said = {"headline": headline(results), KEY: judged(counted)}
+    return {**said, "plant": spec.plant, "loop": results, "length": robot.length}
 
 
 def _taken(predictors: Mapping[str, Any]) -> int:
@@ -178,6 +183,7 @@ def _flown(search: Pilot, controller: ControllerSpec, loop: LoopSpec, model: Mod
         observer=controller.observer,
         limits=limits,
         settings=replace(search.settings, iterations=controller.iterations),
+        restarts=0,
         rate=np.inf if command.step is None else command.step,
     )
 

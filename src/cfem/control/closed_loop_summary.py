@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.control.closed_loop import Moment, Pace
 from cfem.control.estimated_account import estimate_sentence
+from cfem.core.judgement import poor
 from cfem.core.shown import duration, length
 
 OFTEN = 0.01  # of the ticks: from there on the headline tells that a bound of a command held
@@ -99,6 +100,17 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
                 parts.append(f"the plant gave NO POSITION in {row['no_position']} ticks")
             lines.append(f"{trajectory}, {name}: " + "; ".join(parts))
     return lines
+
+
+def judged(results: Mapping[str, dict[str, dict]]) -> list[dict[str, Any]]:
+    """What makes a run poor: trajectories on which every controller misses most goals. Some may: they are compared."""
+    found = []
+    for trajectory, controllers in results.items():
+        name, row = max(controllers.items(), key=lambda item: item[1]["reached"]["mean"])
+        reached, goals = row["reached"]["mean"], row["goals"]
+        if 2 * (goals - reached) > goals:
+            found.append(poor(f"{trajectory}: the best controller, {name}, reaches {reached:g} of {goals} goals"))
+    return found
 
 
 def _saturated(shares: Mapping[str, float]) -> list[str]:

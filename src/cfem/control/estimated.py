@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop_spec import LoopSpec
 from cfem.control.estimated_spec import EstimateSpec
+from cfem.control.feedback import HISTORY
 from cfem.motion.marked_steps import unknown_of
 from cfem.motion.marker_filter import MarkerFilter
 from cfem.motion.model import MotionModel
@@ -86,6 +87,7 @@ class EstimatingController:
         self._tick += 1
         belief = self.inner.tick(goal, None if measured is None else self.estimated(measured), ahead)
         self._sent[self._tick] = belief.u
+        self._sent.pop(self._tick - HISTORY, None)
         return belief
 
     def estimated(self, measured: Measurement) -> Measurement:

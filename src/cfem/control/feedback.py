@@ -12,14 +12,14 @@ which is goal - sample where the model got to the corrected goal, and grows no f
 cannot get there, or a search of one step a tick have kept it away.
 
 The age of a sample is 1 where it followed the last command. The largest age and the smallest interval of the last
-samples say how many samples come late, and that says K_I (`cfem.control.gains`)."""
+samples say how many samples come late, and that says K_I (`cfem.plant.gains`)."""
 
 from collections import deque
 
 import numpy as np
 
-from cfem.control.gains import Gains, late_samples
 from cfem.core.errors import InputError
+from cfem.plant.gains import Gains, late_samples
 
 HISTORY = 1000  # ticks; a sample that followed an older command corrects nothing
 WINDOW = 8  # samples whose ages and intervals count

@@ -20,6 +20,7 @@ from cfem.condensed.coupling import Coupled, State, state_of
 from cfem.constraint.effector import inverse_left_jacobian
 from cfem.contact.sensitivity import sensitivity
 from cfem.control.obstacles import World
+from cfem.control.optimality import Verdict
 from cfem.control.spec import ControlSpec
 from cfem.control.tick import Pilot
 from cfem.core.errors import NumericalError
@@ -207,7 +208,7 @@ class Grip(World):
             f"{row['trajectory']}, goal {row['goal_index']}: no plan reaches it; the nearest ends "
             f"{row['predicted_distance']:.2g} mm away ({row['status']})"
             for row in records
-            if not row["reachable"]
+            if row["verdict"] != Verdict.REACHED.value
         ]
         return figures, lines
 

@@ -37,13 +37,10 @@ class Limits:
         low_e, high_e = self.delta_e[chosen].T - free_e[chosen]
         return np.vstack([W_aa, W_ea[chosen]]), np.concatenate([low, low_e]), np.concatenate([high, high_e])
 
-    def outside(self, delta_e: np.ndarray, lambda_a: np.ndarray) -> float:
-        """N and mm beyond the bounds of forces and of effectors, summed."""
-        pairs = [(lambda_a, self.lambda_a)] + ([] if self.delta_e is None else [(delta_e, self.delta_e)])
-        return sum(
-            float((np.maximum(bounds[:, 0] - one, 0.0) + np.maximum(one - bounds[:, 1], 0.0)).sum())
-            for one, bounds in pairs
-        )
+    def outside(self, delta_e: np.ndarray, lambda_a: np.ndarray, scale: np.ndarray | float = 1.0) -> float:
+        """Beyond the bounds, summed: forces times `scale` (n_a,), and effector rows in mm or N."""
+        found = float((scale * _beyond(lambda_a, self.lambda_a)).sum())
+        return found if self.delta_e is None else found + float(_beyond(delta_e, self.delta_e).sum())
 
     @classmethod
     def of(cls, reach: np.ndarray, unilateral: np.ndarray) -> "Limits":
@@ -51,11 +48,15 @@ class Limits:
         low = np.where(unilateral, 0.0, -np.inf)
         return cls(np.column_stack([low, np.full(len(low), np.inf)]), np.asarray(reach, float))
 
-    def within(self, delta_a: np.ndarray, step: float) -> "Limits":
-        """The course cut down to what lies at most `step` mm from delta_a (n_a,)."""
+    def within(self, delta_a: np.ndarray, step: np.ndarray | float) -> "Limits":
+        """The course cut down to what lies at most `step` from delta_a (n_a,): one number for all, or (n_a,)."""
         low, high = self.delta_a.T
         nearby = np.column_stack([np.clip(delta_a - step, low, high), np.clip(delta_a + step, low, high)])
         return replace(self, delta_a=nearby)
+
+
+def _beyond(values: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    return np.maximum(bounds[:, 0] - values, 0.0) + np.maximum(values - bounds[:, 1], 0.0)
 
 
 @dataclass(frozen=True)
@@ -85,12 +86,6 @@ class Aim:
         """mm^2, what the inverse step minimises, at a state."""
         missing, effort = self.weights * (delta_e - self.goal), self.ridge * (delta_a - self.preload)
         return 0.5 * float(missing @ missing + effort @ effort)
-
-
-def ridge_of(regularisation: float, reach: np.ndarray, length: float) -> np.ndarray:
-    """(n_a,) weights such that full course (reach (n_a, 2) mm) costs `regularisation` times what missing by
-    `length` mm costs."""
-    return np.sqrt(regularisation) * length / np.abs(reach).max(axis=1)
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ def lifted(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings, pla
     now = at.condensed
     if now.borne > 0:
         if aim.missed(now.delta_e) <= NEAR * float(np.abs(limits.delta_a).max()):
-            kept = now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e)
-            return Reach(*kept, ReachStatus.CONVERGED, 0, 0, False, 0.0, 0.0, at)
+            return Reach.stays(aim, limits, at, ReachStatus.CONVERGED, kkt=0.0)
         try:
             above = reach(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)
             at = Iterate.at(model.at_displacement(above.delta_a))

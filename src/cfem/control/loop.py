@@ -16,12 +16,16 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import Model, under_force
+from cfem.condensed.strokes import STEP, TOLERANCE, stated_or_share, stroke
 from cfem.control.inverse import Aim, InverseStep, Limits, inverse_step
+from cfem.control.optimality import Optimality, Verdict, arrived
 from cfem.control.qp import Backend
 from cfem.core.errors import NumericalError
 
@@ -53,16 +57,31 @@ class ReachStatus(Enum):
 
 @dataclass(frozen=True)
 class Settings:
-    """iterations: inverse steps allowed a goal, 1 is the paper's; tolerance: mm, a smaller move of every
-    actuator ends the search; step: mm, the largest move of an actuator in one iteration; halvings: of a step
+    """iterations: inverse steps allowed a goal, 1 is the paper's; tolerance: a smaller move of every actuator ends
+    the search; step: the largest move of an actuator in one iteration, both (n_a,) in the actuators' units, or one
+    number for all; scale: (n_a,) full strokes, in which cables in mm and chambers in mm^3 compare; halvings: of a step
     that leads uphill; cautious: bounds of effector rows count before a step has met them."""
 
     iterations: int = 20
-    tolerance: float = 1e-5
-    step: float = np.inf
+    tolerance: np.ndarray | float = 1e-5
+    step: np.ndarray | float = np.inf
+    scale: np.ndarray | float = 1.0
     halvings: int = 8
     backend: Backend = "active_set"
     cautious: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        reach: np.ndarray,
+        iterations: int,
+        tolerance: float | None = None,
+        step: float | None = None,
+        **more: Any,
+    ) -> "Settings":
+        """For actuators of this reach (n_a, 2): what is None becomes a share of each stroke."""
+        step = stated_or_share(step, STEP, reach)
+        return cls(iterations, stated_or_share(tolerance, TOLERANCE, reach), step, stroke(reach), **more)
 
 
 @dataclass(frozen=True)
@@ -78,24 +97,30 @@ class Iterate:
         rows = condensed.rows
         return cls(condensed, np.zeros((rows.n_e, rows.n_a, rows.n_a)))
 
-    def moved(self, to: Condensed) -> "Iterate":
+    def moved(self, to: Condensed, scale: np.ndarray | float = 1.0) -> "Iterate":
         """The iterate at `to`, its hessian changed by as little as makes hess e s = grad e(to) - grad
-        e(here)."""
+        e(here). Little: in displacements as shares of `scale` (n_a,)."""
         s = to.delta_a - self.condensed.delta_a
-        square = float(s @ s)
+        dual = s / np.square(scale)
+        square = float(s @ dual)
         if square == 0.0:
             return Iterate(to, self.hessian)
         wrong = to.effector_jacobian - self.condensed.effector_jacobian - self.hessian @ s
-        cross = wrong[:, :, None] * s / square
-        twice = (wrong @ s)[:, None, None] * np.outer(s, s) / square**2
+        cross = wrong[:, :, None] * dual / square
+        twice = (wrong @ s)[:, None, None] * np.outer(dual, dual) / square**2
         return Iterate(to, self.hessian + cross + cross.swapaxes(1, 2) - twice)
 
-    def curvature(self, aim: Aim) -> np.ndarray | None:
-        """S (n_a, n_a), its positive part: the convex share, which is all of it where the goal lies outside a
-        convex set."""
+    def curvature(self, aim: Aim, scale: np.ndarray | float = 1.0) -> np.ndarray | None:
+        """S (n_a, n_a), its positive part in shares of `scale` (n_a,): the convex share, which is all of it where the
+        goal lies outside a convex set."""
         pull = aim.weights**2 * (self.condensed.delta_e - aim.goal)
-        values, vectors = np.linalg.eigh(np.tensordot(pull, self.hessian, 1))
-        return (vectors * np.maximum(values, 0.0)) @ vectors.T if values[-1] > 0 else None
+        S = np.tensordot(pull, self.hessian, 1)
+        scale = np.broadcast_to(scale, len(S))
+        values, vectors = np.linalg.eigh(scale[:, None] * S * scale)
+        if values[-1] <= 0:
+            return None
+        vectors = vectors / scale[:, None]
+        return (vectors * np.maximum(values, 0.0)) @ vectors.T
 
 
 @dataclass(frozen=True)
@@ -104,8 +129,9 @@ class Reach:
 
     delta_a, lambda_a: (n_a,) mm, N; delta_e: (n_e,) mm from rest; distance: mm from the goal; status;
     iterations: inverse steps; queries: of the model; softened: whether a step had to widen the course; kkt: mm,
-    residual of the last program; seconds: of it all; iterate: to start the next goal from; via: displacements to go by
-    on the way there."""
+    residual of the last program; seconds: of it all; iterate: to start the next goal from; aim, limits: what was
+    searched for, within what; via: displacements to go by on the way there; tried: whether states around it were tried,
+    as the slopes of a model with kinks tell of one side only."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -118,14 +144,32 @@ class Reach:
     kkt: float
     seconds: float
     iterate: Iterate
+    aim: Aim
+    limits: Limits
     via: tuple[np.ndarray, ...] = ()
+    tried: bool = False
+
+    @cached_property
+    def optimality(self) -> Optimality:
+        """Of the state that was found; one program, solved when it is first asked for."""
+        return Optimality.of(self.iterate.condensed, self.aim, self.limits)
+
+    def verdict(self, reached: bool | None = None) -> Verdict:
+        """reached: whether the goal counts as reached, by a miss that hardly matters unless given."""
+        if arrived(self.iterate.condensed, self.aim, self.limits) if reached is None else reached:
+            return Verdict.REACHED
+        stuck = self.tried and self.status is ReachStatus.NO_DESCENT
+        searched = self.status not in (ReachStatus.NO_ANSWER, ReachStatus.QP_FAILED)
+        return Verdict.OUT_OF_REACH if searched and (stuck or self.optimality.holds) else Verdict.NOT_CONVERGED
 
     @classmethod
-    def stays(cls, aim: Aim, at: Iterate) -> "Reach":
-        """Where the model has no answer."""
+    def stays(
+        cls, aim: Aim, limits: Limits, at: Iterate, status: ReachStatus = ReachStatus.NO_ANSWER, kkt: float = np.nan
+    ) -> "Reach":
+        """Without a search."""
         now = at.condensed
         state = now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e)
-        return cls(*state, ReachStatus.NO_ANSWER, 0, 0, False, np.nan, 0.0, at)
+        return cls(*state, status, 0, 0, False, kkt, 0.0, at, aim, limits)
 
 
 def reach(
@@ -147,16 +191,17 @@ def reach(
         here = at.condensed.delta_a
         try:
             nearby = limits.within(here, settings.step)
-            step = inverse_step(at.condensed, aim, nearby, at.curvature(aim), settings.backend)
+            step = inverse_step(at.condensed, aim, nearby, at.curvature(aim, settings.scale), settings.backend)
         except NumericalError:
             status = ReachStatus.QP_FAILED
             break
         iterations += 1
         softened, kkt = softened or step.softened, step.qp.kkt.missed
-        if np.abs(step.delta_a - here).max() < settings.tolerance:
+        if (np.abs(step.delta_a - here) < settings.tolerance).all():
             status = ReachStatus.CONVERGED
             break
-        prices = step.qp.z if limits.delta_e is None else np.concatenate([step.qp.z, step.qp.y[len(here) :]])
+        # A force counts by the work that it does along a full stroke, whatever the actuator's units.
+        prices = np.concatenate([step.qp.z / settings.scale, step.qp.y[len(here) :]])
         penalty = max(penalty if settings.cautious else 0.0, 2.0 * float(np.abs(prices).max()))
         if settings.cautious:
             penalty = max(penalty, _least_penalty(at.condensed, aim, limits))
@@ -166,35 +211,34 @@ def reach(
             limits,
             at.condensed,
             penalty,
-            settings.halvings,
+            settings,
         )
         queries += used
         if trial is None:
             status = ReachStatus.NO_DESCENT
             break
-        at = at.moved(trial)
+        at = at.moved(trial, settings.scale)
     found = at.condensed
     seconds = time.perf_counter() - begin
     distance = aim.distance(found.delta_e)
-    return Reach(
-        found.delta_a, found.lambda_a, found.delta_e, distance, status, iterations, queries, softened, kkt, seconds, at
-    )
+    state = found.delta_a, found.lambda_a, found.delta_e, distance
+    return Reach(*state, status, iterations, queries, softened, kkt, seconds, at, aim, limits)
 
 
 def _descend(
-    along: Callable[[float], Condensed], aim: Aim, limits: Limits, here: Condensed, penalty: float, halvings: int
+    along: Callable[[float], Condensed], aim: Aim, limits: Limits, here: Condensed, penalty: float, settings: Settings
 ) -> tuple[Condensed | None, int]:
     """The state at the end of the step, half way to it, ... whose merit is below the present one; None where
     none is."""
-    merit = _merit(here, aim, limits, penalty)
-    for halving in range(halvings + 1):
+    merit = _merit(here, aim, limits, penalty, settings.scale)
+    for halving in range(settings.halvings + 1):
         try:
             trial = along(0.5**halving)
         except NumericalError:  # beyond what the robot or the model can do: a shorter step may be within it
             continue
-        if _merit(trial, aim, limits, penalty) < merit:
+        if _merit(trial, aim, limits, penalty, settings.scale) < merit:
             return trial, halving + 1
-    return None, halvings + 1
+    return None, settings.halvings + 1
 
 
 def _least_penalty(condensed: Condensed, aim: Aim, limits: Limits) -> float:
@@ -207,9 +251,9 @@ def _least_penalty(condensed: Condensed, aim: Aim, limits: Limits) -> float:
     return UNMET * aim.missed(condensed.delta_e) / slope if slope > 0 else 0.0
 
 
-def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float) -> float:
+def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float, scale: np.ndarray | float) -> float:
     """Cost plus the exact (l1) penalty on multipliers and effector rows outside their bounds; the course is kept by
     every step."""
     delta, rows = condensed.delta, condensed.rows
-    outside = limits.outside(delta[rows.e], condensed.lam)
+    outside = limits.outside(delta[rows.e], condensed.lam, scale)
     return aim.cost(delta[rows.e], delta[rows.a]) + penalty * outside

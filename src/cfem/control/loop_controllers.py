@@ -12,12 +12,12 @@ from cfem.control.adaptation import Tracker
 from cfem.control.adaptive import AdaptiveController
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.estimated import EstimatingController, filter_of
-from cfem.control.gains import Gains
 from cfem.control.moving import built
 from cfem.control.moving.built import Situation
 from cfem.control.tick import Pilot
 from cfem.core.errors import SpecError
 from cfem.motion.model import MotionModel
+from cfem.plant.gains import Gains
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.protocol import Predictor
 

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 
 from cfem.control.controller import Controller
+from cfem.control.doubts import doubts
 from cfem.control.experiment import follow
 from cfem.control.mesh_error import discretisation, states_to_refine
-from cfem.control.planners import pilots_of
+from cfem.control.planners import counted_rows, pilots_of
 from cfem.control.prepared import Prepared
 from cfem.control.resume import SoFar
 from cfem.control.spec import FE_BASED, ControlSpec
-from cfem.control.summary import headline, record, summarise
+from cfem.control.summary import headline, judged, record, summarise
+from cfem.control.trajectory_spec import meant_beyond
 from cfem.core.judgement import KEY
 from cfem.core.progress import progress
 from cfem.dataset.writer import write_records
@@ -32,7 +34,8 @@ def carry_out(folder: Path, spec: ControlSpec, base: Path, at: Prepared, so_far:
             if done.finished(name) < len(at.goals[name]):
                 _follow(name, spec, at, surface, so_far, advance)
     so_far.restore()
-    results = {name: summarise(rows, robot.length) for name, rows in done.rows.items()}
+    counted = counted_rows(spec, robot)
+    results = {name: summarise(rows, robot.length, counted) for name, rows in done.rows.items()}
     records = [row for rows in done.rows.values() for row in rows]
     states = {"X": robot.X[surface], "facets": places.reshape(robot.facets.shape)}
     for name, shapes in done.shapes.items():
@@ -62,7 +65,11 @@ def carry_out(folder: Path, spec: ControlSpec, base: Path, at: Prepared, so_far:
     so_far.remove()
     return {
         "headline": lines,
-        KEY: at.touched.judged(robot.length) if at.touched else [],
+        KEY: [
+            *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
+            *doubts(at.goals, refined, robot.length),
+            *(at.touched.judged(robot.length) if at.touched else []),
+        ],
         "object": held,
         "obstacles": met,
         "load_error": at.load_error,

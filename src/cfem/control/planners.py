@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.coupling import Coupled
+from cfem.condensed.strokes import FE_TOLERANCE, ridge_of, stated_or_share
 from cfem.control.gripping import Gripping
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
+from cfem.control.multistart import RESTARTS
 from cfem.control.obstacles import World
 from cfem.control.spec import FE_BASED, ControlSpec
 from cfem.control.tick import Pilot
@@ -28,10 +30,13 @@ def pilot_of(spec: ControlSpec, robot: Any, model: Any) -> Pilot:
         _limits(spec, robot),
         weights_of(spec, robot),
         ridge_of(search.regularisation, robot.reach, robot.length),
-        Settings(search.iterations, search.tolerance, search.step, backend=search.qp, cautious=search.cautious),
+        Settings.of(
+            robot.reach, search.iterations, search.tolerance, search.step, backend=search.qp, cautious=search.cautious
+        ),
         preload=search.preload,
         damping=ridge_of(search.damping, robot.reach, robot.length),
         places=~np.array(robot.rows.turns),
+        restarts=0 if spec.object or spec.obstacles or search.iterations == 1 else RESTARTS,
     )
 
 
@@ -48,12 +53,18 @@ def pilots_of(
     settings = searched.settings
     pilots = {name: replace(searched, model=model) for name, model in predictors.items()} | {
         f"{first}@{n}": replace(
-            searched, model=_updated_once(predictor), settings=replace(settings, iterations=n), approach=settings
+            searched,
+            model=_updated_once(predictor),
+            settings=replace(settings, iterations=n),
+            approach=settings,
+            restarts=0,
         )
         for n in spec.fewer_iterations
     }
     if spec.fe_based:
-        pilots[FE_BASED] = replace(searched, model=fem, settings=replace(settings, tolerance=spec.fe_tolerance))
+        tolerance = stated_or_share(spec.fe_tolerance, FE_TOLERANCE, robot.reach)
+        # Each restart would cost dozens of FE solves.
+        pilots[FE_BASED] = replace(searched, model=fem, settings=replace(settings, tolerance=tolerance), restarts=0)
     return pilots
 
 
@@ -76,6 +87,14 @@ def _limits(spec: ControlSpec, robot: Any) -> Limits:
         return limits
     bound = spec.search.largest_force
     return replace(limits, lambda_a=np.clip(limits.lambda_a, -bound, bound))
+
+
+def counted_rows(spec: ControlSpec, robot: Any) -> list[str] | None:
+    """Effector rows that distances to goals are of, where `search.weights` leave some of the others out."""
+    counted = weights_of(spec, robot) > 0
+    if counted[robot.aims].all():
+        return None
+    return [robot.rows.effectors[row] for row in np.flatnonzero(counted & robot.aims)]
 
 
 def weights_of(spec: ControlSpec, robot: Any) -> np.ndarray:

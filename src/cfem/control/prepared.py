@@ -84,7 +84,8 @@ def prepare(
     if goals is None:
         goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
         for name, points in goals.items():
-            demand_near(name, points, robot.rest_e, scene_and_mesh[0].length)
+            if spec.trajectories[name].kind != "image":
+                demand_near(name, points, robot)
         if world:
             goals = {name: world.goals(points) for name, points in goals.items()}
     return Prepared(*scene_and_mesh, robot, predictors, plant, fem, touched, world, goals, error)

@@ -45,7 +45,7 @@ def put_down(model, aim: Aim, limits: Limits, at: Iterate, settings: Settings) -
         missed = aim.missed(now.delta_e)
         if missed < least:
             least, state = missed, (now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e))
-            rest = above.softened, above.kkt, 0.0, Iterate.at(now), (above.delta_a,)
+            rest = above.softened, above.kkt, 0.0, Iterate.at(now), aim, limits, (above.delta_a,)
             best, opened = Reach(*state, above.status, 0, 0, *rest), stands
         if missed <= NEAR:
             break

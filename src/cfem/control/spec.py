@@ -24,11 +24,12 @@ class SearchSpec(Spec):
     """How the inverse steps approach a goal."""
 
     iterations: PositiveInt = 20
-    """Largest number of inverse steps per goal."""
-    tolerance: Displacement = 1e-5
-    """The steps end when every actuator moves by less."""
-    step: Displacement = 5.0
-    """Largest move of an actuator in one step."""
+    """Largest number of inverse steps per goal. Where they miss it, a learned model searches again from eight places
+    all over the reach, with as many steps each; not with 1, the paper's."""
+    tolerance: Displacement | None = None
+    """The steps end when every actuator moves by less. 5e-7 of each actuator's stroke unless given."""
+    step: Displacement | None = None
+    """Largest move of an actuator in one step. A quarter of each actuator's stroke unless given."""
     regularisation: float = Field(1e-10, ge=0)
     """Cost of a full stroke relative to missing the goal by the robot's length."""
     preload: Displacement = 0.0
@@ -116,15 +117,16 @@ class ControlSpec(Spec):
     """Runtime of the models."""
     fe_based: bool = False
     """Whether the same control also runs on FE matrices, for comparison. It takes several FE solves per goal."""
-    fe_tolerance: Length = 1e-3
-    """Tolerance of that control on FE matrices."""
+    fe_tolerance: Displacement | None = None
+    """Tolerance of that control on FE matrices. 5e-5 of each actuator's stroke unless given."""
     trajectories: dict[Name, TrajectorySpec] = {}
     """Goals to follow, by name. At least one, or a gait."""
     search: SearchSpec = SearchSpec()
     """How the inverse steps approach a goal."""
     reached: Length = 0.1
     """A goal is reached where the robot ends nearer than this, with the forces on obstacles that are wanted within 5 %
-    of them. It is in reach where the search by the model ends so."""
+    of them. It is out of reach where the search by the model ends farther away, and the optimality conditions show that
+    no move within the bounds brings the effectors nearer."""
     reached_rotation: Angle = math.radians(0.1)
     """A goal that states an orientation is reached where that error is smaller, too."""
     mesh_error: MeshErrorSpec | None = MeshErrorSpec()
@@ -158,6 +160,7 @@ class ControlSpec(Spec):
 
     def check(self) -> None:
         self._trajectories_or_gait()
+        self._something_counts()
         self._object_and_fe()
         self._design_alone()
         self._loads_alone()
@@ -178,6 +181,13 @@ class ControlSpec(Spec):
             unknown = set(self.gait.mirrored) - {one.name for one in self.robots}
             if unknown:
                 raise ValueError(f"gait.mirrored: {sorted(unknown)} are not among the robots")
+
+    def _something_counts(self) -> None:
+        weights, pressed = self.search.weights, any(getattr(one, "press", None) for one in self.obstacles.values())
+        if weights is not None and not any(weights) and not pressed:
+            raise ValueError(
+                "search.weights are all 0, so that nothing would be controlled: give one a positive number"
+            )
 
     def _object_and_fe(self) -> None:
         if self.object and (self.plant == "model" or any(t.kind == "image" for t in self.trajectories.values())):

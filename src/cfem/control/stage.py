@@ -4,10 +4,11 @@ plant."""
 from pathlib import Path
 from typing import Any
 
+from cfem.control.goals import demand_fits
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
 from cfem.core.stage import Command
-from cfem.robot.spec import SceneSpec, scene_meaning
+from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
 
 
 def _reads(spec: ControlSpec, base: Path) -> dict[str, Path]:
@@ -51,9 +52,20 @@ def _work(folder: Path, spec: ControlSpec, base: Path) -> dict[str, Any]:
     return carry_out(folder, spec, base, prepare(spec, base, mesh, models, so_far.goals), so_far)
 
 
+def _agrees(spec: ControlSpec, base: Path) -> None:
+    """SpecError where a curve has other numbers than the scene has actuators or effector rows."""
+    scene = load_spec(base / spec.scene, SceneSpec)
+    demand_driven(scene)
+    if spec.object is None and not spec.robots:
+        rows = [len(item.axes) for item in scene.effectors]
+        aims = [len(item.axes) for item in scene.effectors if item.at != "centre-of-mass"]
+        for name, trajectory in spec.trajectories.items():
+            demand_fits(name, trajectory, len(scene.actuators), sum(rows), sum(aims))
+
+
 COMMAND = Command(
     "control",
-    8,
+    9,
     ControlSpec,
     _work,
     ("mesh",),
@@ -62,6 +74,7 @@ COMMAND = Command(
     extra=lambda spec, base: (
         {"scene": scene_meaning(base / spec.scene)} | {name: scene_meaning(one) for name, one in _others(spec, base)}
     ),
+    agrees=_agrees,
     precious=lambda spec: spec.plant == "pipe",  # what hardware did cannot be computed again
 )
 run, stage = COMMAND.run, COMMAND.stage

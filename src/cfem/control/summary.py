@@ -1,12 +1,14 @@
 """Tracked goals to rows of a table and to the numbers of the headline."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from cfem.control.experiment import Tracked
 from cfem.control.obstacles import World
+from cfem.control.optimality import Verdict
 from cfem.control.spec import FE_BASED
+from cfem.core.judgement import poor
 from cfem.core.shown import duration, length
 
 
@@ -22,6 +24,8 @@ def record(
     of obstacles, whose wanted forces and distances belong to a goal; reached_rotation: rad. Robots that hold an object:
     also `contact`, the force by which each of them pushes it, by the plan."""
     plan, measured = tracked.plan, tracked.measured
+    near = plan.distance < reached and (world is None or world.met(plan.delta_e, reached))
+    verdict = plan.verdict(near)
     turned = tracked.rotation_error
     pushes = getattr(plan.iterate.condensed, "forces", None)
     return {
@@ -38,7 +42,8 @@ def record(
         "lambda_a": plan.lambda_a,
         "predicted_e": plan.delta_e,
         "predicted_distance": plan.distance,
-        "reachable": plan.distance < reached and (world is None or world.met(plan.delta_e, reached)),
+        "verdict": verdict.value,
+        "reachable": verdict is not Verdict.OUT_OF_REACH,
         "reached": tracked.error < reached
         and (turned is None or turned < reached_rotation)
         and (world is None or world.met(measured.x_e, reached)),
@@ -55,11 +60,12 @@ def record(
     }
 
 
-def summarise(records: Sequence[dict], length: float) -> dict:
-    """Headline of one trajectory: per controller, distances in mm and % of length, step times in us, shares.
+def summarise(records: Sequence[dict], length: float, counted: Sequence[str] | None = None) -> dict:
+    """Headline of one trajectory: per controller, distances in mm and % of length, step times in us, shares. counted:
+    the effector rows of the distances, None for all that goals are set for.
 
-    A goal counts as reachable where FE-based control finds it so, or the controller itself where FE-based did
-    not run, and as reached where the plant ended near it."""
+    A goal counts as reachable unless FE-based control has shown that it is not, or the controller itself where
+    FE-based did not run, and as reached where the plant ended near it."""
     by_controller: dict[str, list[dict]] = {}
     for row in records:
         by_controller.setdefault(row["controller"], []).append(row)
@@ -71,8 +77,11 @@ def summarise(records: Sequence[dict], length: float) -> dict:
         far = [row["error"] for row, can in zip(rows, reachable, strict=True) if not can]
         found[name] = {
             "goals": len(rows),
+            "counted": None if counted is None else list(counted),
             "reachable": sum(reachable),
             "reached": sum(row["reached"] for row in rows),
+            "missed": sum(can and not row["reached"] for row, can in zip(rows, reachable, strict=True)),
+            "not_converged": sum(row["verdict"] == Verdict.NOT_CONVERGED.value for row in rows),
             "converged": sum(row["status"] == "converged" for row in rows),
             "plant_converged": sum(row["plant_status"] == "converged" for row in rows),
             "inside": sum(row["inside"] for row in rows),
@@ -116,6 +125,27 @@ def headline(
     return [sentence, *lines] if discretisation.get("tip_mm", 0.0) > tracking else [*lines, sentence]
 
 
+def judged(trajectories: Mapping[str, dict], beyond: Mapping[str, bool]) -> list[dict]:
+    """What makes a run poor: searches that ended anywhere, and goals that are missed for the most part. beyond: of a
+    trajectory, whether goals out of reach are meant, which then do not count. Those with fewer iterations (name@n) are
+    left out."""
+    found = []
+    for trajectory, controllers in trajectories.items():
+        for name, row in controllers.items():
+            if "@" in name:
+                continue
+            who, goals, out = f"{trajectory}, {name}", row["goals"], row["goals"] - row["reachable"]
+            lost, missed = row["not_converged"], goals - row["reached"]
+            if lost:
+                said = f"{who}: the search for {lost} of {goals} goals did not converge, and nothing is known of them"
+                found.append(poor(f"{said}; check search.step, tolerance and regularisation, or allow more iterations"))
+            if 2 * (row["missed"] if beyond[trajectory] else missed) > (
+                row["reachable"] if beyond[trajectory] else goals
+            ):
+                found.append(poor(f"{who}: {missed} of {goals} goals are missed, and {out} of them are out of reach"))
+    return found
+
+
 def discretisation_sentence(found: dict) -> str:
     """What the mesh itself leaves uncertain."""
     if "left_out" in found:
@@ -133,7 +163,11 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
     near, far, fe = (row[f"distance_to_{what}"] for what in ("reachable_goals", "unreachable_goals", "fe_based"))
     parts = [f"{row['reached']} of {row['goals']} goals reached"]
     if near:
-        parts.append(f"tracking error mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model")
+        counted = row["counted"]
+        of = "" if counted is None else f" of {', '.join(counted) or 'no place'} alone (search.weights)"
+        parts.append(
+            f"tracking error{of} mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model"
+        )
     if row.get("rotation_error"):
         parts.append("orientation error mean {mean:.2g} deg, max {max:.2g} deg".format(**row["rotation_error"]))
     if far:
@@ -142,6 +176,8 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
             "1 goal is out of reach: the robot ended" if out == 1 else f"{out} goals are out of reach: the robot ended"
         )
         parts.append(f"{goals} {length(far['mean'])} away on average, {length(far['max'])} at most")
+    if row["not_converged"]:
+        parts.append(f"the search for {row['not_converged']} of them did NOT CONVERGE")
     if fe:
         parts.append(f"mean {length(fe['mean'])}, max {length(fe['max'])} from FE-based control")
     step = f"{duration(1e-6 * row['step_us']['median'])} per control step"

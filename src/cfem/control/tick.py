@@ -15,21 +15,25 @@ from cfem.condensed.model import Model, under_force
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.control.lifting import lifted
 from cfem.control.loop import Iterate, Reach, ReachStatus, Settings, by_displacement, by_force, reach
-from cfem.control.multistart import multistart
+from cfem.control.multistart import all_over, around, multistart
+from cfem.control.optimality import Verdict
 from cfem.control.putting_down import put_down
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command, Measurement
 
 Observer = Literal["measured", "previous_step", "equilibrium"]
 ONCE = Settings(iterations=1)
+TRACKING = "tracking"  # of a tick that used its inverse steps, as it should
+STOPPED = "the search stopped where the effectors could come nearer: its tolerance or regularisation is too large"
 
 
 @dataclass(frozen=True)
 class Pilot:
     """What turns goals into commands. limits: amplitudes; rate: mm (mm^3) or N (MPa) by which a command may change in
-    a tick; weights (n_e,), ridge (n_a,), preload, damping, places: see `Aim`; settings.iterations: inverse steps a
-    tick, 1 is the paper's; approach: settings of the first tick, whose goal may be far away, None: as those of the
-    others."""
+    a tick, one number for all or (n_a,); weights (n_e,), ridge (n_a,), preload, damping, places: see `Aim`;
+    settings.iterations: inverse steps a tick, 1 is the paper's; approach: settings of the first tick, whose goal may be
+    far away, None: as those of the others; restarts: places all over the reach from which a goal that was missed is
+    searched for again."""
 
     model: Model
     command: Command
@@ -38,18 +42,19 @@ class Pilot:
     weights: np.ndarray
     ridge: np.ndarray
     settings: Settings = ONCE
-    rate: float = np.inf
+    rate: np.ndarray | float = np.inf
     preload: np.ndarray | float = 0.0
     damping: np.ndarray | float = 0.0
     approach: Settings | None = None
     places: np.ndarray | None = None
+    restarts: int = 0
 
 
 @dataclass(frozen=True)
 class Belief:
     """What the controller knows after a tick. iterate: the model where it takes the actuators to stand; u: (n_a,) the
-    command; status: 'converged' or how the search ended; plan: the search itself, None where the published step was
-    taken or the model had no answer."""
+    command; status: 'tracking' on the way, 'converged' at the goal, 'out of reach' at the nearest point, or what went
+    wrong; plan: the search itself, None where the published step was taken or the model had no answer."""
 
     iterate: Iterate
     u: np.ndarray
@@ -88,24 +93,45 @@ def drive(
         # Steps in what the model is a function of: it then gives the other half of a state for nothing.
         forces = pilot.command == "force" and getattr(pilot.model, "form", "displacement") == "force"
         search = lifted if getattr(pilot.model, "air", None) else reach
-        found = search(pilot.model, aim, limits, at, pilot.settings, by_force if forces else by_displacement)
+        place = by_force if forces else by_displacement
+        found = search(pilot.model, aim, limits, at, pilot.settings, place)
         if found.status is ReachStatus.QP_FAILED:
             return replace(belief, status=found.status.value, plan=found)
-        if getattr(pilot.model, "kinked", False):
-            found = multistart(pilot.model, aim, limits, found, pilot.settings, by_displacement)
-        return _within(pilot, found, limits)
+        kinked = getattr(pilot.model, "kinked", False)
+        if kinked or pilot.restarts:
+            starts = around(found, limits) if kinked else all_over(limits, pilot.restarts)
+            place = by_displacement if kinked else place
+            found = multistart(pilot.model, aim, limits, found, pilot.settings, place, starts)
+        # Whether a goal is out of reach is a matter of the robot, not of what one tick may change.
+        return _within(pilot, replace(found, limits=pilot.limits, tried=kinked), limits)
     except NumericalError as error:
-        return replace(belief, status=str(error), plan=Reach.stays(aim, belief.iterate))
+        return replace(belief, status=str(error), plan=Reach.stays(aim, pilot.limits, belief.iterate))
 
 
 def _within(pilot: Pilot, found: Reach, limits: Limits) -> Belief:
     """The command that leads to what was found, cut down to its limits, and where that leads."""
     if pilot.command == "displacement":
-        return Belief(found.iterate, np.clip(found.delta_a, *limits.delta_a.T), found.status.value, found)
+        return Belief(found.iterate, np.clip(found.delta_a, *limits.delta_a.T), _status(found, limits), found)
     at, u = found.iterate, np.clip(found.lambda_a, *limits.lambda_a.T)
     if not np.array_equal(u, found.lambda_a):
         at = replace(at, condensed=under_force(pilot.model, u, at.condensed))
-    return Belief(at, u, found.status.value, found)
+    return Belief(at, u, _status(found, limits), found)
+
+
+def _status(found: Reach, limits: Limits) -> str:
+    """limits: of this tick."""
+    if found.status not in (ReachStatus.CONVERGED, ReachStatus.NO_DESCENT):
+        return TRACKING if found.status is ReachStatus.ITERATIONS else found.status.value
+    verdict = found.verdict()
+    if verdict is not Verdict.NOT_CONVERGED:
+        return ReachStatus.CONVERGED.value if verdict is Verdict.REACHED else verdict.value
+    if found.status is ReachStatus.NO_DESCENT:
+        return found.status.value
+    return STOPPED if _same(limits, found.limits) else TRACKING
+
+
+def _same(a: Limits, b: Limits) -> bool:
+    return np.array_equal(a.delta_a, b.delta_a) and np.array_equal(a.lambda_a, b.lambda_a)
 
 
 def _seen(pilot: Pilot, at: Iterate, measured: Measurement) -> Iterate:
@@ -132,4 +158,4 @@ def _as_published(pilot: Pilot, at: Iterate, aim: Aim, limits: Limits) -> Belief
         nearby = limits.within(at.condensed.delta_a, pilot.settings.step)
         step = inverse_step(at.condensed, aim, nearby, None, pilot.settings.backend)
         at = at.moved(pilot.model.at_displacement(step.delta_a))
-    return Belief(at, np.clip(step.lambda_a, *limits.lambda_a.T), ReachStatus.ITERATIONS.value)
+    return Belief(at, np.clip(step.lambda_a, *limits.lambda_a.T), TRACKING)

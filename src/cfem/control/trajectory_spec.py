@@ -27,6 +27,9 @@ class ArcSpec(Spec):
     """Number of goals on the arc."""
     from_rest: NonNegativeInt = 0
     """Number of goals before the arc, on the straight line from where the effector rests."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
 
 class HalfSphereSpec(Spec):
@@ -43,6 +46,9 @@ class HalfSphereSpec(Spec):
     """Turns about the z axis."""
     goals: PositiveInt
     """Number of goals."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
 
 class GoalsSpec(Spec):
@@ -58,6 +64,9 @@ class GoalsSpec(Spec):
     let_go: bool = False
     """Whether the last goal is a place of the table, where robots put their object down and let it go: all actuators go
     back to rest. It needs object.table."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
 
     def check(self) -> None:
         if self.rotation is not None and len(self.rotation) != len(self.points):
@@ -70,10 +79,10 @@ class ImageSpec(Spec):
 
     kind: Literal["image"]
     """A curve that the robot can reach."""
-    centre: list[float]
-    """Centre of the curve: one share of a full pull per actuator."""
-    radii: list[float]
-    """Radii of the curve: one share of a full pull per actuator."""
+    centre: float | list[float] = 0.45
+    """Centre of the curve: the share of a full pull, one for all actuators or one per actuator."""
+    radii: float | list[float] = 0.3
+    """Radii of the curve: the share of a full pull, one for all actuators or one per actuator."""
     goals: PositiveInt
     """Number of goals."""
     shape: Literal["ellipse", "figure-eight"] = "ellipse"
@@ -81,10 +90,25 @@ class ImageSpec(Spec):
     swing against each other once."""
 
     def check(self) -> None:
-        if len(self.centre) != len(self.radii):
-            raise ValueError("centre and radii need one number per actuator")
-        if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in zip(self.centre, self.radii, strict=True)):
+        stated = {len(each) for each in (self.centre, self.radii) if isinstance(each, list)}
+        if len(stated) > 1:
+            raise ValueError("centre and radii need one number for all actuators, or one per actuator")
+        pairs = zip(*self.shares(max(stated, default=1)), strict=True)
+        if any(c - abs(r) < 0 or c + abs(r) > 1 for c, r in pairs):
             raise ValueError("the curve leaves the range [0, 1] of the shares of reach")
+
+    def shares(self, n_a: int) -> tuple[list[float], list[float]]:
+        """centre and radii (n_a,) of so many actuators. ValueError where they state another number of them."""
+        found = [each if isinstance(each, list) else [each] * n_a for each in (self.centre, self.radii)]
+        for key, each in zip(("centre", "radii"), found, strict=True):
+            if len(each) != n_a:
+                raise ValueError(f"{key} has {len(each)} numbers, the robot {n_a} actuators")
+        return found[0], found[1]
+
+
+def meant_beyond(trajectory: object) -> bool:
+    """Whether goals of a trajectory may lie out of reach."""
+    return bool(getattr(trajectory, "beyond_reach", False))
 
 
 TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]

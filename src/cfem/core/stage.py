@@ -55,7 +55,8 @@ class Stage:
     precious: True where the output costs so much that one from other inputs is kept unless --force, and then moved
               aside rather than deleted
     extra:    what else determines the output: values, or a function that reads them from the inputs
-    spec_path, overrides: where the spec is and what --set changed in it, so that it can be read again"""
+    spec_path, overrides: where the spec is and what --set changed in it, so that it can be read again
+    agrees:   SpecError where the spec does not fit the other specs that it names: cheap, and asked before any work"""
 
     name: str
     version: int
@@ -67,6 +68,12 @@ class Stage:
     extra: Mapping[str, Any] | Callable[[], Mapping[str, Any]] = field(default_factory=dict)
     spec_path: Path | None = None
     overrides: Sequence[str] = ()
+    agrees: Callable[[], None] = lambda: None
+
+    def demand_agreement(self) -> None:
+        """SpecError, with its file and line, where the spec does not fit the other specs that it names."""
+        with self.spec.locating():
+            self.agrees()
 
     def origin(self, gone: Mapping[str, str] | None = None) -> dict[str, Any]:
         """All that determines the output, as plain data. gone: content hashes of inputs, for those that are not there;
@@ -101,6 +108,7 @@ class Command:
     outside: other fields that do not enter the hash as they are written
     reads:   reads(spec, base): inputs besides, by name
     extra:   extra(spec, base): that of `Stage`
+    agrees:  agrees(spec, base): that of `Stage`
     complete: complete(spec): with what this machine decides where the spec does not
     precious: precious(spec): that of `Stage`"""
 
@@ -112,6 +120,7 @@ class Command:
     outside: tuple[str, ...] = ()
     reads: Callable[[Any, Path], Mapping[str, Path]] | None = None
     extra: Callable[[Any, Path], Any] | None = None
+    agrees: Callable[[Any, Path], None] = lambda spec, base: None
     complete: Callable[[Any], Any] = lambda spec: spec
     precious: Callable[[Any], bool] = lambda spec: False
 
@@ -129,6 +138,7 @@ class Command:
             extra=self.extra(spec, base) if self.extra else {},
             spec_path=spec_path,
             overrides=overrides,
+            agrees=lambda: self.agrees(spec, base),
         )
 
     def run(self, spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
@@ -176,6 +186,7 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
     Returns the manifest, with 'status' 'up to date' or 'done'.
     Raises GateError (stale under --check), OutputError (precious output from other inputs, or locked), InputError (an
     input is stale)."""
+    stage.demand_agreement()
     _demand_inputs_current(stage, options.check)
     origin = stage.origin()
     made_from = content_sha256(origin)

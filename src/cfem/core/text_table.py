@@ -4,7 +4,6 @@ Python's csv module parses. The checks here refuse what has two meanings: a numb
 
 import csv
 import io
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,10 +13,10 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.files import open_regular
+from cfem.core.units import parse_number
 
-_EXPONENT = r"(?:[eE][-+]?[0-9]+)?"
-_WITH_POINT = re.compile(rf"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+){_EXPONENT}")
-_WITH_COMMA = re.compile(rf"[-+]?[0-9]*,[0-9]+{_EXPONENT}")
+_WITH_POINT = re.compile(r"[-+]?[0-9]*\.[0-9]*(?:[eE][-+]?[0-9]+)?")
+_WITH_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
 _TWO_MEANINGS = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")  # 2,730: 2.73 or 2730
 _GAPS = ("", "nan")
 
@@ -29,6 +28,11 @@ class Row:
 
     line: int
     cells: tuple[str, ...]
+
+    @property
+    def blank(self) -> bool:
+        """Whether nothing stands in it, be it between separators."""
+        return not any(self.cells)
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -50,7 +54,7 @@ def read_rows(path: Path) -> list[Row]:
     try:
         for cells in reader:
             stripped = tuple(cell.strip() for cell in cells)
-            rows.append(Row(reader.line_num, stripped if any(stripped) else ()))
+            rows.append(Row(reader.line_num, () if stripped == ("",) else stripped))
     except csv.Error as error:
         what = f"is not a table of comma-separated values: {error}"
         raise InputError(what, where=f"{path}:{reader.line_num}", do="save it as CSV in UTF-8") from None
@@ -96,19 +100,17 @@ class TextTable:
 
     def _number(self, cell: str, comma: bool, row: int, column: int) -> float:
         text = cell.replace(",", ".") if comma and _WITH_COMMA.fullmatch(cell) else cell
-        if not _WITH_POINT.fullmatch(text):
-            raise self._refused(row, column, f"'{cell}' is not a number", "write plain numbers, such as -1.5e3")
-        value = float(text)
-        if not math.isfinite(value):
-            raise self._refused(row, column, f"'{cell}' is too large a number", None)
-        return value
+        try:
+            return parse_number(text)
+        except ValueError as error:
+            raise self._refused(row, column, str(error), "write plain numbers, such as -1.5e3") from None
 
     def _decimal_comma(self, cells: list[list[str]], columns: Sequence[int]) -> bool:
         """InputError where some numbers have a point and others a comma, or no comma is a decimal comma for certain."""
         places = [(i, j) for i, row in enumerate(cells) for j, cell in enumerate(row) if _WITH_COMMA.fullmatch(cell)]
         if not places:
             return False
-        pointed = next((cell for row in cells for cell in row if "." in cell and _WITH_POINT.fullmatch(cell)), None)
+        pointed = next((cell for row in cells for cell in row if _WITH_POINT.fullmatch(cell)), None)
         unclear = [(i, j) for i, j in places if _TWO_MEANINGS.fullmatch(cells[i][j])]
         if pointed is None and len(unclear) < len(places):
             return True
@@ -118,17 +120,16 @@ class TextTable:
         do = "write decimals with a point, and no mark between thousands"
         raise self._refused(i, columns[j], what, do)
 
-    def _refused(self, row: int, column: int, what: str, do: str | None) -> InputError:
+    def _refused(self, row: int, column: int, what: str, do: str) -> InputError:
         return InputError(f"column '{self.titles[column]}': {what}", where=self.where(row), do=do)
 
 
 def titled(path: Path, rows: Sequence[Row]) -> TextTable:
     """The first row that is not empty has the titles. InputError where one stands twice, or another row has not their
     number of cells."""
-    filled = [row for row in rows if row.cells]
-    if not filled:
+    head, *records = [row for row in rows if row.cells] or [Row(0, ())]
+    if head.blank:
         raise InputError("is empty", where=str(path), do="give a table with titles above its numbers")
-    head, *records = filled
     twice = next((title for title in head.cells if title and head.cells.count(title) > 1), None)
     if twice is not None:
         what = f"two columns are called '{twice}'"

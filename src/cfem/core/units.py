@@ -83,6 +83,17 @@ def _customary(system_unit: str) -> str:
     return {"rad": "deg", "t": "g", "t/mm^3": "kg/m^3", "mm/s^2": "m/s^2"}.get(system_unit, system_unit)
 
 
+def parse_number(text: str) -> float:
+    """'-1.5e3' -> -1500.0. ValueError for anything but a finite number in digits with a point, such as '1_0' or 'inf',
+    which `float` takes."""
+    if not re.fullmatch(_NUMBER, text.strip(), re.ASCII):
+        raise ValueError(f"'{text}' is not a number")
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"'{text}' is too large a number")
+    return value
+
+
 def parse_quantity(text: Any, system_unit: str) -> float:
     """'3000 kPa' -> 3.0 for system_unit 'MPa'. A bare number where a unit is due is an error naming the unit."""
     article = "an" if DIMENSION[system_unit][0] in "aeiou" else "a"

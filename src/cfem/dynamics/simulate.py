@@ -6,7 +6,7 @@ estimate allows for it, and end where the commands have a kink. One factorisatio
 it converges for. A cable that would have to push goes slack, and is pulled again where it would be too long."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from cfem.dynamics import energy as energies
 from cfem.dynamics.energy import Energy
 from cfem.dynamics.problem import MovingEvaluation, MovingProblem, Step
 from cfem.dynamics.scheme import Motion, Scheme
-from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.evaluation import Cost, Tangent
 from cfem.equilibrium.newton import NewtonResult, Settings, newton
 from cfem.equilibrium.robot import effector_displacements
@@ -160,31 +160,16 @@ def _step(
     c, origin, offset = scheme.acceleration(at, dt)
     over = None if at.memory is None else viscous.overstress(problem.body, problem.viscosity, at.memory, dt)
     moving = problem.during(Step(c, origin, offset, over))
-    actuation = command(at.t + dt).padded(problem.n_active)
-    x = at.x + dt * at.v + dt**2 / 2 * at.a
-    unilateral = _unilateral(problem, actuation)
-    held = np.ones(len(actuation.C), dtype=bool)
-    held[[row for row in unilateral if at.lam[unilateral[row]] <= 0.0 and at.t > 0.0]] = False
-    tried: set[tuple[bool, ...]] = set()
-    while True:
-        tried.add(tuple(held))
-        cost.steps += 1
-        only = replace(actuation, C=actuation.C[held], target=actuation.target[held])
-        usable = kept.tangent if kept is not None and abs(kept.inertia / c - 1) < 0.05 else None
-        start = State(x, at.pressure, at.lam, actuation.load)
-        result = newton(moving, start, only, pace.newton, cost, usable)
-        if result.status is not Status.CONVERGED and usable is not None:
-            result = newton(moving, start, only, pace.newton, cost)  # the tangent was of too far away
-        kept = None if result.tangent is None else Kept(result.tangent, c)
-        if result.status is not Status.CONVERGED:
-            return None, kept, f"Newton's method: {result.status.value}"
-        change = _change(problem, actuation, held, unilateral, result)
-        if change is None:
-            break
-        held = held.copy()
-        held[change] = not held[change]
-        if tuple(held) in tried:
-            return None, kept, Status.NO_SLACK_SET.value
+    actuation = pulling_only(command(at.t + dt).padded(problem.n_active), problem.robot.unilateral)
+    start = State(at.x + dt * at.v + dt**2 / 2 * at.a, at.pressure, at.lam, actuation.load)
+    cost.steps += 1
+    usable = kept.tangent if kept is not None and abs(kept.inertia / c - 1) < 0.05 else None
+    result = newton(moving, start, actuation, pace.newton, cost, usable)
+    if result.status is not Status.CONVERGED and usable is not None:
+        result = newton(moving, start, actuation, pace.newton, cost)  # the tangent was of too far away
+    kept = None if result.tangent is None else Kept(result.tangent, c)
+    if result.status is not Status.CONVERGED:
+        return None, kept, f"Newton's method: {result.status.value}"
     end = result.at
     v, a, lag = scheme.after(at, dt, end.x)
     if not (np.isfinite(a).all() and np.isfinite(end.x).all()):
@@ -193,35 +178,8 @@ def _step(
     if at.memory is not None:
         memory = viscous.remembered(problem.body, problem.viscosity, at.memory, dt, end.response)
     motion = Motion(at.t + dt, end.x, v, a, lag, end.pressure, result.lam, memory)
-    slack = np.zeros(problem.robot.rows.n_a, dtype=bool)
-    slack[[unilateral[row] for row in unilateral if not held[row]]] = True
+    slack = actuation.C[~result.held].any(axis=0)[: problem.robot.rows.n_a]
     return _Taken(motion, moving, result, slack), kept, ""
-
-
-def _unilateral(problem: MovingProblem, actuation: Actuation) -> dict[int, int]:
-    """Row of C -> actuator, of the rows that hold one unilateral actuator each."""
-    found = {}
-    for index, row in enumerate(actuation.C):
-        one = np.flatnonzero(row)
-        if len(one) == 1 and one[0] < problem.robot.rows.n_a and problem.robot.unilateral[one[0]]:
-            found[index] = int(one[0])
-    return found
-
-
-def _change(
-    problem: MovingProblem, actuation: Actuation, held: np.ndarray, unilateral: dict[int, int], result: NewtonResult
-) -> int | None:
-    """The row to let go, whose cable pushes, or to hold again, whose cable has become too long; None where all is
-    well."""
-    worst, row_of_worst = 0.0, None
-    force = max(float(np.abs(result.lam).max(initial=0.0)), problem.force_floor)
-    for row, actuator in unilateral.items():
-        lack = actuation.target[row] - actuation.C[row] @ result.at.delta
-        size = 1e-9 * problem.robot.body.mesh.size
-        amount = -result.lam[actuator] / (1e-9 * force) if held[row] else lack / size
-        if amount > max(1.0, worst):
-            worst, row_of_worst = amount, row
-    return row_of_worst
 
 
 def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _Taken | None) -> Sample:

@@ -1,6 +1,7 @@
 """Newton's method on (x, p, mu) for one actuation, reusing each factorisation while it converges.
 
 With A dx = -R + H C^T dmu and C (delta + H^T dx) = target, the border is eliminated: S = C H^T A^-1 H C^T is m x m.
+Which one-sided rows hold is found anew in every correction, on S alone (`cfem.equilibrium.complementarity`).
 The correction at the new point, by the same factor, is the next chord step for nothing, and its ratio to the one before
 says how fast the chord converges (Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1): below `slow`
 the factor serves on; above, the tangent is factorised again.
@@ -14,15 +15,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.equilibrium import complementarity
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.complementarity import NoActiveSetError
 from cfem.equilibrium.condensation import ENOUGH
 from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
-# Condition of the held rows' compliance, each row scaled to one, beyond which they are the same row to rounding.
-_DEPENDENT = 1e13
+_EXACT = 1e-13  # of the body's size: positions are no more exact
+_NO_GAP = 10 * _EXACT  # likewise: a one-sided row that is beyond its target by less, without a multiplier, holds
+_NO_LACK = 100 * _EXACT  # likewise: what a row that does not hold may lack
+_NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds may push
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,8 @@ class Settings:
 class NewtonResult:
     """at, lam: last iterate; tangent: the last factored one; residual: relative, at the last iterate, and the level
     that rounding sets it; beyond: negative eigenvalues of A beyond those that the actuation holds, 0 where the
-    equilibrium is stable, by the last factor: of a state nearby, so that a doubt wants `judged`."""
+    equilibrium is stable, by the last factor: of a state nearby, so that a doubt wants `judged`; held (m,) bool: the
+    rows of the actuation that hold."""
 
     status: Status
     at: Evaluation
@@ -57,6 +63,7 @@ class NewtonResult:
     residual: float
     rounding: float
     iterations: int
+    held: np.ndarray
     beyond: int = 0
 
     @property
@@ -71,18 +78,21 @@ class _Border:
     ZC: np.ndarray
     S: np.ndarray
 
-    @property
-    def negative(self) -> int:
-        return int((np.linalg.eigvalsh((self.S + self.S.T) / 2) < 0).sum()) if len(self.S) else 0
+    def negative(self, held: np.ndarray) -> int:
+        """Negative eigenvalues of S of the rows held (m,) bool."""
+        S = self.S[np.ix_(held, held)]
+        return int((np.linalg.eigvalsh((S + S.T) / 2) < 0).sum()) if len(S) else 0
 
 
 @dataclass(frozen=True)
 class Correction:
-    """step (n_dof,) mm, pressure (m,) MPa, multipliers (n,) N: the change that the factor at hand proposes."""
+    """step (n_dof,) mm, pressure (m,) MPa, multipliers (n,) N: the change that the factor at hand proposes; held (m,)
+    bool: the rows of the actuation that hold after it."""
 
     step: np.ndarray
     pressure: np.ndarray
     multipliers: np.ndarray
+    held: np.ndarray
 
     @property
     def size(self) -> float:
@@ -101,13 +111,14 @@ def newton(
     numerical failure: see `status`."""
     lam = _admissible(start.lam, actuation)
     at = problem.evaluate(problem.kinematics.hold(start.x), start.pressure, actuation.load)
-    smallest = 1e-13 * problem.robot.body.mesh.size  # mm a node: positions are no more exact
+    held = holding(problem, actuation, at, lam)
+    smallest = _EXACT * problem.robot.body.mesh.size  # mm a node
     border, residual, rounding, status = None, np.inf, 0.0, Status.TOO_MANY_ITERATIONS
     before, last, growth = None, np.inf, 0
     if tangent is not None:
         try:
             border = _border(at, tangent, actuation)
-            correction = _correct(problem, at, lam, tangent, actuation, border)
+            correction = _correct(problem, at, lam, tangent, actuation, border, held)
         except np.linalg.LinAlgError:
             tangent = None
     begin = cost.iterations
@@ -117,16 +128,17 @@ def newton(
             try:
                 tangent = problem.factor(at, start.lam if before is None else lam, cost, before)
                 border = _border(at, tangent, actuation)
-                correction = _correct(problem, at, lam, tangent, actuation, border)
-            except (SingularMatrixError, np.linalg.LinAlgError):
-                status, tangent = Status.SINGULAR, None
+                correction = _correct(problem, at, lam, tangent, actuation, border, held)
+            except (SingularMatrixError, np.linalg.LinAlgError) as error:
+                status = Status.NO_SLACK_SET if isinstance(error, NoActiveSetError) else Status.SINGULAR
+                tangent = None
                 break
             growth = growth + 1 if correction.size > last else 0
             last = correction.size
         stalled, residual = residual, problem.relative_residual(at, lam, tangent)
         rounding = problem.rounding(at, lam)
         stalled = residual <= rounding and residual > 0.5 * stalled
-        if closed(problem, actuation, at) and (residual <= settings.tolerance or stalled):
+        if closed(problem, actuation, at, lam, held) and (residual <= settings.tolerance or stalled):
             status = Status.CONVERGED
             break
         trial, part = advanced(problem, at, correction)
@@ -137,17 +149,17 @@ def newton(
             status = Status.STEP_TOO_SMALL
             break
         cost.iterations += 1
-        before, at, lam = at, trial, lam + part * correction.multipliers
+        before, at, lam, held = at, trial, lam + part * correction.multipliers, correction.held
         try:
-            following = _correct(problem, at, lam, tangent, actuation, border)
-        except np.linalg.LinAlgError:
-            status, tangent = Status.SINGULAR, None
-            break
+            following = _correct(problem, at, lam, tangent, actuation, border, held)
+        except np.linalg.LinAlgError:  # of rows as they are now, and a factor of where they were
+            tangent = None
+            continue
         if part < 1.0 or following.size > max(settings.slow * correction.size, smallest):
             tangent = None
         correction = following
-    beyond = 0 if tangent is None else tangent.factor.negative - border.negative
-    return NewtonResult(status, at, lam, tangent, residual, rounding, cost.iterations - begin, beyond)
+    beyond = 0 if tangent is None else tangent.factor.negative - border.negative(held)
+    return NewtonResult(status, at, lam, tangent, residual, rounding, cost.iterations - begin, held, beyond)
 
 
 def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: Cost) -> NewtonResult:
@@ -156,7 +168,7 @@ def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: C
         return result
     try:
         tangent = problem.factor(result.at, result.lam, cost)
-        beyond = tangent.factor.negative - _border(result.at, tangent, actuation).negative
+        beyond = tangent.factor.negative - _border(result.at, tangent, actuation).negative(result.held)
         return replace(result, tangent=tangent, beyond=beyond)
     except (SingularMatrixError, np.linalg.LinAlgError):
         return replace(result, status=Status.SINGULAR, tangent=None)
@@ -173,41 +185,59 @@ def advanced(problem: Problem, at: Evaluation, correction: Correction) -> tuple[
     return None, 0.0
 
 
+def holding(problem: Problem, actuation: Actuation, at: Evaluation, lam: np.ndarray) -> np.ndarray:
+    """(m,) bool: the rows that hold at a state: all but one-sided ones without a multiplier beyond their targets."""
+    gap = actuation.C @ at.delta - actuation.target
+    return ~actuation.unilateral | (actuation.C @ lam > 0) | (gap <= _NO_GAP * _move(problem, actuation, at))
+
+
+def closed(problem: Problem, actuation: Actuation, at: Evaluation, lam: np.ndarray, held: np.ndarray) -> bool:
+    """Whether C delta is what it should be, to the rounding of positions: no one-sided row pushes, and none that does
+    not hold, (m,) bool of all, lacks anything or carries a multiplier."""
+    gap, exact = actuation.C @ at.delta - actuation.target, _move(problem, actuation, at)
+    mu, push = actuation.C @ lam, _NO_PUSH * max(float(np.abs(lam).max(initial=0.0)), problem.force_floor)
+    holds = (np.abs(gap) <= _EXACT * exact) & ~(actuation.unilateral & (mu < -push))
+    loose = (gap >= -_NO_LACK * exact) & (mu == 0)
+    return bool(np.where(held, holds, loose).all())
+
+
+def _move(problem: Problem, actuation: Actuation, at: Evaluation) -> np.ndarray:
+    """(m,) mm: by what C delta changes at most where every node moves by the size of the body."""
+    return problem.robot.body.mesh.size * (np.abs(actuation.C) @ np.abs(at.H).sum(axis=0))
+
+
 def _border(at: Evaluation, tangent: Tangent, actuation: Actuation) -> _Border:
-    """LinAlgError where the rows that the actuation holds depend on each other."""
     HC = at.H @ actuation.C.T
     ZC = tangent.factor.solve(HC) if len(actuation.C) else HC
-    S = HC.T @ ZC
-    if len(S):
-        size = np.sqrt(np.abs(np.diag(S)))
-        if not (size > 0).all() or np.linalg.cond(S / np.outer(size, size)) > _DEPENDENT:
-            raise np.linalg.LinAlgError("rows of the actuation depend on each other")
-    return _Border(ZC, S)
+    return _Border(ZC, HC.T @ ZC)
 
 
 def _correct(
-    problem: Problem, at: Evaluation, lam: np.ndarray, tangent: Tangent, actuation: Actuation, border: _Border
+    problem: Problem,
+    at: Evaluation,
+    lam: np.ndarray,
+    tangent: Tangent,
+    actuation: Actuation,
+    border: _Border,
+    held: np.ndarray,
 ) -> Correction:
-    """The (chord) Newton correction at `at` with the factor of `tangent`, to which `border` belongs."""
+    """The (chord) Newton correction at `at` with the factor of `tangent`, to which `border` belongs; held (m,) bool:
+    the rows that hold there. Raises LinAlgError where rows that hold depend on each other, NoActiveSetError."""
     C = actuation.C
     imbalance = at.residual(lam) + problem.pressure_residual(at, tangent)
     free = -tangent.factor.solve(imbalance[:, None])[:, 0]
     dmu = np.zeros(0)
     if len(C):
-        gap = actuation.target - C @ at.delta
-        dmu = np.linalg.solve(C @ at.H.T @ border.ZC, gap - C @ (at.H.T @ free))
+        gap = C @ (at.delta + at.H.T @ free) - actuation.target
+        S, none = C @ at.H.T @ border.ZC, _NO_GAP * _move(problem, actuation, at)
+        dmu, held = complementarity.change(S, gap, C @ lam, actuation.unilateral, held, none)
     step = free + border.ZC @ dmu
-    return Correction(step, problem.pressure_step(at, tangent, step), C.T @ dmu)
+    return Correction(step, problem.pressure_step(at, tangent, step), C.T @ dmu, held)
 
 
 def _admissible(lam: np.ndarray, actuation: Actuation) -> np.ndarray:
-    """The multipliers nearest to lam of the form offset + C^T mu."""
+    """The multipliers nearest to lam of the form offset + C^T mu, in which no one-sided row pushes."""
     mu = np.linalg.lstsq(actuation.C.T, lam - actuation.offset, rcond=None)[0]
+    unilateral = actuation.unilateral
+    mu[unilateral] = np.maximum((actuation.C @ lam)[unilateral], 0.0)
     return actuation.offset + actuation.C.T @ mu
-
-
-def closed(problem: Problem, actuation: Actuation, at: Evaluation) -> bool:
-    """Whether C delta is what it should be, to the rounding of positions."""
-    gap = actuation.target - actuation.C @ at.delta
-    per_row = np.abs(actuation.C) @ np.abs(at.H).sum(axis=0)
-    return bool((np.abs(gap) <= 1e-13 * problem.robot.body.mesh.size * per_row).all())

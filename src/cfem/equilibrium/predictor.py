@@ -14,6 +14,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.linalg import block_diag
 
+from cfem.equilibrium import complementarity
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 
@@ -157,19 +158,25 @@ def _root(stiffness: np.ndarray) -> np.ndarray:
 
 
 def _match(local: _Local, actuation: Actuation, q: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """(delta, q) and lam with lambda(delta, q) = offset + C^T mu and C delta = target, by Newton's method with the
-    nearest knot's derivative throughout; None where it does not converge."""
-    C, n_a = actuation.C, actuation.n
-    first = local.knots[0]
-    jacobian = np.block([[first.stiffness[:, :n_a], -C.T], [C, np.zeros((len(C), len(C)))]])
+    """(delta, q) and lam with lambda(delta, q) = offset + C^T mu and C delta = target, no one-sided row pushing, by
+    Newton's method with the nearest knot's derivative throughout; None where it does not converge."""
+    C, n_a, first = actuation.C, actuation.n, local.knots[0]
+    yields = np.linalg.inv(first.stiffness[:, :n_a])
+    S, unilateral = C @ yields @ C.T, actuation.unilateral
     delta, mu = first.delta, np.linalg.lstsq(C.T, first.lam - actuation.offset, rcond=None)[0]
+    mu[unilateral] = np.maximum(mu[unilateral], 0.0)
+    held = ~unilateral | (mu > 0) | (C @ delta <= actuation.target)
     smallest = np.inf
     for _ in range(30):
-        lam = actuation.offset + C.T @ mu
-        residual = np.concatenate([local.lam(np.concatenate([delta, q])) - lam, C @ delta - actuation.target])
-        step = np.linalg.solve(jacobian, -residual)
-        delta, mu = delta + step[:n_a], mu + step[n_a:]
-        size = float(np.linalg.norm(local.to_xi[:n_a, :n_a] @ step[:n_a]))
+        free = yields @ (actuation.offset + C.T @ mu - local.lam(np.concatenate([delta, q])))
+        gap = C @ (delta + free) - actuation.target
+        try:
+            dmu, held = complementarity.change(S, gap, mu, unilateral, held, np.zeros(len(C)))
+        except np.linalg.LinAlgError:
+            return None
+        step = free + yields @ (C.T @ dmu)
+        delta, mu = delta + step, mu + dmu
+        size = float(np.linalg.norm(local.to_xi[:n_a, :n_a] @ step))
         if size < 1e-10:
             return np.concatenate([delta, q]), actuation.offset + C.T @ mu
         if size > 2 * smallest:

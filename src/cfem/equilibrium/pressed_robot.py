@@ -13,17 +13,17 @@ import numpy as np
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
 from cfem.equilibrium.held_patch import held
-from cfem.equilibrium.newton import Correction, NewtonResult, Settings, advanced, closed
+from cfem.equilibrium.newton import Correction, Settings, advanced, closed
 from cfem.equilibrium.patch_compliance import with_patches
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.slack import change_of_slack, only
-from cfem.equilibrium.solution import Equilibrium, Status
+from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
 
 if TYPE_CHECKING:
     from cfem.equilibrium.meet import Skinned
 
 STRICT = Settings(tolerance=1e-11)
+_NONE = 1e-9  # of the largest multiplier, or of the body's size: a cable that pushes, or lacks, by less does not
 
 
 class PressedRobot:
@@ -91,7 +91,9 @@ class PressedRobot:
         mu = np.concatenate([self._pull - self._relief @ df, df])
         step, multipliers = self._free + self._Z @ mu, np.zeros(len(self.lam))
         multipliers[self._held] = mu
-        self._correction = Correction(step, self.problem.pressure_step(self.at, self._tangent, step), multipliers)
+        self._correction = Correction(
+            step, self.problem.pressure_step(self.at, self._tangent, step), multipliers, self._held
+        )
 
     def advance(self) -> bool:
         """Whether the correction could be taken: corrections of new factors fall, and no element is inverted."""
@@ -118,19 +120,22 @@ class PressedRobot:
     @property
     def balanced(self) -> bool:
         """Whether this is a state of the robot under these forces."""
-        if not closed(self.problem, only(displacement(self.delta).padded(len(self.lam)), self.taut), self.at):
+        asked = displacement(self.delta).padded(len(self.lam)).only(self.taut)
+        if not closed(self.problem, asked, self.at, self.lam, np.ones(len(asked.C), dtype=bool)):
             return False
         residual = self.problem.relative_residual(self.at, self.lam, self._tangent)
         return residual <= max(STRICT.tolerance, self.problem.rounding(self.at, self.lam))
 
     def change_slack(self) -> bool | None:
         """Whether a cable has been let go or taken up, as this state wants it; None where that leads nowhere."""
-        asked = displacement(self.delta).padded(len(self.lam))
-        result = NewtonResult(Status.CONVERGED, self.at, self.lam, None, 0.0, 0.0, 0)
-        change = change_of_slack(self.problem, asked, self.taut, result)
-        if change is None:
+        n, size = len(self.delta), self.of.robot.body.mesh.size
+        largest = max(float(np.abs(self.lam).max()), self.problem.force_floor)
+        pushes = np.where(self.taut & self.of.robot.unilateral, -self.lam[:n] / largest, 0.0)
+        lacks = np.where(self.taut, 0.0, (self.delta - self.at.delta[:n]) / size)
+        wrong = np.maximum(pushes, lacks)
+        if not wrong.max(initial=0.0) > _NONE:
             return False
-        self.taut[change] = not self.taut[change]
+        self.taut[wrong.argmax()] ^= True
         if tuple(self.taut) in self._tried:
             return None
         self._tried.add(tuple(self.taut))
@@ -141,5 +146,5 @@ class PressedRobot:
     def solved(self) -> Equilibrium:
         """Its state, found again with the patches held where they are."""
         there = held(displacement(self.delta), self.at.delta[len(self.delta) :])
-        start = NewtonResult(Status.CONVERGED, self.at, self.lam, None, 0.0, 0.0, 0).state
+        start = State(self.at.x, self.at.pressure, self.lam, self.at.load)
         return solve(self.problem, there, start=start, base=start, settings=STRICT, condense=False)

@@ -99,7 +99,7 @@ class Problem:
             H[:, self._strained] += self._on_unknowns(at.rod.gradient.swapaxes(1, 2) @ pulls)
         delta = [None if isinstance(row, RodRow) else row.value(x) - row.rest for row in self.robot.active]
         growths = iter(strained)
-        delta = np.concatenate([[next(growths).value] if each is None else each for each in delta])
+        delta = np.concatenate([np.zeros(0), *([next(growths).value] if each is None else each for each in delta)])
         return Evaluation(x, at.pressure, load, at, force, delta, H, strained=strained)
 
     def potential(self, at: Evaluation) -> float:

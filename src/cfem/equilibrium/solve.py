@@ -2,8 +2,8 @@
 
 Continuation leads the actuation from that of an equilibrium to the one asked for, halving a load step that fails and
 doubling one that went easily. It watches the inertia of the tangent: where a path loses its stability, or ends, the
-status says of which kind the critical point is. A cable that would have to push is let slack, and pulled again where it
-would tighten."""
+status says of which kind the critical point is. A cable that is told its length does not push anywhere on the way:
+Newton's method finds which ones are slack."""
 
 import time
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.constraint.protocol import Watched
-from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.derived import Derived, Wanted, derive
 from cfem.equilibrium.evaluation import Cost, Tangent
@@ -21,7 +21,6 @@ from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
 from cfem.equilibrium.parameter_slopes import Sides
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import demand_without_friction, watched_displacements
-from cfem.equilibrium.slack import change_of_slack, most_pushing, no_push, only, taut_rows
 from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
@@ -72,26 +71,10 @@ def solve(
     if not _finite(problem, actuation, start, base):
         return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, Wanted())
     if slack:
-        actuation = no_push(problem, actuation)
-    taut = taut_rows(problem, actuation, start or base) if slack else np.ones(len(actuation.C), dtype=bool)
-    tried = {tuple(taut)}
-    path = _reach(problem, only(actuation, taut), start, base, settings, cost, slack, tangent)
-    while slack:
-        # A path that fails may do so because a cable pushes on the way.
-        converged = path.result.status is Status.CONVERGED
-        last = path.result if converged else path.stable or path.result
-        change = (change_of_slack if converged else most_pushing)(problem, actuation, taut, last)
-        if change is None:
-            break
-        taut[change] = not taut[change]
-        if tuple(taut) in tried:
-            path = replace(path, result=replace(path.result, status=Status.NO_SLACK_SET)) if converged else path
-            break
-        tried.add(tuple(taut))
-        near = last.state if converged else None
-        path = _reach(problem, only(actuation, taut), near, last.state, settings, cost, slack)
+        actuation = pulling_only(actuation, problem.robot.unilateral)
+    path = _reach(problem, actuation, start, base, settings, cost, tangent)
     wanted = Wanted(condense, third_order, sides, mass, pushed, keep, loads, stresses, settings.condensed)
-    return _answer(problem, path, only(actuation, taut), settings, cost, begin, wanted)
+    return _answer(problem, path, actuation, settings, cost, begin, wanted)
 
 
 @dataclass(frozen=True)
@@ -113,11 +96,9 @@ def _reach(
     base: State | None,
     settings: Settings,
     cost: Cost,
-    slack: bool,
     tangent: Tangent | None = None,
 ) -> _Path:
-    """Directly from the start, else by continuation from the base, else from rest. slack: give up where a step fails
-    and a cable pushes."""
+    """Directly from the start, else by continuation from the base, else from rest."""
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost, tangent)
@@ -126,28 +107,27 @@ def _reach(
             if result.status is Status.CONVERGED and result.beyond <= 0:
                 return _Path(result)
     if base is not None:
-        path = _continuation(problem, actuation, base, settings, cost, slack)
+        path = _continuation(problem, actuation, base, settings, cost)
         if path.result.status is Status.CONVERGED and path.lost is None:
             return path
-    return _continuation(problem, actuation, rest_state(problem), settings, cost, slack)
+    return _continuation(problem, actuation, rest_state(problem), settings, cost)
 
 
-def _continuation(
-    problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost, slack: bool
-) -> _Path:
+def _continuation(problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost) -> _Path:
     C = actuation.C
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
     offset = start.lam - C.T @ mu
+    offset[C[actuation.unilateral].any(axis=0)] = 0.0  # without rounding: a slack cable carries nothing
     done, step, state, failed = 0.0, settings.first_step, start, False
     lost, stable, reached = None, None, None
 
     def part(to: float) -> Actuation:
-        return Actuation(
-            C,
-            (1 - to) * (C @ first) + to * actuation.target,
-            (1 - to) * offset + to * actuation.offset,
-            (1 - to) * start.load + to * actuation.load,
+        return replace(
+            actuation,
+            target=(1 - to) * (C @ first) + to * actuation.target,
+            offset=(1 - to) * offset + to * actuation.offset,
+            load=(1 - to) * start.load + to * actuation.load,
         )
 
     while True:
@@ -170,9 +150,7 @@ def _continuation(
             failed = False
         else:
             step, failed = (to - done) / 2, True
-            everything = np.ones(len(C), dtype=bool)
-            pushed = slack and reached is not None and most_pushing(problem, actuation, everything, reached) is not None
-            if pushed or step < max(settings.smallest_step * done, _NOTHING):
+            if step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
 
 
@@ -185,7 +163,8 @@ def _finite(problem: Problem, actuation: Actuation, *states: State | None) -> bo
 
 def _not_finite(problem: Problem, actuation: Actuation) -> _Path:
     at = problem.evaluate(problem.rest, np.empty(0), 0.0)
-    return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0))
+    held = np.ones(len(actuation.C), dtype=bool)
+    return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0, held))
 
 
 def _answer(
@@ -197,16 +176,15 @@ def _answer(
     begin: float,
     wanted: Wanted,
 ) -> Equilibrium:
-    """actuation: with the rows that are held at the end."""
     result, robot, x = path.result, problem.robot, path.result.at.x
     status, derived = result.status, Derived()
     if status is Status.CONVERGED and wanted.condense:
         try:
-            derived, stable = derive(problem, result, actuation, wanted, cost)
+            derived, stable = derive(problem, result, actuation.only(result.held), wanted, cost)
             status = status if stable else Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR
-    if status not in (Status.CONVERGED, Status.NOT_FINITE, Status.NO_SLACK_SET):
+    if status not in (Status.CONVERGED, Status.NOT_FINITE):
         status = _cause(problem, path, actuation, status, cost)
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
     residual, tolerance = problem.relative_residual(settled, result.lam), max(settings.tolerance, result.rounding)
@@ -242,7 +220,8 @@ def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, 
     of the last stable state against that at rest; else the end of what can be reached."""
     try:
         at, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(actuation.n)
-        rest = NewtonResult(Status.CONVERGED, at, none, problem.factor(at, none, cost), 0.0, 0.0, 0)
+        held = np.ones(len(actuation.C), dtype=bool)
+        rest = NewtonResult(Status.CONVERGED, at, none, problem.factor(at, none, cost), 0.0, 0.0, 0, held)
         stiffness = softest_mode(problem, rest, actuation)[0]
         near = path.stable
         if near is None or near.tangent is None:
@@ -250,7 +229,7 @@ def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, 
         fresh = replace(near, tangent=problem.factor(near.at, near.lam, cost))
     except (SingularMatrixError, np.linalg.LinAlgError):
         return Status.SINGULAR
-    found = classify(problem, fresh, actuation, stiffness)
+    found = classify(problem, fresh, actuation.only(near.held), stiffness)
     if found is not None:
         return found
-    return status if status is Status.UNSTABLE else Status.OUT_OF_REACH
+    return status if status in (Status.UNSTABLE, Status.NO_SLACK_SET) else Status.OUT_OF_REACH

@@ -1,18 +1,22 @@
 """A trained model and the user's choices as the constants of the C controller: parameters, units and standardisation
 are folded in, what control does not use is left out."""
 
+import sys
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cfem.condensed.far import far_of
 from cfem.condensed.packing import upper_indices
 from cfem.condensed.parameter_values import vector
+from cfem.condensed.strokes import STEP, TOLERANCE, ridge_of, stated_or_share
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError
 from cfem.export import c_row
 from cfem.export.at_rest import right_at_rest, with_rest
 from cfem.export.c_series import Group, trees_of
 from cfem.export.spec import ControllerSpec, CSpec
+from cfem.plant.gains import Gains
 from cfem.predict.energy import layout
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
@@ -20,6 +24,7 @@ from cfem.predict.serial import SerialPredictor, module_arrays
 
 ACTIVATIONS = ("relu", "tanh", "silu")
 KINDS = ("spectral", "mlp", "serial")
+LEAST = 1e-10  # the regularisation of the program that tells whether a goal is out of reach
 OBSERVERS = ("measured", "previous_step", "equilibrium")
 
 
@@ -235,24 +240,28 @@ def controller(
     home = start
     if predictor.form == "force":
         home = np.zeros(n_a) if spec.start is None else predictor.at_displacement(start, p if len(p) else None).lambda_a
+    gains = Gains(spec.K_P, spec.K_I, phase_margin=spec.phase_margin)
     everywhere, box, courses = np.ones(n_a), multipliers(spec, n_a, pressures), _courses(predictor, spec, pressures)
-    full_course = predictor.length / np.abs(predictor.reach).max(axis=1)
     domain, softer = predictor.domain, _softer(predictor, p)
     arrays = {
         "cfem_rest_e": predictor.rest_e,
+        "cfem_far": far_of(predictor.rows, predictor.length),
         "cfem_effector_weight": weights,
-        "cfem_ridge": np.sqrt(spec.regularisation) * full_course,
-        "cfem_damping": np.sqrt(spec.damping) * full_course,
+        "cfem_ridge": ridge_of(spec.regularisation, predictor.reach, predictor.length),
+        "cfem_least_ridge": ridge_of(LEAST, predictor.reach, predictor.length),
+        "cfem_damping": ridge_of(spec.damping, predictor.reach, predictor.length),
         "cfem_lambda_low": box[:, 0],
         "cfem_lambda_high": box[:, 1],
         "cfem_delta_low": courses[:, 0],
         "cfem_delta_high": courses[:, 1],
-        "cfem_step_limit": everywhere * spec.step,
+        "cfem_tolerance": stated_or_share(spec.tolerance, TOLERANCE, predictor.reach),
+        "cfem_step_limit": stated_or_share(spec.step, STEP, predictor.reach),
         "cfem_delta_rate": everywhere * (np.inf if spec.rate is None else spec.rate),
         "cfem_lambda_rate": everywhere * (np.inf if spec.force_rate is None else spec.force_rate),
         "cfem_domain_delta_a": domain.delta_a,
         "cfem_domain_lambda_a": domain.lambda_a / softer,
         "cfem_home": home,
+        "cfem_integral_gain": np.array([gains.integral_at(late) for late in range(spec.late)]),
     }
     if right_at_rest(predictor, arrays, p):
         arrays |= with_rest(predictor, arrays, p)
@@ -266,9 +275,8 @@ def controller(
         "CFEM_COMMAND_FORCE": int(spec.command == "force"),
         "CFEM_ITERATIONS": spec.iterations,
         "CFEM_HALVINGS": spec.halvings,
-        "CFEM_TOLERANCE": repr(spec.tolerance),
         "CFEM_K_P": repr(spec.K_P),
-        "CFEM_K_I": repr(spec.K_I),
-        "CFEM_INTEGRAL_LIMIT": repr(spec.integral_limit),
+        "CFEM_INTEGRAL_LIMIT": repr(sys.float_info.max if spec.integral_limit is None else spec.integral_limit),
+        "CFEM_LATE": spec.late,
     }
     return defines, arrays

@@ -17,6 +17,7 @@ from cfem.core.files import file_sha256
 
 CORE = (
     "cfem_controller.c",
+    "cfem_feedback.c",
     "cfem_condense.c",
     "cfem_serial.c",
     "cfem_row.c",
@@ -97,12 +98,14 @@ def _library(
 
 @dataclass(frozen=True)
 class Command:
-    """What a tick commands: delta_a (n_a,) mm, lambda_a (n_a,) N, reference (n_e,) mm, status as in cfem.h."""
+    """What a tick commands: delta_a (n_a,) mm, lambda_a (n_a,) N, reference (n_e,) mm, status as in cfem.h, tick: its
+    number."""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
     reference: np.ndarray
     status: int
+    tick: int
 
 
 class CompiledController:
@@ -118,31 +121,51 @@ class CompiledController:
         row = [("steps", 1), ("change", 1)] if int(defines["CFEM_ROW"]) else []
         model = [("delta_a", a), ("lambda_a", a), ("W_aa", a * a), ("W_ea", e * a), ("free_a", a), ("free_e", e), *full]
         model += row
-        inputs = [("goal", real * e), ("error", real * e), ("delta_a", real * a), ("measured", ctypes.c_int)]
-        outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e), ("status", ctypes.c_uint)]
+        inputs = [("goal", real * e), ("x_e", real * e), ("delta_a", real * a), ("tick", ctypes.c_uint32)]
+        outputs = [("delta_a", real * a), ("lambda_a", real * a), ("reference", real * e)]
+        outputs += [("tick", ctypes.c_uint32), ("status", ctypes.c_uint)]
+        feedback = [("total", e), ("moved", e), ("references", int(defines["CFEM_LATE"]) * e), ("integral", 1)]
+        state = [("delta_a", a), ("lambda_a", a), ("reference", e), *feedback]
         self._input, self._output = struct_of(inputs)(), struct_of(outputs)()
         self._model = struct_of([(name, ctypes.c_double * size) for name, size in model])()
         self._library = library(folder)
-        # cfem_controller, or more: its vectors, the model at the last command, a flag, two pointers
-        self._state = (ctypes.c_double * (2 * a + 3 * e + sum(size for _, size in model) + 3))()
+        # cfem_controller, or more: its vectors; counts of the feedback, the model at the last command, two pointers
+        more = [("rest", ctypes.c_double * (sum(size for _, size in model) + 16))]
+        self._state = struct_of([(name, ctypes.c_double * size) for name, size in state] + more)()
         self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]
         self.reset()
 
     def reset(self) -> None:
         self._library.cfem_init(self._references[0])
 
-    def step(self, goal: np.ndarray, error: np.ndarray | None = None, delta_a: np.ndarray | None = None) -> Command:
-        """goal (n_e,) mm absolute; error (n_e,) mm where the effectors were measured since the last tick; delta_a
-        (n_a,) mm for the observer that needs it."""
+    @property
+    def moved(self) -> np.ndarray:
+        """(n_e,) mm by which the goal is moved."""
+        return np.array(self._state.moved)
+
+    @property
+    def integral(self) -> float:
+        """K_I of the last sample."""
+        return self._state.integral[0]
+
+    def step(
+        self,
+        goal: np.ndarray,
+        x_e: np.ndarray | None = None,
+        tick: int = 0,
+        delta_a: np.ndarray | None = None,
+    ) -> Command:
+        """goal (n_e,) mm absolute; x_e (n_e,) mm absolute: the latest sample of the effectors, which followed the
+        command of that number; delta_a (n_a,) mm for the observer that needs it."""
         self._input.goal[:] = goal.tolist()
-        self._input.measured = error is not None
-        if error is not None:
-            self._input.error[:] = error.tolist()
+        self._input.tick = tick
+        if x_e is not None:
+            self._input.x_e[:] = x_e.tolist()
         if delta_a is not None:
             self._input.delta_a[:] = delta_a.tolist()
         self._library.cfem_step(*self._references)
         out = self._output
-        return Command(np.array(out.delta_a), np.array(out.lambda_a), np.array(out.reference), out.status)
+        return Command(np.array(out.delta_a), np.array(out.lambda_a), np.array(out.reference), out.status, out.tick)
 
     def model(self, s: np.ndarray) -> dict[str, np.ndarray]:
         """The members of cfem_condensed at s (n_a,), flat, and 'status'."""

@@ -88,7 +88,7 @@ def page(
         "length": predictor.length,
         "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
         "command": chosen.command,
-        "tolerance": float(chosen.tolerance),
+        "tolerance": constants["cfem_tolerance"].tolist(),
         "paced": chosen.rate is not None or chosen.force_rate is not None,
         "weight": weighed and weighed[1].largest,
     }

@@ -21,8 +21,8 @@ ROOM = {
 DEGREES = ROOM["CFEM_NZ"][0] - 1  # of a group, in memory
 HEAD = 18  # numbers of four bytes
 OWN = ("potential", "effector")  # series of the model
-VECTORS = ("ridge", "damping", "lambda_low", "lambda_high", "delta_low", "delta_high")
-RATES = ("step_limit", "delta_rate", "lambda_rate", "home")
+VECTORS = ("ridge", "least_ridge", "damping", "lambda_low", "lambda_high", "delta_low", "delta_high")
+RATES = ("tolerance", "step_limit", "delta_rate", "lambda_rate", "home")
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ def block(model: Surrogate, defines: dict, constants: dict[str, np.ndarray], ski
         len(skin.offset),
         skin.degree,
     ]
-    scalars = [sizes[f"CFEM_{name}"] for name in ("OBSERVER_TOLERANCE", "TOLERANCE", "K_P", "K_I", "INTEGRAL_LIMIT")]
+    scalars = [sizes["CFEM_OBSERVER_TOLERANCE"]]
     arrays = {**constants, **model.arrays}
     numbers = [
         scalars,
-        *(arrays[f"cfem_{name}"] for name in ("rest_e", "effector_weight", *VECTORS, *RATES)),
+        *(arrays[f"cfem_{name}"] for name in ("rest_e", "effector_weight", "far", *VECTORS, *RATES)),
         *arrays["cfem_domain_delta_a"],
         *arrays["cfem_domain_lambda_a"],
         *arrays["cfem_to_box"],

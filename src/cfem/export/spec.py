@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, PositiveInt
 
 from cfem.condensed.parameter_values import Value
@@ -10,7 +11,7 @@ from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.names import Name
 from cfem.core.optional import installed
 from cfem.core.spec import Spec
-from cfem.core.units import Frequency, Length, Point
+from cfem.core.units import Angle, Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
 from cfem.predict.gate import GateSpec
@@ -44,10 +45,10 @@ class ControllerSpec(Spec):
     halvings: Annotated[int, Field(ge=0, le=20)] = 8
     """Lengths of step tried, each half the last, until the model says that a step leads nearer to the goal. 0 takes the
     full step, as the paper does."""
-    tolerance: Displacement = 1e-5
-    """A smaller move of every actuator is not made."""
-    step: Displacement = 5.0
-    """Farthest that an actuator moves in one linearisation."""
+    tolerance: Displacement | None = None
+    """A smaller move of every actuator is not made. 5e-7 of each actuator's stroke unless given."""
+    step: Displacement | None = None
+    """Farthest that an actuator moves in one linearisation. A quarter of each actuator's stroke unless given."""
     rate: Displacement | None = None
     """Largest change of a displacement command per tick. No limit unless given."""
     force_rate: Effort | None = None
@@ -62,14 +63,22 @@ class ControllerSpec(Spec):
     """Cost of a full stroke in one tick. It keeps redundant actuators from wandering."""
     weights: list[Annotated[float, Field(ge=0)]] | None = None
     """Weight of each effector row."""
-    K_P: float = Field(0.01, ge=0)
-    """Proportional gain on the measured error, per tick."""
-    K_I: float = Field(0.002, ge=0)
-    """Integral gain on the measured error, per tick."""
-    integral_limit: Length = 10.0
-    """Largest length of the integral part."""
+    K_P: float = Field(0.0, ge=0)
+    """Proportional gain on the measured error, per sample."""
+    K_I: float | None = Field(None, ge=0)
+    """Integral gain on the measured error, per sample. By the phase margin unless given."""
+    phase_margin: Angle = float(np.pi / 3)
+    """Phase margin that the integral gain leaves at the delay and interval that the samples have."""
+    late: Annotated[int, Field(ge=1, le=1000)] = 32
+    """Ticks after which a sample is too late to be heard."""
+    integral_limit: Length | None = None
+    """Largest length of the integral part. No limit unless given."""
     start: Displacements | None = None
     """Displacements of the actuators at the start; 0 unless given."""
+
+    def check(self) -> None:
+        if self.K_I is None and (self.K_P or not 0 < self.phase_margin < np.pi / 2):
+            raise ValueError("phase_margin must be between 0 and 90 deg and needs K_P: 0; or give K_I")
 
 
 class FirmwareMpcSpec(MpcSpec):

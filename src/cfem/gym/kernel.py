@@ -80,7 +80,7 @@ def _quadratic(H, g, room, bounded, free, step, L, tolerance):
                         slope = g[i]
                         for k in range(n):
                             slope += H[i, k] * step[k]
-                        if slope < -tolerance:
+                        if slope < -tolerance[i]:
                             free[i] = True
                             changed = True
         if not changed:
@@ -89,14 +89,14 @@ def _quadratic(H, g, room, bounded, free, step, L, tolerance):
 
 
 class Law(NamedTuple):
-    """forces: whether commands are forces; pulls: whether no actuator pushes; longest: mm of one Newton step;
-    tolerance: N; loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians follow
-    (packed)."""
+    """forces: whether commands are forces; pulls: whether no actuator pushes; longest: (n_a,) mm of one Newton step;
+    tolerance: (n_a,) N; loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians
+    follow (packed)."""
 
     forces: bool
     pulls: bool
-    longest: float
-    tolerance: float
+    longest: np.ndarray
+    tolerance: np.ndarray
     loads: int
 
 
@@ -121,15 +121,14 @@ def _move(at, law):
     n, bounded = len(x), law.pulls and not law.forces
     for i in range(n):
         room[i] = x[i] - u[i]
-        free[i] = not bounded or room[i] > 0 or g[i] < -law.tolerance
+        free[i] = not bounded or room[i] > 0 or g[i] < -law.tolerance[i]
     if not _quadratic(H, g, room, bounded, free, step, at.L, law.tolerance):
         for i in range(n):
-            step[i] = -law.longest if g[i] > 0 else law.longest
-    most = 0.0
+            step[i] = -law.longest[i] if g[i] > 0 else law.longest[i]
+    share = 1.0
     for i in range(n):
-        if free[i]:  # those at their bound are where they are told to be, however far
-            most = max(most, abs(step[i]))
-    share = 1.0 if most <= law.longest else law.longest / most
+        if free[i] and share * abs(step[i]) > law.longest[i]:  # others are at their bound, where they are told to be
+            share = law.longest[i] / abs(step[i])
     for i in range(n):
         x[i] += share * step[i] if free[i] else step[i]
         if (bounded and x[i] < u[i]) or not free[i]:
@@ -159,14 +158,14 @@ def _begin(b, at, law, delta, known, out):
 @njit(cache=True, error_model="numpy")
 def _slopes(b, lane, at, law, found, w, softer):
     """g and H of robot b at at.x, loads taken off; `found` then has the actuators' forces without those of loads.
-    Returns what is left of the equations, N."""
+    Returns what is left of the equations, in tolerances."""
     n_a, place, size, loaded = len(at.x), len(at.x), 0.0, w.shape[1]
     for i in range(n_a):
         for r in range(loaded):
             found[i, lane] -= found[law.loads + r * n_a + i, lane] * w[b, r] * softer
         at.g[i] = found[i, lane] - (at.u[i] * softer if law.forces else 0.0)
         if law.forces or (law.pulls and (at.g[i] < 0 or at.x[i] > at.u[i])):
-            size = max(size, abs(at.g[i]))
+            size = max(size, abs(at.g[i]) / law.tolerance[i])
         for j in range(i, n_a):
             at.H[i, j] = found[place, lane]
             for r in range(loaded):
@@ -213,12 +212,12 @@ def equilibria(u, w, law, delta, known, q, softer, series, out):
                 at.x[i], at.u[i] = t[i, lane], u[b, i]
             size = _slopes(b, lane, at, law, sums.sums, w, softer[b])
             left[lane] -= 1
-            if size > law.tolerance and left[lane] > 0:
+            if size > 1.0 and left[lane] > 0:
                 _move(at, law)
                 for i in range(n_a):
                     t[i, lane] = at.x[i]
                 continue
-            failed += 0 if size <= law.tolerance else 1
+            failed += 0 if size <= 1.0 else 1
             for j in range(width):
                 out[b, j] = sums.sums[j, lane]
             for i in range(n_a):

@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.condensed.packing import upper_indices
 from cfem.condensed.parameters import coordinates, values
+from cfem.condensed.strokes import STEP, stroke
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
 from cfem.predict.energy import layout, unpacking
@@ -69,7 +70,8 @@ class Robots:
         high = model.domain.lambda_a[1]
         self.pulls = bool(model.pulls.all())
         self.largest_force = high.copy()
-        self._tolerance = 1e-6 * float(high.max())
+        scale = np.abs(model.domain.lambda_a).max(axis=0)
+        self._tolerance = 1e-6 * np.where(scale > 0, scale, scale.max())
         self.reference = np.array([one.reference for one in model.parameters])
 
     def start(self, count: int) -> States:
@@ -121,7 +123,7 @@ class Robots:
         from cfem.gym.kernel import Law
 
         first = self._place["slopes"].start if self._loaded else 0
-        return Law(forces, self.pulls, 0.25 * float(np.abs(self.model.reach).max()), self._tolerance, first)
+        return Law(forces, self.pulls, STEP * stroke(self.model.reach), self._tolerance, first)
 
     def random_parameters(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """(count, n_p), uniform in the coordinates in which the model is smooth."""

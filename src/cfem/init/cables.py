@@ -1,28 +1,32 @@
 """Cables as the user writes them on one line, and cables placed along a body."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy import ndimage
 
 from cfem.constraint.attachment import show
 from cfem.core.errors import SpecError
 from cfem.init.hold import Run
-from cfem.init.interior import Interior
 from cfem.init.question import point
-from cfem.init.section import Section, across, clear, cut
+from cfem.init.section import Section, clear, cut, frame
+from cfem.init.shape import Shape
+from cfem.init.way import Way
 
 _FIRST, _LAST = 0.1, 0.07  # shares of the free length before the first point and after the last
-_FEWEST, _MOST = 3, 8  # points of a cable
+_FEWEST, _MOST, _MOST_CURVED = 3, 8, 12  # points of a cable
+_FINE = 4  # cuts looked at for each point of a cable that keeps clear of all of them
 _APART = 3.0  # of the points, in units of the radius that fits into the body there
 _THIN = 0.3  # of the usual inscribed radius: a narrower end has no points
 _ROUND = 0.8  # slimness from which the way that a section bends most easily is not sought
 _ROWS = 40  # places tried from the centre of a section outwards
 _SHRINK, _TRIES = 0.7, 6
+_COARSE = 2.0  # steps of the voxels by which their depth may be wrong
 _MARGINS = (1.0, 1.5, 2.25)  # times the radius: farther inside, a straight cable clears a bend
 _BETWEEN = np.linspace(0, 1, 10)[1:-1]  # shares of a segment where it is looked at
-_PERCENT, _TURN = 0.10, 1.5  # reach: share of the cable's length, and largest turn of the tip in rad
 
 
 @dataclass(frozen=True)
@@ -51,102 +55,132 @@ def read_cable(text: str) -> CableLine:
     return CableLine(name.strip(), pull, np.array(points))
 
 
-def sections_along(body: Interior, run: Run) -> list[Section]:
-    """Cuts between the held part and the tip, where cables may have points: not where the body is much narrower than
-    usual. None where the body has a gap half way."""
-    free = abs(run.tip - run.level)
-    middle = cut(body, run.axis, (run.level + run.tip) / 2)
+def sections_along(shape: Shape, way: Way, finer: int = 1) -> list[Section]:
+    """Cuts along a way where cables may have points, `finer` times as many as usual: not where the body is much
+    narrower than usual. None where the body has a gap half way."""
+    middle = way.section(shape.interior, 0.5)
     if middle is None:
         return []
-    count = int(np.clip(round(free / (_APART * middle.inscribed)), _FEWEST, _MOST))
-    places = run.level + run.forward * free * np.linspace(_FIRST, 1 - _LAST, count)
-    cuts = [section for section in (cut(body, run.axis, place) for place in places) if section is not None]
+    apart, most = (0.7 * _APART, _MOST_CURVED) if way.follows else (_APART, _MOST)
+    count = finer * int(np.clip(round(way.length / (apart * middle.inscribed)), _FEWEST, most))
+    cuts = _cuts(shape, way, np.linspace(_FIRST, 1 - _LAST, count))
     usual = np.median([section.inscribed for section in (middle, *cuts)])
     return [section for section in cuts if section.inscribed >= _THIN * usual]
 
 
-def attachment_radius(sections: list[Section], run: Run) -> float:
+def attachment_radius(sections: Sequence[Section], run: Run) -> float:
     """mm: a third of the radius that fits into the body where it is narrowest, and no more than a fortieth of its
     length."""
     return min([run.length / 40, *(section.inscribed / 3 for section in sections)])
 
 
 def place_cables(
-    body: Interior, run: Run, sections: list[Section], count: int, radius: float
+    shape: Shape, run: Run, way: Way, sections: list[Section], count: int, radius: float
 ) -> tuple[tuple[CableLine, ...], float]:
     """`count` cables at equal angles about the middle of the body, the first on the side to which it bends most easily,
     each as far out as a ball of `radius` mm fits in, along its whole length; and that radius, made smaller where a wall
     is too thin for it. SpecError where there is no room even so, or the way leads through the air."""
-    base = cut(body, run.axis, run.base + run.forward * max(1.2 * radius, 0.02 * run.length))
-    ways = directions(sections, run.axis, count) if sections else np.empty((0, 3))
+    base = cut(shape.interior, run.axis, run.base + run.forward * max(1.2 * radius, 0.02 * run.length))
     fitted, outside = False, None
-    for _ in range(_TRIES if len(sections) > 1 and base is not None else 0):
+    cuts = [base, *sections]
+    ways = directions(cuts, count) if len(sections) > 1 and base is not None else []
+    for attempt in range(_TRIES if ways else 0):
         for margin in _MARGINS:
-            found = [_outermost(body, section, run.axis, ways, margin * radius) for section in (base, *sections)]
+            found = [_outermost(shape, *each, margin * radius) for each in zip(cuts, ways, strict=True)]
             if any(places is None for places in found):
                 continue
             fitted = True
-            outside = _outside(body, np.array(found), radius, run.axis)
+            outside = _outside(shape, np.array(found), radius)
             if outside is None:
-                return tuple(_line(index, np.array(found)[:, index], sections, run) for index in range(count)), radius
+                return _lines(np.array(found), sections, run), radius
+        if attempt in (0, _TRIES // 2) and fitted:
+            found = _clear_of_all(shape, way, cuts, ways, radius)
+            if found is not None and _outside(shape, found, radius) is None:
+                return _lines(found, sections, run), radius
         radius *= _SHRINK
     do = "hold another part (--fixed), ask for fewer, or give each as --cable 'NAME: pull point; point; ...'"
     if fitted:
-        what = f"straight cables along {'xyz'[run.axis]} would leave the body near {show(np.round(outside, 1))} mm"
-        raise SpecError(f"{what}, as in a body with a corner", where="--cables", do=do)
+        kind = "cables along the body" if way.follows else f"straight cables along {'xyz'[run.axis]}"
+        raise SpecError(f"{kind} would leave the body near {show(np.round(outside, 1))} mm", where="--cables", do=do)
     what = f"there is no room for {count} cables along {'xyz'[run.axis]}"
     raise SpecError(f"{what}, even with an attachment radius of {radius:.2g} mm", where="--cables", do=do)
 
 
-def _outside(body: Interior, places: np.ndarray, radius: float, axis: int) -> np.ndarray | None:
+def _cuts(shape: Shape, way: Way, shares: np.ndarray) -> list[Section]:
+    return [section for section in (way.section(shape.interior, share) for share in shares) if section is not None]
+
+
+def _clear_of_all(
+    shape: Shape, way: Way, cuts: list[Section], ways: list[np.ndarray], radius: float
+) -> np.ndarray | None:
+    """(k, count, 3) mm in the cuts, no farther out than a ball of `radius` fits in the cuts between: inside the necks
+    of a body of discs and necks. None where it fits nowhere."""
+    shares = np.linspace(_FIRST, 1 - _LAST, _FINE * (len(cuts) - 2) + 1)
+    fine = [cuts[0], *_cuts(shape, way, shares)]
+    fine_ways = directions(fine, len(ways[0]))
+    found = [_outermost(shape, *each, radius) for each in zip(fine, fine_ways, strict=True)]
+    if any(places is None for places in found):
+        return None
+    offsets = np.array([np.linalg.norm(at - each.centre, axis=1) for at, each in zip(found, fine, strict=True)])
+    narrow = ndimage.minimum_filter1d(offsets, 2 * _FINE + 1, axis=0, mode="nearest")
+    places = np.array([each.centre for each in cuts])
+    near = [int(np.linalg.norm(np.array([each.centre for each in fine]) - at, axis=1).argmin()) for at in places]
+    return places[:, None] + 0.98 * narrow[near][:, :, None] * np.array(ways)
+
+
+def _outside(shape: Shape, places: np.ndarray, radius: float) -> np.ndarray | None:
     """The first point (3,) mm of straight cables through places (k, count, 3), with a ball of `radius` around it, that
     is not inside; None where there is none."""
     for start, end in pairwise(places):
-        for share in _BETWEEN:
-            along = start + share * (end - start)
-            inside = clear(body, along, radius, axis)
-            if not inside.all():
-                return along[~inside][0]
+        along = np.concatenate([start + share * (end - start) for share in _BETWEEN])
+        inside = clear(shape.interior, along, radius)
+        if not inside.all():
+            return along[~inside][0]
     return None
 
 
-def guess_reach(cables: tuple[CableLine, ...]) -> tuple[float, str]:
-    """The largest shortening in mm for all cables, and why in words: a tenth of the shortest, less where that would
-    turn the tip by more than 1.5 rad."""
-    tenth = _PERCENT * min(cable.length for cable in cables)
-    turn = min((_TURN * cable.offset for cable in cables if cable.offset is not None), default=np.inf)
-    if turn < tenth:
-        return turn, f"turns the tip by about {np.degrees(_TURN):.0f} degrees"
-    return tenth, "10 % of the shortest cable"
-
-
-def directions(sections: list[Section], axis: int, count: int) -> np.ndarray:
-    """(count, 3) unit vectors at equal angles: the first along the narrowest width of the middle section, or, where
-    that is round, along the axis after `axis`."""
-    middle = sections[len(sections) // 2]
-    u, v = (np.eye(3)[side] for side in across(axis))
+def directions(sections: Sequence[Section], count: int) -> list[np.ndarray]:
+    """(count, 3) unit vectors in each section, at equal angles: the first along the narrowest width of the middle
+    section, or, where that is round, along an axis; carried to the others without a turn about the normal."""
+    half = len(sections) // 2
+    middle = sections[half]
+    u, v = frame(middle.normal)
     first = np.arctan2(middle.thin @ v, middle.thin @ u) if middle.slimness < _ROUND else 0.0
     angles = first + np.arange(count) * 2 * np.pi / count
-    return np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * v
+    found = {half: np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * v}
+    for index in [*range(half + 1, len(sections)), *range(half - 1, -1, -1)]:
+        before = found[index - 1 if index > half else index + 1]
+        normal = sections[index].normal
+        turned = before - (before @ normal)[:, None] * normal
+        found[index] = turned / np.linalg.norm(turned, axis=1)[:, None]
+    return [found[index] for index in range(len(sections))]
 
 
-def _line(index: int, places: np.ndarray, sections: list[Section], run: Run) -> CableLine:
-    """Through places (1 + k, 3) mm, of which the first moves into the plane of the base."""
+def _lines(places: np.ndarray, sections: list[Section], run: Run) -> tuple[CableLine, ...]:
+    """Through places (1 + k, count, 3) mm, of which the first moves into the plane of the base."""
+    middles = np.array([section.centre for section in sections])
+    apart = np.linalg.norm(places[1:] - middles[:, None], axis=2).mean(axis=0)
+    return tuple(make_line(f"cable-{i + 1}", places[:, i], run, float(apart[i])) for i in range(places.shape[1]))
+
+
+def make_line(name: str, places: np.ndarray, run: Run, offset: float | None) -> CableLine:
+    """A cable through places (1 + k, 3) mm, rounded, of which the first moves into the plane of the base."""
     step = 10.0 ** (np.floor(np.log10(run.length)) - 4)
-    apart = [np.linalg.norm(place - section.centre) for place, section in zip(places[1:], sections, strict=True)]
     pull, *points = np.round(places / step) * step
     pull[run.axis] = run.base
-    return CableLine(f"cable-{index + 1}", pull, np.array(points), float(np.mean(apart)))
+    return CableLine(name, pull, np.array(points), offset)
 
 
-def _outermost(body: Interior, section: Section, axis: int, ways: np.ndarray, radius: float) -> np.ndarray | None:
+def _outermost(shape: Shape, section: Section, ways: np.ndarray, radius: float) -> np.ndarray | None:
     """(count, 3) mm: the farthest point from the centre in each way around which a ball fits; None where there is none
     in one of them."""
     found = np.empty_like(ways)
     open_ = np.arange(len(ways))
     for apart in np.linspace(section.extent, 0, _ROWS)[:-1]:
         tried = section.centre + apart * ways[open_]
-        fits = clear(body, tried, radius, axis)
+        fits = shape.voxels.depth_at(tried) > radius - _COARSE * shape.voxels.step
+        if fits.any():
+            fits[fits] = clear(shape.interior, tried[fits], radius)
         found[open_[fits]] = tried[fits]
         open_ = open_[~fits]
         if len(open_) == 0:

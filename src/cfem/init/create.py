@@ -1,8 +1,9 @@
-"""A new scene: questions in their order, guesses from the shape, six files and a copy of the shape."""
+"""A new scene: questions in their order, guesses from the shape, its files and a copy of the shape."""
 
 import shutil
 import tempfile
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,29 +13,30 @@ from cfem.core.errors import OutputError, SpecError
 from cfem.core.files import disk_errors
 from cfem.core.names import demand_scene_name
 from cfem.core.place import write_beside
+from cfem.core.progress import progress
 from cfem.core.spec import load_spec
-from cfem.init.cables import CableLine, attachment_radius, guess_reach, read_cable, sections_along
-from cfem.init.ends import Proposal, place, propose
-from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
-from cfem.init.question import Answer, Ask, Question, point, positive, whole
+from cfem.core.units import parse_number
+from cfem.equilibrium.robot import Robot
+from cfem.init.drive import NOTHING, Drive, Stated, drive, proposal
+from cfem.init.ends import Proposal
+from cfem.init.hold import Hold, Run, read_hold, run_from
+from cfem.init.question import Answer, Ask, Question, choice, point, positive, whole
 from cfem.init.shape import Shape, Source, geometry, make_shape, natural_unit, read_source
+from cfem.init.stroke import Stroke, strokes
 from cfem.init.texts import SPECS, NewScene, number, short, texts, vector
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
+from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
 from cfem.robot.cable_passage import demand_inside
 from cfem.robot.geometry import SURFACES
 from cfem.robot.mesh.meshing import make_mesh
+from cfem.robot.mesh.quality import dihedral_angles
 from cfem.robot.plausible import size_doubts
 from cfem.robot.spec import SceneSpec
 
 _OPTIONS = {"actuators": "--cable", "effectors": "--effector", "fixed": "--fixed"}
-_COUNT = Question(
-    "cables",
-    "How many cables, placed for you?",
-    "3",
-    "placed at equal angles near the surface",
-    lambda text: whole(text, 1, 12),
-)
+_SOLVES = 8  # about, to find how far an actuator goes
+_SHARP = 5.0  # degrees: cells with sharper angles are doubtful
 _LINEAR = 15_000  # cells of the user's own mesh above which quadratic ones would take hours
 
 
@@ -42,25 +44,23 @@ def create(
     name: str,
     path: Path,
     folder: Path,
-    cables: Sequence[str],
     ask: Ask,
-    stated: Collection[str] = (),
+    stated: Stated = NOTHING,
     force: bool = False,
 ) -> dict[str, Any]:
-    """Writes folder / name, asking what is open; cables: 'NAME: pull point; point; ...' each, none where they are to be
-    placed here; stated: the flags to which `ask` has an answer already. Returns what was made.
+    """Writes folder / name, asking what is open; stated: what options say about actuators, and the flags to which `ask`
+    has an answer already. Returns what was made; open: what nobody could answer, a sentence each.
 
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
     demand_scene_name(name)
-    source = read_source(path)
-    _demand_use(source, stated)
+    source = _source(path, stated, ask)
     target = folder / name
     copy = f"{name}{path.suffix.lower()}"
     _demand_room(target, [*(f"{spec}.yaml" for spec in SPECS), copy], path, force)
-    robot = _robot(name, copy, source, cables, stated, ask)
+    robot = _robot(name, copy, source, stated, ask)
+    robot, cells = _tried(robot, path, stated, ask)
     made = texts(robot)
-    cells = _try(made["scene.yaml"], copy, path)
     with disk_errors(target):
         target.mkdir(parents=True, exist_ok=True)
         if not _same(path, target / copy):
@@ -71,9 +71,32 @@ def create(
         "folder": str(target),
         "files": [copy, *made],
         "length": robot.length,
-        "cables": [cable.name for cable in robot.cables],
+        "cables": [cable.name for cable in robot.drive.cables],
+        "chambers": [chamber.name for chamber in robot.drive.chambers],
         "coarse_cells": cells,
+        "mended": list(source.mended),
+        "open": [robot.drive.missing] if robot.drive.missing else [],
     }
+
+
+def _source(path: Path, stated: Stated, ask: Ask) -> Source:
+    """The file, its mesh or only the surface of it."""
+    source = read_source(path)
+    if source.own is not None and source.own.cells.shape[1] == 4:
+        angles = dihedral_angles(source.own)
+        poor = bool(angles.min() < _SHARP)
+        why = f"its angles go from {angles.min():.0f} to {angles.max():.0f} degrees"
+        question = Question(
+            "remesh",
+            "Mesh the inside anew, from the surface of the file's mesh (yes, no)?",
+            "yes" if poor else "no",
+            why,
+            lambda text: choice(text, ("yes", "no")),
+        )
+        if ask(question).value == "yes":
+            source = read_source(path, remesh=True)
+    _demand_use(source, stated.flags)
+    return source
 
 
 def _demand_use(source: Source, stated: Collection[str]) -> None:
@@ -94,19 +117,19 @@ def _same(path: Path, other: Path) -> bool:
     return other.exists() and path.samefile(other)
 
 
-def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: Collection[str], ask: Ask) -> NewScene:
+def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask) -> NewScene:
+    """All but how far the actuators go."""
     unit, cells = _unit(source, ask), _cells(source, ask)
     scale = 1.0 if unit is None else unit.value
     shape = make_shape(source, scale, cells.value if cells else 0)
     doubts = size_doubts(shape.extent)
     if doubts and unit is not None:
         raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm' or 'm'")
-    proposal = _proposal(shape, cables, stated, ask)
-    hold = _hold(shape, proposal, ask)
+    proposed = proposal(shape, stated, ask)
+    hold = _hold(shape, proposed, ask)
     run = run_from(hold.value, shape)
     young, poisson = _material(ask)
-    lines, placed, radius = _cables(shape, run, cables, proposal if hold.value is proposal.hold else None, ask)
-    reach = _reach(lines, ask)
+    driven = drive(shape, run, stated, proposed if hold.value is proposed.hold else None, ask)
     effector = _effector(shape, run, ask)
     outside = not is_inside(shape.mesh, effector.value)
     return NewScene(
@@ -114,6 +137,7 @@ def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: 
         kind=geometry(source.path, 1.0).kind,
         file=copy,
         remesh=source.remesh and source.path.suffix.lower() not in SURFACES,
+        mended=source.mended,
         unit=unit,
         extent=shape.extent,
         volume=source.volume * scale**3,
@@ -125,10 +149,9 @@ def _robot(name: str, copy: str, source: Source, cables: Sequence[str], stated: 
         hold=hold,
         young=young,
         poisson=poisson,
-        cables=lines,
-        placed=placed,
-        radius=radius,
-        reach=reach,
+        drive=driven,
+        reach=None,
+        growth=None,
         effector=effector,
         carrier_radius=carrier_radius(shape.mesh, effector.value) if outside else None,
     )
@@ -158,13 +181,6 @@ def _cells(source: Source, ask: Ask) -> Answer | None:
     return ask(Question("cells", "About how many tetrahedra?", "5000", why, read))
 
 
-def _proposal(shape: Shape, cables: Sequence[str], stated: Collection[str], ask: Ask) -> Proposal:
-    """What to hold; from where cables stay inside, where both are to be guessed."""
-    if cables or "fixed" in stated:
-        return Proposal(*guess_hold(shape))
-    return propose(shape, ask(_COUNT).value if "cables" in stated else int(_COUNT.default))
-
-
 def _hold(shape: Shape, proposal: Proposal, ask: Ask) -> Answer:
     hold = proposal.hold
     low, high = vector(_rounded(shape.low)), vector(_rounded(shape.high))
@@ -189,40 +205,10 @@ def _stress(text: str) -> str:
 
 
 def _ratio(text: str) -> float:
-    value = float(text)
+    value = parse_number(text)
     if not 0 <= value <= 0.4999:
         raise ValueError(f"expected a number from 0 to 0.4999, got '{text}'")
     return value
-
-
-def _cables(
-    shape: Shape, run: Run, given: Sequence[str], proposal: Proposal | None, ask: Ask
-) -> tuple[tuple[CableLine, ...], str | None, float]:
-    """proposal: of what is held, if that was taken."""
-    if given:
-        lines = tuple(_cable(text) for text in given)
-        names = [line.name for line in lines]
-        if len(set(names)) < len(names):
-            raise SpecError(f"names must differ, got {', '.join(names)}", where="--cable")
-        return lines, None, attachment_radius(sections_along(shape.interior, run), run)
-    count = ask(_COUNT).value
-    known = proposal.placement if proposal and proposal.count == count else None
-    found = known or place(shape, run, count)
-    how = "at equal angles near the surface, at least `radius` within it"
-    return found.cables, how if found.whole else f"{how}, up to where the body turns", found.radius
-
-
-def _cable(text: str) -> CableLine:
-    try:
-        return read_cable(text)
-    except ValueError as error:
-        raise SpecError(str(error), where="--cable") from None
-
-
-def _reach(lines: tuple[CableLine, ...], ask: Ask) -> Answer:
-    reach, why = guess_reach(lines)
-    text = "By how much may each cable be shortened?"
-    return ask(Question("reach", text, f"{short(reach)} mm", why, lambda text: positive(text, "mm")))
 
 
 def _effector(shape: Shape, run: Run, ask: Ask) -> Answer:
@@ -241,18 +227,72 @@ def _element(shape: Shape, source: Source) -> str:
     return "tet10p0" if source.own is None or len(shape.mesh.cells) <= _LINEAR else "tet4"
 
 
-def _try(scene: str, copy: str, path: Path) -> int:
-    """Makes the robot on the coarse mesh, so that what cannot be made is an error now; how many cells that has."""
+def _tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewScene, int]:
+    """The robot with how far its actuators go, made on the coarse mesh, so that what cannot be made is an error now;
+    and how many cells that has. Actuators that were suggested here and cannot be made are left open."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        shutil.copyfile(path, folder / copy)
-        (folder / "scene.yaml").write_text(scene, encoding="utf-8")
-        spec = load_spec(folder / "scene.yaml", SceneSpec)
+        shutil.copyfile(path, folder / robot.file)
+        provisional = replace(robot, reach=Answer(robot.length / 1000), growth=Answer(1e-3))
+        spec = _written(provisional, folder)
         mesh, _ = make_mesh(spec, folder)
         try:
-            build_robot(spec, mesh)
-            demand_inside(spec, mesh)
-        except SpecError as error:  # the file that it names is not written
-            key = (error.where or "").rpartition(": ")[2].split(".")[0]
-            raise SpecError(error.what, where=_OPTIONS.get(key), do=error.do) from None
-    return len(mesh.cells)
+            made = _built(spec, mesh)
+        except SpecError as error:
+            if stated.cables or stated.chambers or (error.where or "") == "--effector":
+                raise
+            robot = replace(robot, drive=Drive(missing=error.what))
+            made = _built(_written(replace(robot, reach=provisional.reach, growth=provisional.growth), folder), mesh)
+        reach, growth = _reaches(robot, made, stated, ask)
+        robot = replace(robot, reach=reach, growth=growth)
+        if robot.drive.cables or robot.drive.chambers:
+            _built(_written(robot, folder), mesh)
+    return robot, len(mesh.cells)
+
+
+def _written(robot: NewScene, folder: Path) -> SceneSpec:
+    (folder / "scene.yaml").write_text(texts(robot)["scene.yaml"], encoding="utf-8")
+    return load_spec(folder / "scene.yaml", SceneSpec)
+
+
+def _built(spec: SceneSpec, mesh: Mesh) -> Robot:
+    """SpecError that names the option."""
+    try:
+        robot = build_robot(spec, mesh)
+        demand_inside(spec, mesh)
+    except SpecError as error:  # the file that it names is not written
+        key = (error.where or "").rpartition(": ")[2].split(".")[0]
+        do = (error.do or "").replace("set through_air: true where it is meant", "say --through-air yes")
+        raise SpecError(error.what, where=_OPTIONS.get(key), do=do or None) from None
+    return robot
+
+
+def _reaches(robot: NewScene, made: Robot, stated: Stated, ask: Ask) -> tuple[Answer | None, Answer | None]:
+    """Of cables in mm and of chambers in mm^3: how far they go until a limit, by solving on the coarse mesh."""
+    cables, chambers = len(robot.drive.cables), len(robot.drive.chambers)
+    wanted = [flag for flag, count in (("reach", cables), ("growth", chambers)) if count]
+    found: list[Stroke] = []
+    if any(flag not in stated.flags for flag in wanted):
+        with progress(
+            "finding how far the actuators go, on the coarse mesh", 8 * made.rows.n_a, estimate=False
+        ) as advance:
+            found = strokes(made, advance)
+    reach = growth = None
+    if cables:
+        default, why = _least(found[:cables], "mm", "N")
+        text = "By how much may each cable be shortened?"
+        reach = ask(Question("reach", text, default, why, lambda text: positive(text, "mm")))
+    if chambers:
+        default, why = _least(found[cables:], "mm^3", "kPa")
+        text = "By how much may each chamber grow?"
+        growth = ask(Question("growth", text, default, why, lambda text: positive(text, "mm^3")))
+    return reach, growth
+
+
+def _least(found: Sequence[Stroke], unit: str, of_force: str) -> tuple[str, str]:
+    """The shortest stroke as text, and why it ends there; 1 of the unit where nobody looked."""
+    if not found:
+        return f"1 {unit}", "a first try"
+    least = min(found, key=lambda each: each.reach)
+    force = least.force * (1000 if of_force == "kPa" else 1)
+    return f"{short(least.reach)} {unit}", f"{least.why}, at {short(force)} {of_force} on a coarse mesh"

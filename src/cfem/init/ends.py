@@ -1,4 +1,4 @@
-"""The end of the body that is proposed to be held: one from which cables stay inside."""
+"""How cables are suggested, and the end of the body that is proposed to be held: one from which they stay inside."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,21 +7,28 @@ import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.init.cables import CableLine, attachment_radius, place_cables, sections_along
+from cfem.init.centreline import Centreline, centreline
+from cfem.init.channels import cables_in_channels
 from cfem.init.hold import Hold, Run, end_hold, guess_hold, run_from
+from cfem.init.legs import cables_in_legs
 from cfem.init.shape import Shape
+from cfem.init.through_air import cables_through_air
+from cfem.init.way import Way, along, straight
 
 _LONG = 0.5  # of the longest extent: shorter axes have no ends
-_ENOUGH = 0.5  # of the free length, which cables have to follow at least
+_WIDER = 1.6  # times the lever: for so much more, cables go through the air
+_LONGER = 1.2  # times the way from another end: such an end of the body is one where it is held
 
 
 @dataclass(frozen=True)
 class Placement:
-    """cables: of a common attachment radius, mm; whole: whether they go to the tip, and do not end where the body
-    turns."""
+    """cables: of a common attachment radius, mm; how they were placed, in words; through_air: whether they leave the
+    body between their points."""
 
     cables: tuple[CableLine, ...]
     radius: float
-    whole: bool
+    how: str
+    through_air: bool = False
 
 
 @dataclass(frozen=True)
@@ -34,33 +41,101 @@ class Proposal:
     placement: Placement | None = None
 
 
-def place(shape: Shape, run: Run, count: int) -> Placement:
-    """`count` cables along the body. Where they do not stay inside up to the tip, they end earlier, after half of the
-    free length at least. SpecError where that fails too: what is in the way of cables up to the tip."""
-    sections = sections_along(shape.interior, run)
-    radius = attachment_radius(sections, run)
+def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placement:
+    """Cables from what is held: in channels where the body has some, whatever the count; else `count` of them inside
+    the body, straight or along its middle, or one in each leg; else through the air between parts of the body.
+
+    air: whether they have to go through the air, may (None) or must not. SpecError where there are none: what is in the
+    way of straight cables up to the tip."""
+    if air:
+        return Placement(*cables_through_air(shape, run, count), "through the air from part to part", through_air=True)
+    found = cables_in_channels(shape, run)
+    if found is not None and (not found.through_air or air is None):
+        return Placement(found.cables, found.radius, found.how, through_air=found.through_air)
+    middle = centreline(shape.voxels, run)
     try:
-        return Placement(*place_cables(shape.interior, run, sections, count, radius), whole=True)
+        return _or_wider(shape, run, count, inside(shape, run, count, middle), air)
     except SpecError as error:
         refused = error
-    middle = run.level + run.forward * _ENOUGH * abs(run.tip - run.level)
-    while len(sections) > 2 and (sections[-2].centre[run.axis] - middle) * run.forward >= 0:
-        sections = sections[:-1]
+    if middle is not None and middle.branches > 1:
+        legs = cables_in_legs(shape, run)
+        if legs is not None:
+            return Placement(*legs, f"one along each of {len(legs[0])} legs, on its outer side")
+    if air is None:
         try:
-            return Placement(*place_cables(shape.interior, run, sections, count, radius), whole=False)
+            return place(shape, run, count, air=True)
+        except SpecError:
+            pass
+    raise refused
+
+
+def inside(shape: Shape, run: Run, count: int, middle: Centreline | None) -> Placement:
+    """`count` cables up to the tip that stay inside: straight, or along the middle of a body that turns. SpecError, of
+    straight ones, where there are none."""
+    how = "at equal angles near the surface, at least `radius` within it"
+    try:
+        return Placement(*_along(shape, run, straight(run), count), how)
+    except SpecError as error:
+        if middle is None or middle.branches > 1:
+            raise
+        refused = error
+    for finer in (1, 2):
+        try:
+            return Placement(*_along(shape, run, along(middle), count, finer), f"{how}, along the middle of the body")
         except SpecError:
             continue
     raise refused
 
 
+def _along(shape: Shape, run: Run, way: Way, count: int, finer: int = 1) -> tuple[tuple[CableLine, ...], float]:
+    sections = sections_along(shape, way, finer)
+    return place_cables(shape, run, way, sections, count, attachment_radius(sections, run))
+
+
+def _or_wider(shape: Shape, run: Run, count: int, found: Placement, air: bool | None) -> Placement:
+    """Cables through the air instead, where those have much more of a lever: a backbone with discs is made for them."""
+    if air is not None:
+        return found
+    try:
+        wider = place(shape, run, count, air=True)
+    except SpecError:
+        return found
+    if len(wider.cables) == count and _lever(wider) > _WIDER * _lever(found):
+        return wider
+    return found
+
+
+def _lever(placement: Placement) -> float:
+    """mm, half the mean distance between the cables; 0 of a single one."""
+    middles = np.array([cable.points.mean(axis=0) for cable in placement.cables])
+    return float(np.linalg.norm(middles - middles.mean(axis=0), axis=1).mean())
+
+
 def propose(shape: Shape, count: int) -> Proposal:
-    """What `guess_hold` says where `count` cables from there stay inside. Else the first end from which they do: the
-    other end of that axis, then the ends of the other axes, the longer first, of each the smaller coordinate first. The
-    guess itself where there is none, or where the mesh names what is held."""
+    """What `guess_hold` says where `count` cables from there stay inside up to the tip, or where the mesh names what is
+    held. Else the end from which the longest way leads through the body, where cables along it stay inside. Else the
+    first end with some cables: the guess, the other end of that axis, then the ends of the other axes, the longer
+    first, of each the smaller coordinate first. The guess itself where there is none."""
     guess, why = guess_hold(shape)
     if guess.name is not None:
         return Proposal(guess, why)
+    if cables_in_channels(shape, run_from(guess, shape)) is not None:
+        return Proposal(guess, why, count, place(shape, run_from(guess, shape), count))
+    middles = {}
     for hold in (guess, *_others(shape, guess)):
+        middles[hold] = centreline(shape.voxels, run_from(hold, shape))
+    lengths = {hold: middle.length for hold, middle in middles.items() if middle is not None}
+    longest = max(lengths, key=lengths.get, default=guess)
+    first = [guess] if lengths.get(longest, 0) <= _LONGER * lengths.get(guess, 0) else [longest, guess]
+    for hold in dict.fromkeys([*first, longest]):
+        run = run_from(hold, shape)
+        try:
+            placement = _or_wider(shape, run, count, inside(shape, run, count, middles[hold]), None)
+        except SpecError:
+            continue
+        because = why if hold is guess else "the longest way through the body begins here"
+        return Proposal(hold, because, count, placement)
+    for hold in middles:
         try:
             placement = place(shape, run_from(hold, shape), count)
         except SpecError:

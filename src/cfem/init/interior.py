@@ -20,19 +20,26 @@ class Interior:
     slope: np.ndarray
     shift: np.ndarray
 
-    def near(self, axis: int, at: float, reach: float = 0.0) -> np.ndarray:
-        """The tetrahedra with a part within `reach` mm of a plane."""
-        return np.flatnonzero((self.low[:, axis] <= at + reach) & (self.high[:, axis] >= at - reach))
+    def near_plane(self, place: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The tetrahedra whose boxes meet the plane through `place` (3,) mm across `normal` (3,)."""
+        middle, half = (self.low + self.high) / 2, (self.high - self.low) / 2
+        return np.flatnonzero(np.abs((middle - place) @ normal) <= half @ np.abs(normal) + 1e-12)
+
+    def near_points(self, points: np.ndarray, reach: float) -> np.ndarray:
+        """The tetrahedra whose boxes meet the box around points (k, 3) mm, which is larger by `reach` mm."""
+        low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+        return np.flatnonzero(((self.low <= high) & (self.high >= low)).all(axis=1))
 
     def contains(self, points: np.ndarray, among: np.ndarray) -> np.ndarray:
         """(k,) whether each point (k, 3) mm lies in one of the tetrahedra `among`."""
         if len(among) == 0:
             return np.zeros(len(points), dtype=bool)
-        slope, shift = self.slope[among].reshape(-1, 3).T, self.shift[among].ravel()
-        found = []
+        slope, shift, found = self.slope[among], self.shift[among], []
         for part in np.array_split(points, 1 + len(points) * len(among) // _PAIRS):
-            inner = (part @ slope + shift).reshape(len(part), -1, 3)
-            inside = (inner >= -_SLACK).all(axis=2) & (inner.sum(axis=2) <= 1 + _SLACK)
+            inner = [part @ slope[:, side].T + shift[:, side] for side in range(3)]
+            inside = inner[0] + inner[1] + inner[2] <= 1 + _SLACK
+            for each in inner:
+                inside &= each >= -_SLACK
             found.append(inside.any(axis=1))
         return np.concatenate(found)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.core.units import parse_quantity
+from cfem.core.units import parse_number, parse_quantity
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,16 @@ def point(text: str) -> np.ndarray:
     match = re.fullmatch(r"(.*[\d.])\s*([a-z]+)?", text.strip())
     numbers, unit = match.groups() if match else ("", None)
     try:
-        x = np.array([float(part) for part in numbers.split(",")])
+        x = np.array([parse_number(part) for part in numbers.split(",")])
     except ValueError:
         x = np.empty(0)
     if x.shape != (3,) or not np.isfinite(x).all():
         raise ValueError(f"expected three coordinates 'x, y, z' in mm, got '{text.strip()}'")
     return x * parse_quantity(f"1 {unit or 'mm'}", "mm")
+
+
+def choice(text: str, choices: tuple[str, ...]) -> str:
+    """One of several words. ValueError for anything else."""
+    if text.strip() not in choices:
+        raise ValueError(f"expected one of {', '.join(choices)}, got '{text.strip()}'")
+    return text.strip()

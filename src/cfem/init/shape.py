@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.init.interior import Interior, interior
+from cfem.init.voxels import Voxels, voxels
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.geometry import SURFACES, MeshFile, StepFile
 from cfem.robot.mesh.mesh_file import read_data, read_own
@@ -51,6 +52,11 @@ class Shape:
     def interior(self) -> Interior:
         """Its inside."""
         return interior(self.mesh)
+
+    @cached_property
+    def voxels(self) -> Voxels:
+        """As a lattice."""
+        return voxels(self.interior, float(np.abs(self.mesh.volumes).sum()))
 
     @property
     def low(self) -> np.ndarray:

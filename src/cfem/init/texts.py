@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.init.cables import CableLine
+from cfem.init.drive import Drive
 from cfem.init.hold import AXES, Hold
 from cfem.init.question import Answer
 
@@ -17,15 +17,17 @@ _FEW, _ROWS, _MORE_ROWS = 3, 60, 100  # training rows for so many cables, and fo
 
 @dataclass(frozen=True)
 class NewScene:
-    """All that the files say. file: name of the shape's copy; unit: text, None where the file states its own; extent
-    (3,) mm; volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's; element; hold,
-    young, poisson: each an Answer; cables and whether they were placed here; radius mm of attachments; reach: an
-    Answer in mm; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
+    """All that the files say. kind: of the geometry; file: name of the shape's copy; remesh: whether its inside is
+    meshed anew; mended: what was mended, a phrase each; unit: text, None where the file states its own; extent (3,) mm;
+    volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's; element; hold, young,
+    poisson: each an Answer; drive: cables and chambers; reach: an Answer in mm, of cables; growth: in mm^3, of
+    chambers; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
 
     name: str
     kind: str
     file: str
     remesh: bool
+    mended: Sequence[str]
     unit: Answer | None
     extent: np.ndarray
     volume: float
@@ -37,12 +39,21 @@ class NewScene:
     hold: Answer
     young: Answer
     poisson: Answer
-    cables: Sequence[CableLine]
-    placed: str | None
-    radius: float
-    reach: Answer
+    drive: Drive
+    reach: Answer | None
+    growth: Answer | None
     effector: Answer
     carrier_radius: float | None
+
+    @property
+    def radius(self) -> float:
+        """mm, of the attachments."""
+        return self.drive.radius or self.length / 40
+
+    @property
+    def n_a(self) -> int:
+        """Actuators."""
+        return len(self.drive.cables) + len(self.drive.chambers)
 
 
 def number(value: float) -> str:
@@ -76,6 +87,7 @@ def _scene(robot: NewScene) -> str:
     size = (f"{extent} mm, {short(robot.volume)} mm^3", _guesses(robot.unit) if robot.unit else "")
     lines = [
         f"# The robot, from {robot.file}: `cfem mesh scene.yaml`. Look at what is marked as guessed.",
+        *(f"# {robot.file} was mended: {phrase}." for phrase in robot.mended),
         f"name: {robot.name}",
         f"out: ../../data/{robot.name}/mesh",
         f"length: {number(robot.length)} mm{_note(f'along {AXES[robot.axis]}; what % of length refers to')}",
@@ -85,19 +97,8 @@ def _scene(robot: NewScene) -> str:
         + _note(_guesses(robot.young, robot.poisson)),
         "fixed:" + _note(_guesses(robot.hold)),
         f"  - {_selection(robot.hold.value)}",
-        "actuators:" + _note(f"guessed: {robot.placed}" if robot.placed else ""),
+        *_actuators(robot),
     ]
-    for cable in robot.cables:
-        lines += [
-            "  - kind: cable",
-            f"    name: {cable.name}",
-            f"    pull_point: {{mm: {vector(cable.pull)}}}",
-            "    points:",
-            "      mm:",
-            *(f"        - {vector(point)}" for point in cable.points),
-            f"    radius: {short(robot.radius)} mm" + _note("of the region through which each point acts"),
-            f"    reach: {{mm: [0, {number(robot.reach.value)}]}}" + _note(_guesses(robot.reach)),
-        ]
     lines += [
         "effectors:" + _note(_guesses(robot.effector)),
         "  - name: tip",
@@ -107,6 +108,54 @@ def _scene(robot: NewScene) -> str:
     if robot.carrier_radius is not None:
         lines.append(f"    carrier_radius: {short(robot.carrier_radius)} mm" + _note("what lies so near carries it"))
     return "\n".join(lines) + "\n"
+
+
+def _actuators(robot: NewScene) -> list[str]:
+    driven = robot.drive
+    if not robot.n_a:
+        return [*_open_question(robot), "actuators: []"]
+    placed = [f"guessed: {why}" for why in (driven.placed, driven.offered) if why]
+    lines = ["actuators:" + _note("; ".join(placed))]
+    for cable in driven.cables:
+        lines += [
+            "  - kind: cable",
+            f"    name: {cable.name}",
+            f"    pull_point: {{mm: {vector(cable.pull)}}}",
+            "    points:",
+            "      mm:",
+            *(f"        - {vector(point)}" for point in cable.points),
+            f"    radius: {short(robot.radius)} mm" + _note("of the region through which each point acts"),
+            *(["    through_air: true" + _note("between its points it leaves the body")] if driven.through_air else []),
+            f"    reach: {{mm: [0, {number(robot.reach.value)}]}}" + _note(_guesses(robot.reach)),
+        ]
+    for chamber in driven.chambers:
+        lines += [
+            "  - kind: cavity",
+            f"    name: {chamber.name}",
+            f"    inside: {{mm: {vector(np.round(chamber.inside, 4))}}}" + _note(f"in {short(chamber.volume)} mm^3"),
+            "    unilateral: true" + _note("it is blown up and never sucked empty"),
+            f"    reach: {{mm^3: [0, {number(robot.growth.value)}]}}" + _note(_guesses(robot.growth)),
+        ]
+    return lines
+
+
+def _open_question(robot: NewScene) -> list[str]:
+    """Where the actuators go, as a comment that need only be filled in."""
+    low = vector([0.0] * 3)
+    return [
+        f"# OPEN: what drives the robot? {robot.drive.missing}.".replace("..", "."),
+        "# Replace `actuators: []` below by cables or chambers such as these. `cfem mesh` works without, the stages",
+        "# after it need an actuator.",
+        "# actuators:",
+        "#   - kind: cable",
+        "#     name: cable-1",
+        f"#     pull_point: {{mm: {low}}}          # where it is pulled, outside the body or at its end",
+        f"#     points: {{mm: [{low}, {low}]}}    # of the body, in order",
+        f"#     radius: {short(robot.radius)} mm",
+        "#     through_air: false                  # true: it leaves the body between its points",
+        f"#     reach: {{mm: [0, {short(robot.length / 20)}]}}",
+        "#   - {kind: cavity, name: chamber-1, inside: {mm: [0, 0, 0]}, unilateral: true, reach: {mm^3: [0, 1000]}}",
+    ]
 
 
 def _mesh(robot: NewScene) -> list[str]:
@@ -131,8 +180,8 @@ def _selection(hold: Hold) -> str:
 
 
 def _sample(robot: NewScene) -> str:
-    rows = _ROWS if len(robot.cables) <= _FEW else _MORE_ROWS
-    return f"""# The states to solve: `cfem simulate-sample sample.yaml`. Cables that are slack or pull, and never push.
+    rows = _ROWS if robot.n_a <= _FEW else _MORE_ROWS
+    return f"""# The states to solve: `cfem simulate-sample sample.yaml`. No cable ever pushes, no chamber ever sucks.
 scene: scene.yaml
 mesh: ../../data/{robot.name}/mesh
 out: ../../data/{robot.name}/samples
@@ -160,7 +209,7 @@ out: ../../models/{robot.name}/spectral-export
 
 
 def _has_page(robot: NewScene) -> bool:
-    return len(robot.cables) <= ON_PAGE
+    return robot.n_a <= ON_PAGE
 
 
 def _export_page(robot: NewScene) -> str:
@@ -172,7 +221,6 @@ formats: [html]
 
 
 def _control(robot: NewScene) -> str:
-    n = len(robot.cables)
     return f"""# Goals to follow with the learned model, in the finite-element robot: `cfem control control.yaml`.
 scene: scene.yaml
 mesh: ../../data/{robot.name}/mesh
@@ -180,10 +228,10 @@ models:
   spectral: ../../models/{robot.name}/spectral-export
 out: ../../data/{robot.name}/control
 trajectories:
-  closed-curve:                # where the tip goes when each cable's share of its reach circles about centre: reachable
+  closed-curve:                # where the tip goes when the shares of all actuators' reach circle: reachable
     kind: image
-    centre: [{", ".join(["0.45"] * n)}]
-    radii: [{", ".join(["0.3"] * n)}]
+    centre: 0.45
+    radii: 0.3
     goals: 24
 """
 

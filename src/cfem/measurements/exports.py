@@ -33,7 +33,7 @@ def read_recording(path: Path, unit: float | None = None) -> Recording:
     if first and first[0].lower() == "trajectories":
         return _vicon(path, lines, unit)
     if first and re.fullmatch(r"t|time|t_s|(t|time)[_ ]?[\[(]?s[\])]?", first[0], re.IGNORECASE):
-        return _plain(titled(path, lines), unit)
+        return _plain(titled(path, [row for row in lines if not row.blank]), unit)
     do = "export from Motive (CSV, with header), from Nexus (ASCII, trajectories), as .c3d, or write a table whose "
     do += "columns are t_s, NAME_x_mm, NAME_y_mm, NAME_z_mm"
     raise InputError("is no export of OptiTrack Motive or Vicon Nexus", where=str(path), do=do)
@@ -56,7 +56,7 @@ def _optitrack(path: Path, lines: list[Row], unit: float | None) -> Recording:
     start = next((i for i, row in enumerate(rows) if row and row[0] == "Frame"), None)
     if start is None or start < 3:
         raise InputError("has no row that begins with 'Frame'", where=str(path), do="export it with its header")
-    head = [row for row in rows[1:start] if row]
+    head = [row for row in rows[1:start] if any(row)]
     kinds = next((row for row in head if "Position" in row), None)
     types, names = head[0], head[1]
     columns: dict[str, dict[str, int]] = {}

@@ -33,8 +33,11 @@ def run(
     number, all steps and why it is to be run. workers: processes that solve samples, one per core where None.
 
     Returns what a stage returns; results: stages (stage, spec, out, status, why, seconds), judgement, headline. Raises
-    GateError under `check` where a stage is stale."""
+    GateError under `check` where a stage is stale; SpecError before the first stage where specs do not fit each
+    other."""
     steps = _steps(places, overrides, until, only)
+    for step in steps:
+        step.stage.demand_agreement()
     begin, line = time.perf_counter(), line or _line
     done: list[dict[str, Any]] = []
     for number, step in enumerate(steps):

@@ -6,7 +6,7 @@ from collections import deque
 import numpy as np
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.newton import Settings
 from cfem.equilibrium.predictor import Knot, is_new, knot, predict
 from cfem.equilibrium.problem import Problem
@@ -52,6 +52,8 @@ class FemRobot:
         not converge to a stable equilibrium."""
         begin = time.perf_counter()
         base = None if self.state is None else self.state.state
+        if slack:
+            actuation = pulling_only(actuation, self._problem.robot.unilateral)
         start = predict(self._known, near, actuation)
         tangent = self._problem.latest if again else None
         found = solve(self._problem, actuation, start, base, settings=self._settings, slack=slack, tangent=tangent)

@@ -1,9 +1,9 @@
 """Learned robots whose cables only pull: one that would have to push goes slack.
 
 A contact step holds every actuator, and its lambda_a says where a cable would push. Here such a cable carries nothing,
-as in finite elements (`cfem.equilibrium.slack`): lambda_a = 0, and delta_a is beyond its target, where Broyden's method
-finds it (*A class of methods for solving nonlinear simultaneous equations*, 1965) from the stiffness of the free
-robots."""
+as in finite elements (`cfem.equilibrium.complementarity`): lambda_a = 0, and delta_a is beyond its target, where
+Broyden's method finds it (*A class of methods for solving nonlinear simultaneous equations*, 1965) from the stiffness
+of the free robots."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.control.optimality import Verdict
 from cfem.control.spec import FE_BASED
 from cfem.core.shown import duration, length, times
 from cfem.report.page import Number, Summary
@@ -14,13 +15,14 @@ from cfem.report.tracking import Tracking
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one controller on all trajectories, by goal: error (m,) mm, NaN where the robot failed; reachable (m,) as
-    FE-based control found it where it ran; inside (m,) whether the plan stayed within what the model was trained on;
-    step_us (m,)."""
+    """Of one controller on all trajectories, by goal: error (m,) mm, NaN where the robot failed; reachable (m,) where
+    nothing shows that it is out of reach, and converged (m,) whether the search ended at an optimum, both by FE-based
+    control where it ran; inside (m,) whether the plan stayed within what the model was trained on; step_us (m,)."""
 
     who: str
     error: np.ndarray
     reachable: np.ndarray
+    converged: np.ndarray
     inside: np.ndarray
     step_us: np.ndarray
 
@@ -31,7 +33,9 @@ class Outcome:
         rows = [found.of(name, who) for name, who in parts]
         judged = [found.of(name, FE_BASED if FE_BASED in found.summaries[name] else who) for name, who in parts]
         own = [np.concatenate([one[key] for one in rows]) for key in ("error", "inside", "step_us")]
-        return cls(parts[0][1], own[0], np.concatenate([one["reachable"] for one in judged]), *own[1:])
+        reachable = np.concatenate([one["reachable"] for one in judged])
+        converged = np.concatenate([np.asarray(one["verdict"]) != Verdict.NOT_CONVERGED.value for one in judged])
+        return cls(parts[0][1], own[0], reachable, converged, *own[1:])
 
 
 def tracking_summary(found: Tracking) -> Summary:
@@ -40,7 +44,8 @@ def tracking_summary(found: Tracking) -> Summary:
     able, reached = int(one.reachable.sum()), int((one.error[one.reachable] <= limit).sum())
     away = len(one.error) - able
     plant = "finite-element robot" if found.plant == "fem" else "model"
-    sentence = f"The {plant} reaches {reached} of {able} goals within reach, driven by the learned model '{one.who}'."
+    known = "goals within reach" if one.converged.all() else "goals that are not shown to be out of reach"
+    sentence = f"The {plant} reaches {reached} of {able} {known}, driven by the learned model '{one.who}'."
     if away:
         sentence += f" {away} goal{'s lie' if away > 1 else ' lies'} out of its reach: it ends at the nearest point."
     within = (f"within {length(limit)}", *((f"{away} more out of reach",) if away else ()))
@@ -59,6 +64,9 @@ def tracking_summary(found: Tracking) -> Summary:
 
 def _concerns(one: Outcome, found: Tracking, reached: int) -> Iterator[str]:
     able, limit = int(one.reachable.sum()), found.spec["reached"]
+    lost = int((~one.converged).sum())
+    if lost:
+        yield f"the search for {lost} of {len(one.error)} goals did not converge"
     if reached < able:
         yield f"{one.who} misses {able - reached} of the {able} goals in reach by more than {length(limit)}"
     if not able:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.strokes import FE_TOLERANCE, TOLERANCE
 from cfem.control.spec import FE_BASED
 from cfem.core.shown import length, length_unit
 from cfem.core.stage import artefact_file
@@ -106,14 +107,14 @@ def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> S
     charts = [one for name in shown for one in trajectory_charts(found, name, units)]
     return Section(
         "Tracking",
-        text + looser(found),
+        text + looser(found, next(iter(units.values()))[0]),
         (tracking_table(found), *table, *charts, *effort_charts(found)),
         facts={"tracking": found.summaries},
     )
 
 
-def looser(found: Tracking) -> str:
-    """Why FE-based control misses by more than the learned one, where it does."""
+def looser(found: Tracking, unit: str) -> str:
+    """Why FE-based control misses by more than the learned one, where it does; unit: of an actuator's displacement."""
     pairs = [
         (one[FE_BASED]["distance_to_reachable_goals"], one[found.learned(name)]["distance_to_reachable_goals"])
         for name, one in found.summaries.items()
@@ -121,10 +122,17 @@ def looser(found: Tracking) -> str:
     ]
     if not any(fe and learned and fe["mean"] > learned["mean"] for fe, learned in pairs):
         return ""
+    fe, learned = (
+        f"{100 * share:g} % of their stroke" if stated is None else f"{stated:g} {unit}"
+        for stated, share in (
+            (found.spec["fe_tolerance"], FE_TOLERANCE),
+            (found.spec["search"]["tolerance"], TOLERANCE),
+        )
+    )
     return (
-        f"FE-based control stops at {length(found.spec['fe_tolerance'])} from a goal, a learned controller at "
-        f"{length(found.spec['search']['tolerance'])}, because a step of FE-based control costs far more. Its larger "
-        "tracking error comes from this looser tolerance, not from its model."
+        f"FE-based control stops where its actuators would move by less than {fe}, a learned controller at {learned}, "
+        "because a step of FE-based control costs far more. Its larger tracking error comes from this looser "
+        "tolerance, not from its model."
     )
 
 
@@ -137,7 +145,8 @@ def tracking_table(found: Tracking) -> Table:
             "trajectory": lambda row: row[0],
             "controller": lambda row: row[1],
             "goals reached": lambda row: f"{found.reached(row[0], row[1])} of {row[2]['goals']}",
-            "goals in reach": lambda row: str(row[2]["reachable"]),
+            "goals not out of reach": lambda row: str(row[2]["reachable"]),
+            "searches that did not converge": lambda row: str(row[2]["not_converged"]),
             "tracking error, goals in reach, mean / max": lambda row: lengths(row[2]["distance_to_reachable_goals"]),
             "distance to FE-based, mean / max": lambda row: lengths(row[2]["distance_to_fe_based"]),
             "steps per goal": lambda row: number(row[2]["iterations_mean"], 2),

@@ -32,7 +32,7 @@ from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
 from cfem.robot.catalogue import soft_finger, stiff_flop, taper
 from cfem.robot.materials import MaterialSpec
-from cfem.robot.plausible import demand_possible
+from cfem.robot.possible import demand_possible
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 from cfem.robot.shape.deform import shaped
@@ -77,8 +77,8 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
             actuators=tuple(item.name for item in scene.actuators),
             contacts=tuple(f"{item.name}.{axis}" for item in scene.contacts for axis in "xyz"),
         ),
-        reach=np.array([item.reach for item in scene.actuators]),
-        unilateral=np.array([item.unilateral for item in scene.actuators]),
+        reach=np.array([item.reach for item in scene.actuators]).reshape(-1, 2),
+        unilateral=np.array([item.unilateral for item in scene.actuators], dtype=bool),
         length=scene.length,
         contacts=_each(scene, "contacts", lambda item: _contact(mesh, item, sections)),
         rigid=_rigid(scene, mesh, sections, fixed),
@@ -148,7 +148,7 @@ def _free_sections(sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.nd
 def _forces(scene: spec.SceneSpec) -> np.ndarray | None:
     """(n_a, 2) smallest and largest pressure, where all actuators state theirs."""
     stated = [getattr(item, "pressure", None) for item in scene.actuators]
-    return None if any(each is None for each in stated) else np.array(stated)
+    return None if not stated or any(each is None for each in stated) else np.array(stated)
 
 
 def _attach(

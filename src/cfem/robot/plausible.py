@@ -1,43 +1,21 @@
-"""What cannot be, and what hardly can: a reach beyond the cable, a watched point that is held, a robot of 0.06 mm."""
+"""What hardly can be meant, such as a robot of 0.06 mm: most of it is a number written in another unit."""
 
 import numpy as np
 
-from cfem.core.errors import SpecError
 from cfem.core.shown import stress
 from cfem.equilibrium.robot import Robot
-from cfem.robot.soundness import moves_nothing, stands_still
+from cfem.robot.routing import cable_doubts, effector_doubts
+from cfem.robot.stroke import stroke_doubts
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
 MODULI = (1e-3, 3e5)  # MPa, Young's: from gels to metals, of all that a robot may be made of
 RUBBER = (1e-3, 1e3)  # MPa, Young's, of what laws of rubber are fitted to
-STRONG = 100.0  # times Young's modulus: chambers burst long before such a pressure
-
-
-def demand_possible(scene, robot: Robot) -> None:
-    """SpecError where an actuator's reach is more than there is of it, or where all that a point acts on is held."""
-    for index, (item, actuator) in enumerate(zip(scene.actuators, robot.actuators, strict=True)):
-        with scene.locating("actuators", index):
-            _demand_reach(item, actuator)
-            if moves_nothing(robot, actuator):
-                what = f"{item.kind} '{item.name}' acts on held nodes alone and moves nothing"
-                raise SpecError(what, do="lead it beyond what `fixed` holds, or hold less")
-    for index, (item, effector) in enumerate(zip(scene.effectors, robot.effectors, strict=True)):
-        if stands_still(robot, effector):
-            what = f"effector '{item.name}' lies where `fixed` holds the body and cannot move"
-            with scene.locating("effectors", index):
-                raise SpecError(what, do="watch a point that is free, or hold less")
-
-
-def _demand_reach(item, actuator) -> None:
-    low, high = item.reach
-    length, volume = getattr(actuator, "rest_length", None), getattr(actuator, "rest_volume", None)
-    if length is not None and high >= length:
-        what = f"cable '{item.name}' is {length:.4g} mm long and cannot be shortened by {high:.4g} mm"
-        raise SpecError(what, where="reach", do="give the largest shortening, often a tenth of the length")
-    if volume is not None and low <= -volume:
-        what = f"{item.kind} '{item.name}' holds {volume:.4g} mm^3 and cannot lose {-low:.4g} mm^3"
-        raise SpecError(what, where="reach", do="give the largest loss of volume, below what it holds")
+LENGTHS = 3.0  # times: between the length that errors are told by and the body's largest side
+DENSITIES = (1e-11, 2.3e-8)  # t/mm^3, from foams to the heaviest metals
+GRAVITIES = (100.0, 1e5)  # mm/s^2, from a tenth of the moon's to ten times the earth's
+LOCKS = 0.49  # Poisson's ratio beyond which tetrahedra of constant strain hold on to their volumes
+LONG_AXES = {"bar": 0, "taper": 0, "stiff-flop": 0, "trunk": 2, "soft-finger": 2}  # along which these bodies are long
 
 
 def doubts(scene, robot: Robot) -> list[str]:
@@ -50,11 +28,41 @@ def doubts(scene, robot: Robot) -> list[str]:
             found.append(
                 f"cable '{item.name}' may be shortened by {item.reach[1]:.4g} mm, {share} of its {length:.4g} mm"
             )
-    found += _pressure_doubts(scene)
-    extent = float(np.ptp(robot.X, axis=0).max())
-    if not extent / 10 <= scene.length <= 10 * extent:
-        found.append(f"length is {scene.length:.4g} mm, and the body measures {_extent(robot.X)} mm: check its unit")
+    extent = np.ptp(robot.X, axis=0)
+    if not extent.max() / LENGTHS <= scene.length <= LENGTHS * extent.max():
+        found.append(f"length is {scene.length:.4g} mm, and the body measures {_sides(extent)} mm: check its unit")
+    found += _width_doubts(scene, extent) + _material_doubts(scene) + _gravity_doubts(scene)
+    return found + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
+
+
+def _width_doubts(scene, extent: np.ndarray) -> list[str]:
+    """Of a long body by name: none, or that it is wider than long."""
+    axis = LONG_AXES.get(scene.geometry.kind)
+    if axis is None or extent[axis] >= extent.max():
+        return []
+    what = f"the {scene.geometry.kind} measures {_sides(extent)} mm"
+    return [f"{what}, wider than its {extent[axis]:.3g} mm of length: check its widths"]
+
+
+def _material_doubts(scene) -> list[str]:
+    found = []
+    regions = {f"materials.{index}.material": each.material for index, each in enumerate(scene.materials)}
+    for key, item in ({"material": scene.material} | regions).items():
+        found += modulus_doubts(item.young, MODULI, f"check the units of {key}")
+        if item.density is not None and not DENSITIES[0] <= item.density <= DENSITIES[1]:
+            dense, known = 1e12 * item.density, " to ".join(f"{1e12 * end:g}" for end in DENSITIES)
+            found.append(f"the density of {key} is {dense:.4g} kg/m^3, and matter has {known}: check its unit")
+        if scene.mesh.element == "tet4" and item.poisson > LOCKS:
+            what = f"tet4 locks at Poisson's ratio {item.poisson:g} of {key}, and forces come out far too large"
+            found.append(f"{what}: use tet10p0, or a ratio of at most {LOCKS:g}")
     return found
+
+
+def _gravity_doubts(scene) -> list[str]:
+    size = 0.0 if scene.gravity is None else float(np.linalg.norm(scene.gravity.acceleration))
+    if size == 0 or GRAVITIES[0] <= size <= GRAVITIES[1]:
+        return []
+    return [f"gravity is {size / 1e3:.4g} m/s^2, and on earth 9.81 m/s^2: check its unit"]
 
 
 def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[str]:
@@ -65,19 +73,6 @@ def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[st
     return [f"Young's modulus is {stress(young)}, and {stress(low)} to {stress(high)} is known of such materials: {do}"]
 
 
-def _pressure_doubts(scene) -> list[str]:
-    """A sentence for each pressure (MPa) that no wall of the robot's stiffest material would bear."""
-    young = max(material.young for material in (scene.material, *(part.material for part in scene.materials)))
-    driven = [item for item in scene.actuators if getattr(item, "pressure", None) is not None]
-    largest = [(item, np.abs(item.pressure).max()) for item in driven]
-    return [
-        f"the pressure of {item.kind} '{item.name}' may be {pressure:.4g} MPa, {pressure / young:.0f} times "
-        f"Young's modulus of {young:.4g} MPa: check their units"
-        for item, pressure in largest
-        if pressure > STRONG * young
-    ]
-
-
 def size_doubts(extent: np.ndarray) -> list[str]:
     """Of a body that measures `extent` (3,) mm: none, or why that is hardly meant."""
     size = float(extent.max())
@@ -85,10 +80,6 @@ def size_doubts(extent: np.ndarray) -> list[str]:
         return []
     wrong = "metres read as millimetres" if size < SMALLEST else "millimetres read as metres"
     return [f"the body measures {_sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
-
-
-def _extent(X: np.ndarray) -> str:
-    return _sides(np.ptp(X, axis=0))
 
 
 def _sides(extent: np.ndarray) -> str:

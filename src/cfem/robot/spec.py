@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
@@ -70,8 +71,8 @@ class SceneSpec(Spec):
     """Gravity, none unless given."""
     loads: list[Load] = []
     """Constant forces."""
-    actuators: list[Actuator] = Field(min_length=1)
-    """What drives the robot: cables and chambers."""
+    actuators: list[Actuator]
+    """What drives the robot: cables and chambers. `cfem mesh` works without any, samples need one."""
     contacts: list[Contact] = []
     """Points that something may touch."""
     effectors: list[Effector] = Field(min_length=1)
@@ -120,6 +121,14 @@ class SceneSpec(Spec):
             raise ValueError("shape: the robot is of sections that do not deform, leave `shape` out")
         if isinstance(self.geometry, Assembly) and self.mesh.refine:
             raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
+
+
+def demand_driven(scene: SceneSpec) -> None:
+    """SpecError where nothing drives the robot."""
+    if not scene.actuators:
+        with scene.locating():
+            do = "add cables or chambers: comments in a scene of `cfem init` show how"
+            raise SpecError("nothing drives the robot yet", where="actuators", do=do)
 
 
 def scene_meaning(path: Path) -> Any:

@@ -46,11 +46,20 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     demand_independent(robot)
     demand_inside(scene, mesh.base)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
-    judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts()]]
+    judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts(reads_cells(scene))]]
     wanted = scene.mesh.cells
     mends = [f"{path}: {phrase}" for path, phrase in mends_of(scene.geometry, folder)]
     asked = "" if wanted is None else f"; sizes were graded for {wanted} cells"
     return {"headline": [figures.sentence() + asked, *mends], "judgement": judgement, **asdict(figures)}
+
+
+def reads_cells(scene: SceneSpec) -> bool:
+    """Whether the cells are those of a file, not made here."""
+    parts = [scene.geometry]
+    if isinstance(scene.geometry, Assembly):
+        parts = [part.geometry for part in scene.geometry.parts]
+    files = [part for part in parts if isinstance(part, MeshFile)]
+    return any(not part.meshed_here for part in files)
 
 
 COMMAND = Command("mesh", 1, SceneSpec, _work, reads=_reads)

@@ -18,7 +18,7 @@ from cfem.condensed.parameters import coordinates, from_shares, sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.dataset.writer import table_bytes
-from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
@@ -153,7 +153,7 @@ def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) 
     else:
         asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
         p = from_shares(parameters, u[n_a:])
-    q = coordinates(parameters, p)
+    asked, q = pulling_only(asked, facts.unilateral), coordinates(parameters, p)
     solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
     known = _knot(facts, piece, u, p, solved)
     return Solved(u, asked, X, p, solved, known, time.perf_counter() - begin)

@@ -36,7 +36,8 @@ class Facts:
     best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
     scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
     for; inner: the number of inner motions whose mass is recorded; masses: t, by the name of the effector that is the
-    centre of that mass; inside: the nodes that are not of the surface, None where there are none."""
+    centre of that mass; inside: the nodes that are not of the surface, None where there are none; unilateral: (n_a,)
+    actuators that go slack rather than push, (0,) where none does."""
 
     scene: str
     rows: Rows
@@ -55,6 +56,7 @@ class Facts:
     inner: int = 0
     masses: Mapping[str, float] = field(default_factory=dict)
     inside: Inside | None = None
+    unilateral: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
 
 class Solver(Protocol):
@@ -140,6 +142,7 @@ class FiniteElements:
             0 if stresses is None else stresses.shape[2],
             robot.masses,
             Inside(within, robot.X[within]) if len(within) else None,
+            robot.unilateral if self.slack else np.zeros(0, dtype=bool),
         )
         asked = self.third_order, self.loads, self.slack
         return _FiniteElementSolver(facts, family, problem, settings, *asked, mass, stresses)

@@ -9,7 +9,7 @@ from cfem.condensed.parameters import to_json
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, Stage, run_stage
-from cfem.robot.spec import scene_meaning
+from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
 from cfem.sample.parameters import scene_parameters
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
@@ -97,6 +97,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     scene, around = spec_path.parent / spec.scene, placed(spec, spec_path.parent).around
     beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)
     return Stage(
+        agrees=lambda: demand_driven(load_spec(scene, SceneSpec)),
         name="simulate-sample",
         version=VERSION,
         spec=spec,

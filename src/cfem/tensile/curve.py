@@ -40,7 +40,7 @@ class Curve:
 def read_curve(path: Path, mode: Mode = "uniaxial", length: float | None = None, area: float | None = None) -> Curve:
     """length mm and area mm^2: of the specimen at rest, for extension and force. InputError naming the file, the line
     and the column of what cannot be read."""
-    rows = [row for row in read_rows(path) if row.cells]
+    rows = [row for row in read_rows(path) if not row.blank]
     start, across, up = _titles(rows, path)
     table = TextTable(path, rows[start].cells, tuple(rows[start + 1 :]))
     if len(table.rows) < FEWEST:

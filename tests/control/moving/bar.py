@@ -7,9 +7,9 @@ from motion.learned import LARGEST, Static, dataset, problem
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
+from cfem.condensed.strokes import ridge_of
 from cfem.control.controller import Controller
-from cfem.control.gains import Gains
-from cfem.control.inverse import Limits, ridge_of
+from cfem.control.inverse import Limits
 from cfem.control.loop import Settings
 from cfem.control.moving.horizon import Bounds, Cost
 from cfem.control.moving.mpc import Mpc, Plan
@@ -17,6 +17,7 @@ from cfem.control.tick import Pilot
 from cfem.motion.altered import Altered
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
+from cfem.plant.gains import Gains
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
 from cfem.predict.energy import condense

@@ -54,3 +54,22 @@ def test_a_mesh_that_holds_less_than_its_body_is_doubted():
     assert quality(mesh, 6.1).doubts() == [] and quality(mesh, None).doubts() == []
     (said,) = quality(mesh, 6.6).doubts()
     assert said.startswith("the cells hold 9.1 % less") and "18 % softer" in said
+
+
+def test_cells_that_are_nearly_flat_are_doubted_with_what_to_do():
+    mesh = block((2, 2, 2), (2, 2, 2))
+    X, middle = mesh.X.copy(), int(np.argmin(np.linalg.norm(mesh.X - 1, axis=1)))
+    assert quality(mesh, None).doubts() == []
+    X[middle] = [1.999, 1.0, 1.0]  # nearly on the face that its cells stand on
+    figures = quality(Mesh(X, mesh.cells, mesh.facets), None)
+    assert figures.flat > 0 and (figures.smallest_dihedral_deg < 1 or figures.largest_dihedral_deg > 179)
+    assert "nearly flat" in figures.doubts()[0] and "a smaller mesh.size" in figures.doubts()[0]
+    assert "as .stl, which cfem meshes itself" in figures.doubts(from_file=True)[0]
+
+
+def test_a_hexahedron_that_is_nearly_flat_is_doubted():
+    mesh = hexahedra((1, 1, 1), (1, 1, 1))
+    slope = np.radians(1)
+    sheared = mesh.X @ np.array([[1.0, 0, 0], [np.cos(slope), np.sin(slope), 0], [0, 0, 1]])
+    (said,) = quality(Mesh(sheared, mesh.cells, mesh.facets), None).doubts()
+    assert said.startswith("1 of 1 cells are nearly flat, with a scaled Jacobian down to 0.017")

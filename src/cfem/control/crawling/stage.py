@@ -14,6 +14,7 @@ from cfem.control.crawling.course import Course, account_of, headline, judged, k
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.own_weight import own_weight
 from cfem.control.crawling.spec import GaitSpec
+from cfem.control.optimality import Verdict
 from cfem.control.prepared import demand_same_rows, robot_and_models
 from cfem.control.spec import ControlSpec
 from cfem.control.summary import summarise
@@ -132,6 +133,7 @@ def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> 
                 "lambda_a": np.concatenate([one.lambda_a for one in planned.touches[index].solved[:-1]]),
                 "predicted_e": goal - planned.base[0],
                 "predicted_distance": 0.0,
+                "verdict": Verdict.REACHED.value,
                 "reachable": True,
                 "reached": error < reached,
                 "inside": all(model.inside(one) for one in states),

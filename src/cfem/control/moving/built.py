@@ -8,7 +8,6 @@ import numpy as np
 from cfem.condensed import Condensed
 from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
 from cfem.control.controller import Controller
-from cfem.control.gains import Gains
 from cfem.control.inverse import Aim
 from cfem.control.loop import Iterate, reach
 from cfem.control.moving.feedforward import Computed, Shaped
@@ -20,6 +19,7 @@ from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
 from cfem.motion.mpc_spec import MpcSpec
+from cfem.plant.gains import Gains
 
 _NO_NOISE = 0.01  # mm, of a sensor without
 

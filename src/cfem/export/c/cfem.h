@@ -16,17 +16,18 @@
 #ifndef CFEM_H
 #define CFEM_H
 
+#include "cfem_feedback.h"
 #include "cfem_room.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* What a step says: an OR of these. Below CFEM_HELD they qualify a new command; with CFEM_HELD the command is the one of
- * the tick before, and one of the three bits behind it says why. The last two are of samples. */
+/* What a step says: an OR of these. Without CFEM_HELD they qualify a new command; with CFEM_HELD the command is the one of
+ * the tick before, and one of the three bits after it says why. The last two are of samples. */
 enum {
     CFEM_OK = 0,
-    CFEM_LIMITED = 1,     /* a bound of force, course or step decided */
+    CFEM_LIMITED = 1,     /* a bound of force, course or step decided: on the way as well as in the end */
     CFEM_SOFTENED = 2,    /* no force within its bounds keeps the course: it is exceeded by as little as possible */
     CFEM_OUTSIDE = 4,     /* the model was asked outside of the box that it was trained on */
     CFEM_NOT_FOUND = 8,   /* the observer did not converge: its best guess was used */
@@ -34,18 +35,23 @@ enum {
     CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
     CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
     CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
-    CFEM_REJECTED = 256,  /* the sample does not fit what the observer expects of it: it was not heard (cfem_gate.h) */
-    CFEM_RESTARTED = 512  /* too many samples did not fit, or the estimate was lost: the observer began again */
+    CFEM_REJECTED = 256,  /* the sample was not used: not finite, older than CFEM_LATE commands, of a command not given yet, or
+                             unlike what the observer expects of it (cfem_gate.h) */
+    CFEM_RESTARTED = 512, /* too many samples were unlike that, or the estimate was lost: the observer began again */
+    CFEM_OUT_OF_REACH = 1024, /* the robot stands at the nearest point to its goal: by the optimality conditions no move within
+                              the bounds of force and course brings the effectors nearer */
+    CFEM_FAR = 2048        /*   with CFEM_BAD_INPUT: the goal is more than two lengths of the robot from where the effectors rest,
+                              so that its unit is another one */
 };
 
 /* What the controller knows at a tick. */
 typedef struct {
     cfem_real goal[CFEM_MOST_NE];    /* mm, absolute: where the effectors should be */
-    cfem_real error[CFEM_MOST_NE];   /* mm: cfem_output.reference of the tick that the latest measurement of the effectors
-                                   belongs to, minus that measurement; read only where measured != 0 */
+    cfem_real x_e[CFEM_MOST_NE];     /* mm, absolute: the latest sample of the effectors; read only where `tick` is new */
     cfem_real delta_a[CFEM_MOST_NA]; /* mm (mm^3): where the actuators are measured; read only by CFEM_OBSERVER_MEASURED */
-    int measured;               /* 1: `error` is new since the last tick, and moves the goal by K_P e + K_I sum e; 0: the goal
-                                   stays moved as it was (open loop, as long as it never was 1) */
+    uint32_t tick;              /* number of the command that x_e followed: cfem_output.tick when the sample was taken. It moves the
+                                   goal once, by K_P e + K_I sum e, however long it stays here; 0: nothing is measured yet
+                                   (open loop, as long as it stays 0) */
 } cfem_input;
 
 /* What it commands: take the one that the drives take (CFEM_COMMAND_FORCE says which it was exported for). */
@@ -55,6 +61,7 @@ typedef struct {
     cfem_real reference[CFEM_MOST_NE]; /* mm, absolute: where the effectors will be if the outer loop is right: the goal, or what
                                      the limits leave of it. Errors are measured from here, so that nothing is added up that no
                                      command can change (anti-windup) */
+    uint32_t tick;                /* number of this command, from 1 on; with CFEM_HELD that of the one that stays */
     unsigned status;              /* CFEM_OK, or an OR of the above */
 } cfem_output;
 
@@ -80,8 +87,7 @@ typedef struct {
     double delta_a[CFEM_MOST_NA];     /* mm, of the last command, as linearised where forces are commanded */
     double lambda_a[CFEM_MOST_NA];    /* N, of the last command, as linearised where displacements are commanded */
     double reference[CFEM_MOST_NE];   /* mm, absolute: see cfem_output */
-    double integral[CFEM_MOST_NE];    /* mm, K_I sum e */
-    double moved[CFEM_MOST_NE];       /* mm, by which the goal is moved: K_P e + K_I sum e */
+    cfem_feedback feedback;
 #if CFEM_MOST_HALVINGS
     cfem_condensed at;           /* the model at the last command */
     int stands;                  /* whether that is the command, not cut down since */

@@ -23,6 +23,9 @@ static unsigned ask(const cfem_controller *c, const double *s, cfem_condensed *m
     return cfem_model(s, m);
 }
 
+#define NEARER 5e-3  /* of the miss: a robot that could come nearer by less is as near as it gets */
+#define ARRIVED 1e-4 /* of how far a full stroke moves the effectors: a smaller miss is none */
+
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
 /* Amplitude limits cut down to what one tick may change: `rate` from the last command, a `share` of `step` from where the
@@ -112,6 +115,13 @@ static unsigned inverse_step(const cfem_condensed *m, const double *aim, const l
     return status;
 }
 
+/* Whether a and b (NA,) mm are as good as the same. */
+static int together(const double *a, const double *b) {
+    for (int i = 0; i < NA; i++)
+        if (fabs(a[i] - b[i]) > cfem_tolerance[i]) return 0;
+    return 1;
+}
+
 #if CFEM_MOST_HALVINGS
 /* mm^2, what the inverse step minimises, at a state of the model, with an exact penalty on forces outside their bounds. */
 static double merit(const cfem_condensed *m, const double *aim, double penalty) {
@@ -129,7 +139,7 @@ static double merit(const cfem_condensed *m, const double *aim, double penalty) 
 }
 
 /* m becomes the model where the inverse step leads, of the longest of step, step / 2, step / 4, ... for which that is better;
- * it stays where none is, or where the step is shorter than CFEM_TOLERANCE. A shorter step, not a part of the step: what the
+ * it stays where none is, or where the step is shorter than cfem_tolerance. A shorter step, not a part of the step: what the
  * goal needs is still done, what hardly matters waits. Among obstacles, where friction makes that lead aside, it is a part of the step as
  * long as the limits leave it as long as it was. The status is of the first. */
 static unsigned descend(const cfem_controller *c, cfem_condensed *m, const double *aim, int *moved) {
@@ -142,20 +152,13 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
     for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
         const limits l = of_this_tick(c, m->delta_a, share);
         const unsigned status = inverse_step(m, aim, &l, lambda_a, delta_a, &strongest);
-        double farthest = 0.0;
         cfem_condensed trial;
         if (halving == 0) first = status;
-        if (status & CFEM_NO_QP) break;
-        for (int i = 0; i < NA; i++)
-            if (fabs(delta_a[i] - m->delta_a[i]) > farthest) farthest = fabs(delta_a[i] - m->delta_a[i]);
-        if (farthest <= CFEM_TOLERANCE) break;
+        if ((status & CFEM_NO_QP) || together(delta_a, m->delta_a)) break;
 #if CFEM_CONTACT
-        double shorter = 0.0;
-        for (int i = 0; i < NA; i++) {
-            if (halving == 0) whole[i] = delta_a[i];
-            shorter = fmax(shorter, fabs(delta_a[i] - whole[i]));
-        }
-        for (int i = 0; i < NA && shorter <= CFEM_TOLERANCE; i++) delta_a[i] = m->delta_a[i] + share * (delta_a[i] - m->delta_a[i]);
+        for (int i = 0; i < NA && halving == 0; i++) whole[i] = delta_a[i];
+        const int as_long = together(delta_a, whole);
+        for (int i = 0; i < NA && as_long; i++) delta_a[i] = m->delta_a[i] + share * (delta_a[i] - m->delta_a[i]);
 #endif
         if (ask(c, CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
         if (merit(&trial, aim, 2.0 * strongest) < merit(m, aim, 2.0 * strongest)) {
@@ -166,6 +169,54 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
     return first;
 }
 #endif
+
+/* mm, weighted, between the effectors of the linearised robot m under lambda_a (NA,) and the aim. */
+static double missed(const cfem_condensed *m, const double *aim, const double *lambda_a) {
+    double square = 0.0;
+    for (int e = 0; e < NE; e++) {
+        const double missing = cfem_effector_weight[e] * (m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - aim[e]);
+        square += missing * missing;
+    }
+    return sqrt(square);
+}
+
+/* mm, weighted, that the full stroke of an actuator moves the effectors here: the largest. W_ea = J W_aa. */
+static double effect(const cfem_condensed *m) {
+    double inverse[MOST_NA][MOST_NA], most = 0.0;
+    for (int i = 0; i < NA; i++)
+        for (int j = 0; j < NA; j++) inverse[i][j] = m->W_aa[i][j];
+    if (cfem_invert(NA, MOST_NA, &inverse[0][0])) return 0.0;
+    for (int i = 0; i < NA; i++) {
+        double square = 0.0;
+        for (int e = 0; e < NE; e++) {
+            const double slope = cfem_effector_weight[e] * cfem_dot(NA, m->W_ea[e], inverse[i]); /* it is symmetric */
+            square += slope * slope;
+        }
+        most = fmax(most, sqrt(square) * (cfem_delta_high[i] - cfem_delta_low[i]));
+    }
+    return most;
+}
+
+/* CFEM_OUT_OF_REACH where m is the nearest point to the aim, as in Python's cfem.control.optimality: the linearised robot comes
+ * no nearer within the bounds of force and course, and what regularises this program hardly counts. */
+static unsigned verdict(const cfem_condensed *m, const double *aim) {
+    double M[(MOST_NE + MOST_NA) * MOST_NA], d[MOST_NE + MOST_NA], low[2 * MOST_NA], high[2 * MOST_NA];
+    cfem_qp_answer answer;
+    const double here = missed(m, aim, m->lambda_a);
+    if (here <= ARRIVED * effect(m)) return CFEM_OK;
+    for (int e = 0; e < NE; e++) {
+        for (int j = 0; j < NA; j++) M[e * NA + j] = cfem_effector_weight[e] * m->W_ea[e][j];
+        d[e] = cfem_effector_weight[e] * (aim[e] - m->free_e[e]);
+    }
+    for (int i = 0; i < NA; i++) {
+        for (int j = 0; j < NA; j++) M[(NE + i) * NA + j] = cfem_least_ridge[i] * m->W_aa[i][j];
+        d[NE + i] = -cfem_least_ridge[i] * m->free_a[i];
+        low[i] = cfem_lambda_low[i], high[i] = cfem_lambda_high[i];
+        low[NA + i] = cfem_delta_low[i] - m->free_a[i], high[NA + i] = cfem_delta_high[i] - m->free_a[i];
+    }
+    if (cfem_qp(NA, NE + NA, M, d, NA, &m->W_aa[0][0], MOST_NA, low, high, &answer) != CFEM_QP_OPTIMAL) return CFEM_OK;
+    return here - missed(m, aim, answer.x) <= NEARER * here ? CFEM_OUT_OF_REACH : CFEM_OK;
+}
 
 /* Where the robot stands, by the observer of cfem_data.h: the model there, and its input s. */
 static unsigned observe(const cfem_controller *c, const cfem_input *in, double *s, cfem_condensed *m) {
@@ -197,30 +248,16 @@ static unsigned outside(const cfem_condensed *m) {
     return CFEM_OK;
 }
 
-static int usable(const cfem_input *in) {
-    int good = 1;
+/* 0, or what is wrong with the input. */
+static unsigned complaint(const cfem_input *in) {
+    int good = 1, far = 0;
     for (int e = 0; e < NE; e++) {
         good &= cfem_finite((double)in->goal[e]);
-        if (in->measured) good &= cfem_finite((double)in->error[e]);
+        far |= fabs((double)in->goal[e] - cfem_rest_e[e]) > cfem_far[e];
     }
     if (CFEM_OBSERVER == CFEM_OBSERVER_MEASURED)
         for (int i = 0; i < NA; i++) good &= cfem_finite((double)in->delta_a[i]);
-    return good;
-}
-
-/* The PI term from a new error. */
-static void correct(cfem_controller *c, const cfem_input *in) {
-    double error[MOST_NE], square = 0.0;
-    for (int e = 0; e < NE; e++) {
-        error[e] = cfem_effector_weight[e] > 0.0 ? (double)in->error[e] : 0.0;
-        c->integral[e] += CFEM_K_I * error[e];
-        square += c->integral[e] * c->integral[e];
-    }
-    const double length = sqrt(square);
-    for (int e = 0; e < NE; e++) {
-        if (length > CFEM_INTEGRAL_LIMIT) c->integral[e] *= CFEM_INTEGRAL_LIMIT / length;
-        c->moved[e] = CFEM_K_P * error[e] + c->integral[e];
-    }
+    return !good ? CFEM_HELD | CFEM_BAD_INPUT : far ? CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR : CFEM_OK;
 }
 
 static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *out) {
@@ -229,13 +266,18 @@ static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *o
         out->lambda_a[i] = (cfem_real)c->lambda_a[i];
     }
     for (int e = 0; e < NE; e++) out->reference[e] = (cfem_real)c->reference[e];
+    out->tick = c->feedback.given;
     return out->status = status;
 }
 
-static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a) {
+/* expected (NE,) mm, absolute: where the model then has the effectors. */
+static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a,
+                     double *expected) {
     for (int i = 0; i < NA; i++) c->lambda_a[i] = lambda_a[i], c->delta_a[i] = delta_a[i];
-    for (int e = 0; e < NE; e++)
-        c->reference[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - c->moved[e];
+    for (int e = 0; e < NE; e++) {
+        expected[e] = cfem_rest_e[e] + m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a);
+        c->reference[e] = expected[e] - c->feedback.moved[e];
+    }
 #if CFEM_MOST_HALVINGS
     c->at = *m, c->stands = 1;
     for (int i = 0; i < NA; i++)
@@ -245,12 +287,13 @@ static void remember(cfem_controller *c, const cfem_condensed *m, const double *
 
 void cfem_init(cfem_controller *c) {
     cfem_condensed m;
-    for (int e = 0; e < NE; e++) c->integral[e] = c->moved[e] = 0.0;
+    double expected[MOST_NE];
+    cfem_feedback_init(&c->feedback);
 #if CFEM_CONTACT
     c->ask = 0, c->with = 0;
 #endif
     const unsigned status = cfem_model(cfem_home, &m);
-    remember(c, &m, m.lambda_a, m.delta_a);
+    remember(c, &m, m.lambda_a, m.delta_a, expected);
 #if CFEM_MOST_HALVINGS
     if (status) c->stands = 0; /* the first tick asks again, and says so */
 #else
@@ -259,14 +302,15 @@ void cfem_init(cfem_controller *c) {
 }
 
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
-    double aim[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
+    double aim[MOST_NE], expected[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
     cfem_condensed m;
     limits l;
-    if (!usable(in)) return answer(c, CFEM_HELD | CFEM_BAD_INPUT, out);
-    if (in->measured) correct(c, in);
-    for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->moved[e] - cfem_rest_e[e]; /* the goal shift */
+    const unsigned wrong = complaint(in);
+    if (wrong) return answer(c, wrong, out);
+    unsigned found = cfem_feedback_hear(&c->feedback, in->tick, in->x_e), status = CFEM_OK;
+    for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->feedback.moved[e] - cfem_rest_e[e]; /* the goal shift */
 
-    unsigned found = observe(c, in, s, &m), status = CFEM_OK;
+    found |= observe(c, in, s, &m);
     if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
     for (int iteration = 0;; iteration++) {
         found |= outside(&m);
@@ -276,6 +320,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
             int moved;
             status = descend(c, &m, aim, &moved);
             if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+            if (!moved) status |= verdict(&m, aim);
             if (!moved || iteration == CFEM_ITERATIONS - 1) break;
             continue;
         }
@@ -283,6 +328,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
         double strongest;
         status = inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
         if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+        if (together(delta_a, m.delta_a)) status |= verdict(&m, aim);
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = ask(c, s, &m);
@@ -295,6 +341,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
         else
             delta_a[i] = clip(delta_a[i], l.delta_low[i], l.delta_high[i]);
     }
-    remember(c, &m, lambda_a, delta_a);
+    remember(c, &m, lambda_a, delta_a, expected);
+    cfem_feedback_commanded(&c->feedback, expected);
     return answer(c, status | found, out);
 }

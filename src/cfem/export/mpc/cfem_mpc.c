@@ -144,11 +144,13 @@ static void go_on(cfem_mpc *m, double *u) {
 static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsigned *heard) {
     cfem_moving now;
     double sum = 0.0;
+    int far = 0;
     const int known = in->ahead < 1 ? 1 : in->ahead < TICKS ? in->ahead : TICKS;
     for (int k = 0; k < TICKS; k++)
         for (int e = 0; e < NE; e++) {
             const double goal = in->goal[k < known ? k : known - 1][e];
             m->plan.goal[k][e] = goal - cfem_rest_e[e], sum += goal;
+            far |= fabs(goal - cfem_rest_e[e]) > cfem_far[e];
         }
     if (CFEM_MPC_SENSED) {
         if (in->sampled > m->sent || in->sampled < 0) return CFEM_HELD | CFEM_BAD_INPUT;
@@ -160,6 +162,7 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsign
         now = m->state;
     }
     if (!cfem_finite(sum)) return CFEM_HELD | CFEM_BAD_INPUT;
+    if (far) return CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR;
     for (int k = 0; m->lost && k <= TICKS; k++) memcpy(m->states[k], now.z, sizeof m->states[k]);
     memcpy(m->plan.told, now.u, sizeof m->plan.told), memcpy(m->plan.rest, m->rest, sizeof m->plan.rest);
     if (condense(m, &now)) return CFEM_HELD | CFEM_NO_MODEL;

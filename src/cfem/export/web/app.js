@@ -193,8 +193,8 @@ function start(robot) {
     for (let k = 0; k < most; k++) {
       const before = [...robot.delta_a];
       state.status = robot.tick();
-      const moved = Math.max(...before.map((value, i) => Math.abs(value - robot.delta_a[i])));
-      state.still = moved <= said.tolerance ? state.still + 1 : 0;
+      const stays = before.every((value, i) => Math.abs(value - robot.delta_a[i]) <= said.tolerance[i]);
+      state.still = stays ? state.still + 1 : 0;
       if (state.still > 1 || ++state.ticks > MOST) { state.moving = false; break; }
     }
     state.quick = state.moving && Math.max(...goals.map((one, i) => Math.hypot(...add(one.tip, from[i], -1)))) > 1e-4 * said.length;

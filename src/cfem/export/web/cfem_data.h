@@ -11,6 +11,7 @@ typedef double cfem_real;
 #define CFEM_MOST_NA 8
 #define CFEM_MOST_NE 12
 #define CFEM_MOST_HALVINGS 20
+#define CFEM_MOST_LATE 1
 #define CFEM_MOST_SERIES_NA CFEM_MOST_NA
 #define CFEM_MOST_SERIES_NE CFEM_MOST_NE
 #define CFEM_MOST_SERIES_OUTPUTS CFEM_MOST_NE
@@ -43,11 +44,11 @@ typedef struct {
     /* In the order of the block. */
     int kind, form_displacement, n_a, n_e, series_n_a, series_n_e, n_z, degree, modules;
     int observer, observer_iterations, command_force, iterations, halvings;
-    double observer_tolerance, tolerance, K_P, K_I, integral_limit;
-    double rest_e[CFEM_MOST_NE], effector_weight[CFEM_MOST_NE];
-    double ridge[CFEM_MOST_NA], damping[CFEM_MOST_NA];
+    double observer_tolerance;
+    double rest_e[CFEM_MOST_NE], effector_weight[CFEM_MOST_NE], far[CFEM_MOST_NE];
+    double ridge[CFEM_MOST_NA], least_ridge[CFEM_MOST_NA], damping[CFEM_MOST_NA];
     double lambda_low[CFEM_MOST_NA], lambda_high[CFEM_MOST_NA], delta_low[CFEM_MOST_NA], delta_high[CFEM_MOST_NA];
-    double step_limit[CFEM_MOST_NA], delta_rate[CFEM_MOST_NA], lambda_rate[CFEM_MOST_NA], home[CFEM_MOST_NA];
+    double tolerance[CFEM_MOST_NA], step_limit[CFEM_MOST_NA], delta_rate[CFEM_MOST_NA], lambda_rate[CFEM_MOST_NA], home[CFEM_MOST_NA];
     double domain_delta_a[2][CFEM_MOST_NA], domain_lambda_a[2][CFEM_MOST_NA];
     double to_box[CFEM_MOST_NZ][CFEM_MOST_NA], offset[CFEM_MOST_NZ];
     double softer[CFEM_MOST_MODULES], module_rest[3];
@@ -78,19 +79,24 @@ extern cfem_robot cfem_here;
 #define CFEM_COMMAND_FORCE cfem_here.command_force
 #define CFEM_ITERATIONS cfem_here.iterations
 #define CFEM_HALVINGS cfem_here.halvings
-#define CFEM_TOLERANCE cfem_here.tolerance
-#define CFEM_K_P cfem_here.K_P
-#define CFEM_K_I cfem_here.K_I
-#define CFEM_INTEGRAL_LIMIT cfem_here.integral_limit
+
+/* Nobody measures here: the loop is open. */
+#define CFEM_K_P 0.0
+#define CFEM_INTEGRAL_LIMIT 0.0
+#define CFEM_LATE 1
+#define cfem_integral_gain ((const double[1]){0.0})
 
 #define cfem_rest_e cfem_here.rest_e
 #define cfem_effector_weight cfem_here.effector_weight
+#define cfem_far cfem_here.far
 #define cfem_ridge cfem_here.ridge
+#define cfem_least_ridge cfem_here.least_ridge
 #define cfem_damping cfem_here.damping
 #define cfem_lambda_low cfem_here.lambda_low
 #define cfem_lambda_high cfem_here.lambda_high
 #define cfem_delta_low cfem_here.delta_low
 #define cfem_delta_high cfem_here.delta_high
+#define cfem_tolerance cfem_here.tolerance
 #define cfem_step_limit cfem_here.step_limit
 #define cfem_delta_rate cfem_here.delta_rate
 #define cfem_lambda_rate cfem_here.lambda_rate

@@ -50,10 +50,10 @@ int SERVED(load)(const unsigned char *block, int size) {
     between(&r, 0, to->observer, 2), between(&r, 0, to->observer_iterations, 100);
     between(&r, 1, to->iterations, 50), between(&r, 0, to->halvings, CFEM_MOST_HALVINGS);
     if (!r.good) return 1;
-    numbers(&r, &to->observer_tolerance, 5);
-    numbers(&r, to->rest_e, n_e), numbers(&r, to->effector_weight, n_e);
-    double *const by_actuator[] = {to->ridge,      to->damping,    to->lambda_low, to->lambda_high, to->delta_low,
-                                   to->delta_high, to->step_limit, to->delta_rate, to->lambda_rate, to->home};
+    numbers(&r, &to->observer_tolerance, 1);
+    numbers(&r, to->rest_e, n_e), numbers(&r, to->effector_weight, n_e), numbers(&r, to->far, n_e);
+    double *const by_actuator[] = {to->ridge,      to->least_ridge, to->damping,   to->lambda_low, to->lambda_high, to->delta_low,
+                                   to->delta_high, to->tolerance,   to->step_limit, to->delta_rate, to->lambda_rate, to->home};
     for (size_t i = 0; i < sizeof by_actuator / sizeof *by_actuator; i++) numbers(&r, by_actuator[i], n_a);
     matrix(&r, to->domain_delta_a, 2, n_a), matrix(&r, to->domain_lambda_a, 2, n_a);
     matrix(&r, to->to_box, to->n_z, to->series_n_a), numbers(&r, to->offset, to->n_z);
@@ -224,7 +224,7 @@ unsigned SERVED(tick)(void) {
     cfem_input in;
     cfem_output out;
     cfem_condensed m;
-    in.measured = 0;
+    in.tick = 0;
     for (int e = 0; e < CFEM_NE; e++) in.goal[e] = io.goal[e];
     for (int i = 0; i < CFEM_NA; i++) in.delta_a[i] = io.delta_a[i];
     const unsigned status = cfem_step(&controller, &in, &out);

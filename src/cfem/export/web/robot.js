@@ -1,6 +1,6 @@
 // The robot in WebAssembly: its controller, its model, the surface that its skin gives. Lengths in mm; forces in N or MPa.
 const ROOM = { effector: 12, actuator: 8, skin: 40, ticks: 20 };
-const STATUS = { LIMITED: 1, SOFTENED: 2, OUTSIDE: 4, NOT_FOUND: 8, HELD: 16, BAD_INPUT: 32, NO_MODEL: 64, NO_QP: 128 };
+const STATUS = { LIMITED: 1, SOFTENED: 2, OUTSIDE: 4, NOT_FOUND: 8, HELD: 16, BAD_INPUT: 32, NO_MODEL: 64, NO_QP: 128, OUT_OF_REACH: 1024, FAR: 2048 };
 
 async function makeRobot({ said, arrays }) {
   if (typeof WebAssembly === "undefined") throw new Error("This page needs WebAssembly, which this browser lacks or has switched off, so nothing is drawn.");

@@ -30,6 +30,7 @@ function heldBy(limits) {
 // actuators: how many there are; runs: whether its goal runs round a curve.
 function sentence(status, missed, moving, byHand, limits, actuators, runs) {
   if (runs) return ["", "Following a goal that moves. Drag it, or set the speed to 0, to stop."];
+  if (status & STATUS.FAR) return ["bad", "That goal is farther away than twice the robot's length. The robot stays where it is."];
   if (status & STATUS.BAD_INPUT) return ["bad", "That goal is no place. The robot stays where it is."];
   if (status & STATUS.NO_MODEL) return ["bad", "The model has no answer here. The robot stays where it is."];
   if (status & STATUS.NO_QP) return ["bad", "No command could be computed for this goal. The robot stays where it is."];
@@ -38,6 +39,7 @@ function sentence(status, missed, moving, byHand, limits, actuators, runs) {
   if (moving) return ["", "Moving to the goal."];
   if (missed <= 0.01) return ["", "On the goal."];
   const how = `the tip is ${length(missed)} away`;
+  if (!(status & STATUS.OUT_OF_REACH)) return ["warn", `The search ended before the nearest point to the goal: ${how}.`];
   if (limits.length) return ["warn", `The goal is out of reach: ${how} (${heldBy(limits)}).`];
   const lies = { 1: "beside the line that one actuator reaches", 2: "beside the surface that two actuators reach" }[actuators];
   return ["warn", lies ? `The goal lies ${lies}: ${how}.` : `The goal is out of reach: ${how}.`];

@@ -10,6 +10,9 @@ from cfem.mechanics.mesh import Mesh
 # The three neighbours of each corner of a hexahedron in VTK's node order, right-handed.
 _NEIGHBOURS = np.array([[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]])
 
+FLAT = 3.0  # degrees: a tetrahedron of a smaller dihedral angle, or one that near to 180, is nearly flat
+SKEWED = 0.05  # scaled Jacobian of a corner of a hexahedron that is nearly flat
+
 _FAITHFUL = 0.03  # of the volume; the error of the bending stiffness is about twice as large
 
 
@@ -17,7 +20,7 @@ _FAITHFUL = 0.03  # of the volume; the error of the bending stiffness is about t
 class Quality:
     """Of tetrahedra the smallest and largest dihedral angle in degrees; of hexahedra the smallest scaled Jacobian of a
     corner, 1 for a right angle on all sides; None each for the other. Volumes in mm^3, volume_error relative to the CAD
-    volume (None where there is none)."""
+    volume (None where there is none); flat: how many cells nearly are, by FLAT and SKEWED."""
 
     nodes: int
     cells: int
@@ -28,6 +31,7 @@ class Quality:
     volume: float
     cad_volume: float | None
     volume_error: float | None
+    flat: int = 0
 
     def sentence(self) -> str:
         """For a person."""
@@ -39,8 +43,23 @@ class Quality:
         cad = "" if self.volume_error is None else f", {100 * abs(self.volume_error):.2g} % from the CAD volume"
         return f"{self.nodes} nodes, {self.cells} cells; volume {self.volume:.6g} mm^3{cad}; {corners}"
 
-    def doubts(self) -> list[str]:
-        """Why the mesh is not the body: none, or a sentence."""
+    def doubts(self, from_file: bool = False) -> list[str]:
+        """Why no results on the mesh can be trusted, a sentence each. from_file: whether its cells were
+        read, not made here."""
+        found = self._unfaithful()
+        if self.flat:
+            worst = (
+                f"a scaled Jacobian down to {self.smallest_scaled_jacobian:.2g}"
+                if self.smallest_dihedral_deg is None
+                else f"angles of {self.smallest_dihedral_deg:.1f} to {self.largest_dihedral_deg:.1f} deg between faces"
+            )
+            do = "give a smaller mesh.size, or a surface without slivers"
+            if from_file:
+                do = "give its surface as .stl, which cfem meshes itself, or mesh the body again where the file is from"
+            found.append(f"{self.flat} of {self.cells} cells are nearly flat, with {worst}: {do}")
+        return found
+
+    def _unfaithful(self) -> list[str]:
         if self.volume_error is None or abs(self.volume_error) <= _FAITHFUL:
             return []
         share = 100 * abs(self.volume_error)
@@ -57,11 +76,11 @@ def quality(mesh: Mesh, cad_volume: float | None) -> Quality:
     if mesh.cells.shape[1] == 8:
         corners = scaled_jacobians(mesh)
         smallest, largest, jacobian = None, None, float(corners.min())
-        inverted = (corners <= 0).any(axis=1)
+        inverted, flat = (corners <= 0).any(axis=1), (corners < SKEWED).any(axis=1)
     else:
         angles = dihedral_angles(mesh)
         smallest, largest, jacobian = float(angles.min()), float(angles.max()), None
-        inverted = mesh.volumes <= 0
+        inverted, flat = mesh.volumes <= 0, ((angles < FLAT) | (angles > 180 - FLAT)).any(axis=1)
     return Quality(
         nodes=len(mesh.X),
         cells=len(mesh.cells),
@@ -72,6 +91,7 @@ def quality(mesh: Mesh, cad_volume: float | None) -> Quality:
         volume=volume,
         cad_volume=cad_volume,
         volume_error=None if cad_volume is None else volume / cad_volume - 1,
+        flat=int(flat.sum()),
     )
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from control.loop_poles import integral_bound, poles
 
-from cfem.control.gains import integral_for, late_samples
+from cfem.plant.gains import integral_for, late_samples
 
 
 def response(integral, late, m, proportional=0.0, ticks=400, noise=0.0, seed=0):

@@ -1,0 +1,58 @@
+"""Cables that hardly run as they are meant to, and effectors that watch the same."""
+
+from itertools import combinations
+
+import numpy as np
+
+from cfem.core.errors import SpecError
+from cfem.equilibrium.robot import Robot
+from cfem.robot import spec
+from cfem.robot.build import cable_points, effector_points
+
+FAR = 2.0  # times the robot's size, between a pull point and the cable's first point
+NEAR = 0.25  # of the robot's size, within which a cable's end is at what is held
+
+
+def cable_doubts(scene: spec.SceneSpec, robot: Robot) -> list[str]:
+    """A sentence for each cable whose pull point is far away, that begins at the wrong end, or that is pulled from the
+    free end of the body."""
+    size, held = float(np.ptp(robot.X, axis=0).max()), robot.X[robot.fixed]
+    found = []
+    for item in scene.actuators:
+        if item.kind != "cable" or item.pull_point is None:
+            continue
+        points, pull = cable_points(scene, item), item.pull_point
+        first, last = (float(np.linalg.norm(pull - points[end])) for end in (0, -1))
+        from_held = [float(np.linalg.norm(held - one, axis=1).min()) for one in (pull, points[-1])]
+        if first > FAR * size:
+            found.append(
+                f"cable '{item.name}' is pulled from {first:.4g} mm away, and the body is {size:.3g} mm large: "
+                "check pull_point"
+            )
+        elif len(points) > 1 and first > 2 * last:
+            found.append(
+                f"cable '{item.name}' begins {first:.3g} mm from its pull point and ends {last:.3g} mm from it: "
+                "its points run from the pull point on, check their order"
+            )
+        elif from_held[0] > 0.5 * size and from_held[1] < NEAR * size:
+            found.append(
+                f"cable '{item.name}' is pulled from the free end, {from_held[0]:.3g} mm from what is held: "
+                "check pull_point and the order of the points"
+            )
+    return found
+
+
+def effector_doubts(scene: spec.SceneSpec) -> list[str]:
+    """A sentence for each pair that watches the same points."""
+    watched = []
+    for item in scene.effectors:
+        try:
+            places = np.atleast_2d(effector_points(scene, item))
+        except SpecError:
+            continue  # a centre of mass
+        watched.append((item.name, item.orientation, places))
+    return [
+        f"effectors '{name}' and '{other}' watch the same place: leave one out"
+        for (name, turns, places), (other, turns_too, places_too) in combinations(watched, 2)
+        if turns == turns_too and places.shape == places_too.shape and np.abs(places - places_too).max() < 1e-6
+    ]
