@@ -1,5 +1,6 @@
 """Where an artefact goes, and what becomes of what stands there. cfem deletes nothing but its own cheap results."""
 
+import glob
 import json
 import os
 from pathlib import Path
@@ -9,6 +10,7 @@ from cfem.core.errors import InputError, OutputError
 from cfem.core.files import disk_errors, write_whole
 from cfem.core.manifest import CHANGED, MANIFEST, harm, read_manifest
 from cfem.core.progress import say
+from cfem.core.shown import size
 from cfem.core.terminal import printable
 
 
@@ -87,10 +89,20 @@ def free_name(name: Path) -> Path:
 
 
 def told(folder: Path, aside: Path, why: str) -> Path:
-    """`aside`, after a sentence to the user that what is in `folder` goes there."""
+    """`aside`, after a sentence to the user that what is in `folder` goes there, and how much room it takes with what
+    went before it."""
     shown = [os.path.normpath(path) for path in (folder, aside)]
-    say(printable(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why}"))
+    older = sorted(aside.parent.glob(f"{glob.escape(aside.name.rpartition('.old-')[0])}.old-*"))
+    taken = [_bytes(path) for path in (folder, *older)]
+    room = f"{size(taken[0])}; with {len(older)} older, {size(sum(taken))}: delete what you do not need"
+    say(printable(f"cfem: what was in {shown[0]} is now in {shown[1]}: {why} ({room if older else size(taken[0])})"))
     return aside
+
+
+def _bytes(path: Path) -> int:
+    """Of a file, or of all files of a folder."""
+    files = [path, *path.rglob("*")] if path.is_dir() and not path.is_symlink() else [path]
+    return sum(each.lstat().st_size for each in files if os.path.lexists(each) and not each.is_dir())
 
 
 def _dear(manifest: dict[str, Any], unless_told: bool) -> bool:
