@@ -38,7 +38,7 @@ def test_an_orientation_is_controlled_where_a_goal_states_it_or_a_weight_asks_fo
     "override, words",
     [
         ("trajectories.swing.radii=[0.6]", "leaves the range"),
-        ("trajectories.swing.radii=[0.1, 0.1]", "one number per actuator"),
+        ("trajectories.swing.radii=[0.1, 0.1]", "one number for all actuators, or one per actuator"),
         ("trajectories.swing.kind=ark", "arc"),
         ("search.step=5", "such as '1 mm'; got the bare number 5 .of a chamber: in mm.3"),
         ("plant=model", "fe_based: needs plant: fem"),

@@ -25,7 +25,7 @@ def picture(model: Predictor, delta_a: np.ndarray, x_e: np.ndarray, goal: np.nda
 
     if [name.rpartition(".")[2] for name in model.rows.effectors[:3]] != ["x", "y", "z"]:
         raise InputError("a picture needs an effector with x, y and z", where="cfem.gym.render")
-    figure = Figure(figsize=(_PIXELS / _DPI,) * 2, dpi=_DPI)
+    figure = Figure(figsize=(_PIXELS / _DPI,) * 2, dpi=_DPI, layout="none")
     canvas, axes = FigureCanvasAgg(figure), figure.add_axes((0, 0, 1, 1), projection="3d")
     points = np.stack([x_e[:3], goal[:3], model.rest_e[:3]])
     surface = _surface(model, delta_a)
