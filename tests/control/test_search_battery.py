@@ -101,6 +101,7 @@ def demand_nearest(case, form, command, count):
         assert belief.plan.distance == pytest.approx(robot.length * nearest, rel=1e-3), goal
         assert belief.plan.verdict(reached=False) is Verdict.OUT_OF_REACH, goal
         assert belief.plan.limits.outside(np.zeros(3), belief.plan.lambda_a, robot.strokes) < 1e-6 * robot.energy
+        assert belief.plan.limits.off_course(belief.plan.delta_a, robot.strokes) < 1e-5, goal
 
 
 @pytest.mark.parametrize(("form", "command"), [("displacement", "displacement"), ("force", "force")])
@@ -114,6 +115,11 @@ def test_goals_beyond_get_the_nearest_point_and_are_said_to_be_out_of_reach(case
     demand_nearest(case, "displacement", "displacement", 4)
 
 
+@pytest.mark.parametrize("case", CHEAP[:2], ids=str)
+def test_steps_in_forces_keep_the_course_too(case):
+    demand_nearest(case, "force", "force", 2)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["displacement", "force"])
 @pytest.mark.parametrize("command", ["displacement", "force"])
@@ -122,19 +128,9 @@ def test_every_kind_reaches_its_images(case, form, command):
     demand_images_reached(case, form, command, 100)
 
 
-COURSE = pytest.mark.xfail(reason="steps in forces keep the course to first order: they exceed it by 1 % of the goal")
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("form", "command"),
-    [
-        ("displacement", "displacement"),
-        ("displacement", "force"),
-        ("force", "displacement"),
-        pytest.param("force", "force", marks=COURSE),
-    ],
-)
+@pytest.mark.parametrize("form", ["displacement", "force"])
+@pytest.mark.parametrize("command", ["displacement", "force"])
 @pytest.mark.parametrize("case", ALL, ids=str)
 def test_every_kind_gets_to_the_nearest_point_of_goals_beyond(case, form, command):
     demand_nearest(case, form, command, 12)

@@ -42,6 +42,10 @@ class Limits:
         found = float((scale * _beyond(lambda_a, self.lambda_a)).sum())
         return found if self.delta_e is None else found + float(_beyond(delta_e, self.delta_e).sum())
 
+    def off_course(self, delta_a: np.ndarray, scale: np.ndarray | float = 1.0) -> float:
+        """Displacements beyond the bounds, summed as shares of `scale` (n_a,)."""
+        return float((_beyond(delta_a, self.delta_a) / scale).sum())
+
     @classmethod
     def of(cls, reach: np.ndarray, unilateral: np.ndarray) -> "Limits":
         """From a robot: reach (n_a, 2) mm; unilateral (n_a,) actuators pull and do not push."""

@@ -186,7 +186,7 @@ def reach(
     begin = time.perf_counter()
     at, status = start, ReachStatus.ITERATIONS
     iterations = queries = 0
-    softened, kkt, penalty = False, 0.0, 0.0
+    softened, kkt, penalty, course_penalty = False, 0.0, 0.0, 0.0
     while iterations < settings.iterations:
         here = at.condensed.delta_a
         try:
@@ -205,12 +205,15 @@ def reach(
         penalty = max(penalty if settings.cautious else 0.0, 2.0 * float(np.abs(prices).max()))
         if settings.cautious:
             penalty = max(penalty, _least_penalty(at.condensed, aim, limits))
+        # Steps in forces keep the course to first order. Bounds of the step alone have no price.
+        binding = step.qp.y[: len(here)] * np.where(_at_course(step.delta_a, nearby, limits), settings.scale, 0.0)
+        course_penalty = max(course_penalty, 2.0 * float(np.abs(binding).max()))
         trial, used = _descend(
             lambda share, here=at.condensed, step=step: place(model, here, step, share),
             aim,
             limits,
             at.condensed,
-            penalty,
+            (penalty, course_penalty),
             settings,
         )
         queries += used
@@ -226,17 +229,22 @@ def reach(
 
 
 def _descend(
-    along: Callable[[float], Condensed], aim: Aim, limits: Limits, here: Condensed, penalty: float, settings: Settings
+    along: Callable[[float], Condensed],
+    aim: Aim,
+    limits: Limits,
+    here: Condensed,
+    penalties: tuple[float, float],
+    settings: Settings,
 ) -> tuple[Condensed | None, int]:
     """The state at the end of the step, half way to it, ... whose merit is below the present one; None where
     none is."""
-    merit = _merit(here, aim, limits, penalty, settings.scale)
+    merit = _merit(here, aim, limits, penalties, settings.scale)
     for halving in range(settings.halvings + 1):
         try:
             trial = along(0.5**halving)
         except NumericalError:  # beyond what the robot or the model can do: a shorter step may be within it
             continue
-        if _merit(trial, aim, limits, penalty, settings.scale) < merit:
+        if _merit(trial, aim, limits, penalties, settings.scale) < merit:
             return trial, halving + 1
     return None, settings.halvings + 1
 
@@ -251,9 +259,22 @@ def _least_penalty(condensed: Condensed, aim: Aim, limits: Limits) -> float:
     return UNMET * aim.missed(condensed.delta_e) / slope if slope > 0 else 0.0
 
 
-def _merit(condensed: Condensed, aim: Aim, limits: Limits, penalty: float, scale: np.ndarray | float) -> float:
-    """Cost plus the exact (l1) penalty on multipliers and effector rows outside their bounds; the course is kept by
-    every step."""
+def _at_course(delta_a: np.ndarray, nearby: Limits, limits: Limits) -> np.ndarray:
+    """(n_a,) bool: whether the bound that a step (n_a,) met is one of the course, not of the step alone."""
+    upper = np.abs(delta_a - nearby.delta_a[:, 1]) <= np.abs(delta_a - nearby.delta_a[:, 0])
+    return np.where(upper, *(nearby.delta_a[:, side] == limits.delta_a[:, side] for side in (1, 0)))
+
+
+def _merit(
+    condensed: Condensed,
+    aim: Aim,
+    limits: Limits,
+    penalties: tuple[float, float],
+    scale: np.ndarray | float,
+) -> float:
+    """Cost plus the exact (l1) penalties on multipliers and effector rows outside their bounds, and on displacements
+    off the course, which steps in displacements keep."""
     delta, rows = condensed.delta, condensed.rows
     outside = limits.outside(delta[rows.e], condensed.lam, scale)
-    return aim.cost(delta[rows.e], delta[rows.a]) + penalty * outside
+    off_course = limits.off_course(delta[rows.a], scale)
+    return aim.cost(delta[rows.e], delta[rows.a]) + penalties[0] * outside + penalties[1] * off_course
