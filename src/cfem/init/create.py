@@ -29,13 +29,14 @@ from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
 from cfem.robot.cable_passage import demand_inside
 from cfem.robot.geometry import SURFACES
-from cfem.robot.mesh.meshing import make_mesh
+from cfem.robot.mesh.meshing import corners_of, make_mesh
 from cfem.robot.mesh.quality import dihedral_angles
 from cfem.robot.plausible import size_doubts
 from cfem.robot.spec import SceneSpec
 
 _OPTIONS = {"actuators": "--cable", "effectors": "--effector", "fixed": "--fixed"}
 _SOLVES = 8  # about, to find how far an actuator goes
+_QUADRATIC = 1200  # cells of which strokes are found with quadratic tetrahedra, and above with linear ones
 _SHARP = 5.0  # degrees: cells with sharper angles are doubtful
 _LINEAR = 15_000  # cells of the user's own mesh above which quadratic ones would take hours
 
@@ -243,7 +244,7 @@ def _tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSc
                 raise
             robot = replace(robot, drive=Drive(missing=error.what))
             made = _built(_written(replace(robot, reach=provisional.reach, growth=provisional.growth), folder), mesh)
-        reach, growth = _reaches(robot, made, stated, ask)
+        reach, growth = _reaches(robot, _light(folder, made, mesh), stated, ask)
         robot = replace(robot, reach=reach, growth=growth)
         if robot.drive.cables or robot.drive.chambers:
             _built(_written(robot, folder), mesh)
@@ -253,6 +254,15 @@ def _tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSc
 def _written(robot: NewScene, folder: Path) -> SceneSpec:
     (folder / "scene.yaml").write_text(texts(robot)["scene.yaml"], encoding="utf-8")
     return load_spec(folder / "scene.yaml", SceneSpec)
+
+
+def _light(folder: Path, made: Robot, mesh: Mesh) -> Robot:
+    """The robot in which many states are solved in little time: of linear tetrahedra where it has many cells."""
+    spec = load_spec(folder / "scene.yaml", SceneSpec)
+    if mesh.order == 1 or len(mesh.cells) <= _QUADRATIC:
+        return made
+    meshing = spec.mesh.model_copy(update={"element": "tet4"})
+    return build_robot(spec.model_copy(update={"mesh": meshing}), corners_of(mesh))
 
 
 def _built(spec: SceneSpec, mesh: Mesh) -> Robot:

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from support.blocks import block, hexahedra
 
 from cfem.core.errors import InputError, SpecError
+from cfem.mechanics.mesh import Mesh
 from cfem.robot.mesh import meshing
 from cfem.robot.mesh.mesh_file import write_mesh
 from cfem.robot.selection import select_nodes
@@ -262,3 +263,13 @@ def test_a_part_of_its_own_size(tmp_path):
     )
     mesh, _ = meshing.make_mesh(scene(tmp_path, geometry=geometry, mesh="{size: 5 mm, element: hex8}"), tmp_path)
     assert [len(mesh.cell_sets[name]) for name in "ab"] == [12 * 2 * 2, 30 * 5 * 5]
+
+
+def test_the_corners_of_a_quadratic_mesh_are_the_linear_one():
+    linear = block((3, 2, 1), (3, 2, 1))
+    sets = {"end": np.flatnonzero(linear.X[:, 0] == 3)}
+    linear = Mesh(linear.X, linear.cells, linear.facets, sets)
+    again = meshing.corners_of(meshing.with_middles(linear))
+    for field in ("X", "cells", "facets"):
+        np.testing.assert_array_equal(getattr(again, field), getattr(linear, field))
+    np.testing.assert_array_equal(again.node_sets["end"], sets["end"])

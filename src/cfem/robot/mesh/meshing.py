@@ -194,6 +194,14 @@ def with_middles(mesh: Mesh) -> Mesh:
     return Mesh(X, cells, facets, node_sets, mesh.facet_sets, mesh.cell_sets)
 
 
+def corners_of(mesh: Mesh) -> Mesh:
+    """The linear mesh of which `with_middles` made this one, whose first nodes are the corners."""
+    cells = mesh.cells[:, :4]
+    count = int(cells.max()) + 1
+    node_sets = {name: nodes[nodes < count] for name, nodes in mesh.node_sets.items()}
+    return Mesh(mesh.X[:count], cells, mesh.facets[:, :3], node_sets, mesh.facet_sets, mesh.cell_sets)
+
+
 def solid_of(geometry: Single, folder: Path) -> Solid:
     """A geometry as a tree of solids."""
     if type(geometry) in CATALOGUE:
