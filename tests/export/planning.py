@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cfem.condensed.strokes import ridge_of
+from cfem.condensed.strokes import STEP, stroke
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.export.compiled import STANDARD, CompiledController, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
@@ -47,7 +48,7 @@ def demand_same_ticks(planning, among, now, wanted):
         goal = model.rest_e + model.at_displacement(np.array([one])).delta_e
         aim = Aim(goal - model.rest_e, np.ones(len(goal)), ridge_of(1e-10, model.reach, model.length))
         here = among.at_displacement(now)
-        step, found = inverse_step(here, aim, limits.within(now, 5.0)), planning.step(goal)
+        step, found = inverse_step(here, aim, limits.within(now, STEP * stroke(model.reach))), planning.step(goal)
         assert not found.status & NO_MODEL and found.delta_a == pytest.approx(step.delta_a, abs=1e-6)
         apart = max(apart, abs(here.W_aa[0, 0] / model.at_displacement(now).W_aa[0, 0] - 1))
         now = found.delta_a

@@ -8,6 +8,7 @@ from predict.rows import REST, WRENCH, chain, skinned, skins
 
 from cfem.condensed.strokes import ridge_of
 from cfem.constraint.patch import PatchLoad
+from cfem.condensed.strokes import STEP, stroke
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.export.c_export import write_c
 from cfem.export.compiled import CompiledController
@@ -107,7 +108,9 @@ def test_control_on_it_is_that_of_python(tmp_path):
     limits, places = Limits.of(row.reach, np.zeros(row.rows.n_a, dtype=bool)), states(row, 6)
     for s, aim in zip(places[1:], places[:-1], strict=True):
         goal, at = row.rest_e + row.at(aim).delta_e, row.at_displacement(s)
-        step = inverse_step(at, Aim(goal - row.rest_e, np.ones(3), ridge), limits.within(at.delta_a, 5.0))
+        step = inverse_step(
+            at, Aim(goal - row.rest_e, np.ones(3), ridge), limits.within(at.delta_a, STEP * stroke(row.reach))
+        )
         found = controller.step(goal, delta_a=s)
         assert found.status & HELD == 0
         assert found.delta_a == pytest.approx(step.delta_a, rel=1e-7, abs=1e-7)

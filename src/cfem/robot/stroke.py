@@ -31,6 +31,8 @@ def linear_motion(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
 
 def stroke_doubts(scene, robot: Robot) -> list[str]:
     """A sentence for each reach, or range of pressure, that moves next to nothing, or more than a body survives."""
+    if not robot.rows.n_a:
+        return []
     try:
         motions = linear_motion(robot)
     except CfemError:

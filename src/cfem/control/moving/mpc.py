@@ -59,6 +59,11 @@ class Plan:
     moves: int | None = None
 
 
+PATIENCE = 3  # ticks in a row without a plan, after which the command retreats
+RETREAT = 0.75  # of the way to the command at home, in a tick
+AGAIN = 20  # ticks without a plan, after which the observer begins again once more
+
+
 class Mpc:
     """A controller to be ticked. belief: what it said last; aimed: (n_e,) mm, the goal of that tick; observer: None
     without sensors."""
@@ -74,7 +79,7 @@ class Mpc:
         self._state, self._rest = state, state.u
         self._ahead = np.repeat(state.u[None], plan.ticks, axis=0)
         self._states = np.repeat(state.z[None], plan.ticks + 1, axis=0)
-        self._lost = False  # there was no plan about these states
+        self._lost = 0  # ticks in a row without a plan about these states
         self.belief = Told(state.u, QpStatus.OPTIMAL.value, start.delta_a)
         self.aimed = rest_e + start.delta_e
 
@@ -94,20 +99,39 @@ class Mpc:
         except (NumericalError, np.linalg.LinAlgError) as error:
             found, why, place = None, str(error), None
         if found is None or why is not QpStatus.OPTIMAL:
-            # what was planned before, as far as the bounds admit it: it was found from within them
-            u, status, softened = self._ahead[0], getattr(why, "value", why), False
-            self._ahead = np.concatenate([self._ahead[1:], self._ahead[-1:]])
+            status, softened = getattr(why, "value", why), False
+            self._lost = self._lost + 1 if np.isfinite(goals).all() else 0
+            u = self._without_plan()
         else:
             u, status, softened = found.U[0], "converged", found.softened
             self._ahead = np.concatenate([found.U[1:], found.U[-1:]])
-            self._states = states
+            self._states, self._lost = states, 0
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
-        self._lost = status != "converged" and bool(np.isfinite(goals).all())
         self._sent(u, place)
         astray = self.observer is not None and self.observer.astray
-        apart = verdict is Verdict.REJECTED, verdict is Verdict.RESTART
+        apart = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._abandons
         self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *apart)
         return self.belief
+
+    def _without_plan(self) -> np.ndarray:
+        """(n_a,) the command: what was planned before, found from within the bounds. After PATIENCE ticks in a
+        row it retreats towards that at home, within the rate: where the command led to is perhaps beyond what the model
+        knows, and no plan is found as long as it stays."""
+        if self._lost <= PATIENCE:
+            u = self._ahead[0]
+            self._ahead = np.concatenate([self._ahead[1:], self._ahead[-1:]])
+            return u
+        step = RETREAT * (self._rest - self.belief.u)
+        u = self.belief.u + np.clip(step, -self._plan.bounds.rate, self._plan.bounds.rate)
+        self._ahead = np.repeat(u[None], self._plan.ticks, axis=0)
+        if self._abandons:  # what samples cannot tell from the truth may still leave no plan
+            self.observer.abandon(u)
+        return u
+
+    @property
+    def _abandons(self) -> bool:
+        """Whether the observer begins again in this tick because there has been no plan for long."""
+        return self.observer is not None and self._lost > PATIENCE and (self._lost - PATIENCE) % AGAIN == 1
 
     def _present(self, measured: Measurement | None) -> tuple[State, Verdict | None]:
         """Where the robot is now, and what became of the sample."""

@@ -142,6 +142,11 @@ class Observer:
         self._place = places(self._clocked.model, delta_a[None])
         self.gate.restart()
 
+    def abandon(self, u: np.ndarray) -> None:
+        """Begins again as `restart` does, without what is known of the ticks since the last sample."""
+        self.restart(u)
+        self._places = [None] * len(self._commands)
+
     def _equilibrium(self, u: np.ndarray) -> np.ndarray:
         """(n_a,) mm under forces u (n_a,), searched from where the robot was taken to be; the middle of what the model
         was trained on where it has none."""
@@ -158,8 +163,7 @@ class Observer:
         try:
             return self._forward()
         except (NumericalError, np.linalg.LinAlgError):
-            self.restart(self.state.u)
-            self._places = [None] * len(self._commands)
+            self.abandon(self.state.u)
             return self._forward()
 
     def _forward(self) -> State:

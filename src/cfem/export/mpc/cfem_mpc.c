@@ -13,6 +13,9 @@
 #define MOVES CFEM_MPC_MOVES
 #define DT CFEM_MPC_DT
 #define EVERY CFEM_MPC_EVERY
+#define PATIENCE 3        /* ticks in a row without a plan, after which the command retreats */
+#define RETREAT 0.75      /* of the way to the command at home, in a tick */
+#define AGAIN 20          /* ticks without a plan, after which the observer begins again once more */
 
 const unsigned long cfem_mpc_bytes = sizeof(cfem_mpc);
 
@@ -26,6 +29,7 @@ void cfem_mpc_init(cfem_mpc *m, const double *delta_a) {
         memcpy(m->states[k], m->state.z, sizeof m->states[k]);
         if (k < TICKS) memcpy(m->ahead[k], m->state.u, sizeof m->ahead[k]);
     }
+    memcpy(m->last, m->rest, sizeof m->last);
     m->material.stiffness = m->material.viscosity = 1.0; /* without an observer too */
     if (CFEM_MPC_SENSED) cfem_observer_init(m);
 }
@@ -140,6 +144,16 @@ static void go_on(cfem_mpc *m, double *u) {
     memmove(m->states[0], m->states[1], sizeof m->states[0] * TICKS);
 }
 
+/* Towards the command at home, within the rate: where a command led to is perhaps beyond what the model knows, and no plan is found
+ * as long as it stays. */
+static void retreat(cfem_mpc *m, double *u) {
+    for (int a = 0; a < NA; a++) {
+        const double step = RETREAT * (m->rest[a] - m->last[a]), rate = cfem_mpc_rate[a];
+        u[a] = m->last[a] + fmin(fmax(step, -rate), rate);
+        for (int k = 0; k < TICKS; k++) m->ahead[k][a] = u[a];
+    }
+}
+
 /* heard: what became of the sample. */
 static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsigned *heard) {
     cfem_moving now;
@@ -178,9 +192,15 @@ unsigned cfem_mpc_step(cfem_mpc *m, const cfem_mpc_input *in, cfem_mpc_output *o
     unsigned heard = 0;
     m->has_first = 0;
     unsigned status = planned(m, in, out->u, &heard);
-    m->lost = (status & (CFEM_NO_MODEL | CFEM_NO_QP)) != 0;
+    m->lost = status & (CFEM_NO_MODEL | CFEM_NO_QP) ? m->lost + 1 : 0;
     status |= heard;
-    if (status & CFEM_HELD) go_on(m, out->u);
+    if (m->lost > PATIENCE) {
+        retreat(m, out->u);
+        /* What samples cannot tell from the truth may still leave no plan. */
+        if (CFEM_MPC_SENSED && (m->lost - PATIENCE) % AGAIN == 1) cfem_observer_restart(m, out->u), status |= CFEM_RESTARTED;
+    } else if (status & CFEM_HELD)
+        go_on(m, out->u);
+    memcpy(m->last, out->u, sizeof(double) * NA);
     for (int i = 0; i < NZ; i++) m->states[TICKS][i] = 2.0 * m->states[TICKS - 1][i] - m->states[TICKS - 2][i];
     if (CFEM_MPC_SENSED) {
         cfem_observer_told(m, out->u);

@@ -43,7 +43,8 @@ typedef struct {
     int known[CFEM_MPC_MOST_LATE];
     cfem_gate gate;
     double sample[CFEM_MOTION_MOST_NE], expected[CFEM_MOTION_MOST_NE]; /* the last one, and what was expected while it was that */
-    int lost;                                                 /* there was no plan in the tick before */
+    int lost;                                                 /* ticks in a row without a plan */
+    double last[CFEM_MOTION_MOST_NA];                         /* N or mm: the command of the tick before */
     double rest[CFEM_MOTION_MOST_NA];                            /* the first command */
     double ahead[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];      /* the plan, */
     double states[CFEM_MPC_MOST_TICKS + 1][CFEM_MPC_MOST_NZ]; /* and where it leads */
@@ -72,6 +73,7 @@ void cfem_observer_init(cfem_mpc *mpc);
 unsigned cfem_observer_hear(cfem_mpc *mpc, const double *x_e, long sampled);
 int cfem_observer_now(cfem_mpc *mpc, cfem_moving *now);
 void cfem_observer_told(cfem_mpc *mpc, const double *u);
+void cfem_observer_restart(cfem_mpc *mpc, const double *u); /* at the model's equilibrium under the command u */
 
 #ifdef __cplusplus
 }

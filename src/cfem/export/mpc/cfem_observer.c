@@ -82,6 +82,11 @@ static void restart(cfem_mpc *m, const double *u) {
     begin(m);
 }
 
+void cfem_observer_restart(cfem_mpc *m, const double *u) {
+    restart(m, u);
+    memset(m->known, 0, sizeof m->known);
+}
+
 static int lost(const cfem_mpc *m) {
     double sum = 0.0;
     for (int i = 0; i < NZ; i++) sum += m->state.z[i];
@@ -310,8 +315,7 @@ int cfem_observer_now(cfem_mpc *m, cfem_moving *now) {
             failed = cfem_tick(now, m->late[k], &m->material, &m->place[k], &m->known[k], &m->stage[0]);
         for (int i = 0; i < NZ; i++) sum += now->z[i];
         if (!failed && cfem_finite(sum)) return attempt;
-        restart(m, m->state.u);
-        memset(m->known, 0, sizeof m->known);
+        cfem_observer_restart(m, m->state.u);
     }
     return -1;
 }
