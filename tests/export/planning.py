@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from cfem.condensed.strokes import ridge_of
-from cfem.condensed.strokes import STEP, stroke
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.export.compiled import STANDARD, CompiledController, compiler, run
 from cfem.export.compiled_touch import CompiledTouch
 
 NO_MODEL = 64  # of cfem.h
+LONGEST = 5.0  # mm: the step that the exports state
 OTHERS = """#include "cfem_touch_control.h"
 double *others(cfem_touch_controller *c) { return c->others[1]; }
 int size(void) { return (int)sizeof(cfem_touch_controller); }
@@ -48,7 +48,7 @@ def demand_same_ticks(planning, among, now, wanted):
         goal = model.rest_e + model.at_displacement(np.array([one])).delta_e
         aim = Aim(goal - model.rest_e, np.ones(len(goal)), ridge_of(1e-10, model.reach, model.length))
         here = among.at_displacement(now)
-        step, found = inverse_step(here, aim, limits.within(now, STEP * stroke(model.reach))), planning.step(goal)
+        step, found = inverse_step(here, aim, limits.within(now, LONGEST)), planning.step(goal)
         assert not found.status & NO_MODEL and found.delta_a == pytest.approx(step.delta_a, abs=1e-6)
         apart = max(apart, abs(here.W_aa[0, 0] / model.at_displacement(now).W_aa[0, 0] - 1))
         now = found.delta_a

@@ -6,9 +6,8 @@ import pytest
 from export.embedded import needs_compiler
 from predict.rows import REST, WRENCH, chain, skinned, skins
 
-from cfem.condensed.strokes import ridge_of
+from cfem.condensed.strokes import STEP, ridge_of, stroke
 from cfem.constraint.patch import PatchLoad
-from cfem.condensed.strokes import STEP, stroke
 from cfem.control.inverse import Aim, Limits, inverse_step
 from cfem.export.c_export import write_c
 from cfem.export.compiled import CompiledController

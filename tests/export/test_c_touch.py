@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export.planning import Planning, demand_same_ticks
+from export.planning import LONGEST, Planning, demand_same_ticks
 from support.benchmark import benchmark
 
 import cfem
@@ -42,6 +42,7 @@ def export(bar, out, obstacles, **contact):
         "scene=scene.yaml",
         f"c.obstacles={obstacles}",
         f"c.contact={ {'patches': '8 mm', **contact} }",
+        f"c.controller.step={LONGEST} mm",
     ]
     return cfem.run_stage("export", bar / "pipelines" / "bar" / "export.yaml", out=out, overrides=words)
 

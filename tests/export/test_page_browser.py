@@ -240,7 +240,7 @@ def test_a_robot_that_has_left_its_rest_shows_where_that_was(tab):
 
 
 def test_an_unreachable_goal_names_the_limits(tab):
-    tab.evaluate("() => cfem.moveGoal(cfem.goals[0], [120, 150, -60])")
+    tab.evaluate("() => cfem.moveGoal(cfem.goals[0], [20, 190, -10])")
     settle(tab)
     until(tab, "document.getElementById('words').textContent.includes('out of reach')")
     words = shown(tab)["words"]

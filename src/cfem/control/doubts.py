@@ -19,6 +19,6 @@ def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: 
     ]
     share = refined.get("force_percent", 0.0) / 100
     if not share <= FORCE_SHARE:
-        cells = f"the mesh of {refined['cells']} cells"
-        found.append(poor(f"{cells} leaves {100 * share:.2g} % of the actuator forces uncertain: use a finer mesh"))
+        what = f"the mesh of {refined['cells']} cells leaves {100 * share:.2g} % of the actuator forces uncertain"
+        found.append(poor(f"{what}: use a finer mesh"))
     return found
