@@ -5,18 +5,36 @@ pulls carries at least nothing. Every such state exists, and a fifth of the draw
 the faces of the workspace are drawn too. States outside the reach or unlike the training states are left out."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.core.errors import InputError
-
-if TYPE_CHECKING:
-    from cfem.predict.protocol import Predictor
+from cfem.predict.domain import Domain
+from cfem.predict.energy import Form
 
 _SLACK = 0.25  # of the range of forces: drawn below 0 and lifted to it
 _ROUNDS = 20  # draws of as many states as are asked for, at most
+
+
+class Queried(Protocol):
+    """What a workspace asks of a model: see `cfem.predict.protocol.Predictor`."""
+
+    rows: Rows
+    form: Form
+    domain: Domain
+    rest_e: np.ndarray
+    reach: np.ndarray
+
+    @property
+    def pulls(self) -> np.ndarray: ...
+
+    def at(self, s: np.ndarray) -> Condensed: ...
+
+    def search(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+
+    def inside(self, condensed: Condensed) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -58,7 +76,7 @@ class Workspace:
         return figure
 
 
-def workspace_of(model: "Predictor", states: int, seed: int = 0) -> Workspace:
+def workspace_of(model: Queried, states: int, seed: int = 0) -> Workspace:
     """At least one and at most `states` states of the model, at the scene's own parameters. InputError where none of
     those drawn is within the reach and like the training states."""
     if states < 1:
@@ -90,7 +108,7 @@ def workspace_of(model: "Predictor", states: int, seed: int = 0) -> Workspace:
     return Workspace(model.rows, delta_a, np.where(slack, 0.0, lambda_a), model.rest_e + delta_e, model.rest_e)
 
 
-def _solved(model: "Predictor", forces: np.ndarray) -> np.ndarray:
+def _solved(model: Queried, forces: np.ndarray) -> np.ndarray:
     """Inputs of the form under these forces (m, n_a), where the model has such states."""
     if model.form == "force":
         return forces
