@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 import textwrap
+import time
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
@@ -197,6 +198,13 @@ def test_one_that_closes_its_output_and_lives_on_is_told_goodbye(tmp_path):
     assert (tmp_path / "released").read_text() == '{"bye": true}\n' and plant.returncode == 0
 
 
+def ended(process):
+    try:
+        return "State:\tZ" in Path(f"/proc/{process}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
 def test_one_that_listens_to_nothing_is_ended_with_its_children(tmp_path):
     text = """
@@ -210,7 +218,8 @@ def test_one_that_listens_to_nothing_is_ended_with_its_children(tmp_path):
         plant.step(np.ones(1))
     child = int(re.search(r"answered t = (\d+)", str(caught.value))[1])
     assert plant.returncode == -signal.SIGKILL
-    assert not Path(f"/proc/{child}").exists() or "State:\tZ" in Path(f"/proc/{child}/status").read_text()
+    # The signal was sent; the system ends a process when it next gives it time.
+    assert any(ended(child) or time.sleep(0.05) for _ in range(200))
 
 
 def test_one_that_does_not_read_holds_nobody_up(tmp_path):
