@@ -56,7 +56,8 @@ class Optimality:
 
     @property
     def holds(self) -> bool:
-        """Whether no move within the bounds brings the effectors nearer."""
+        """Whether, to first order, no move within the bounds brings the effectors nearer by more than a share NEARER of
+        what is missed. It says nothing of minima elsewhere."""
         return self.missed - self.nearest <= NEARER * self.missed
 
 
